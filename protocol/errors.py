@@ -1,0 +1,170 @@
+"""Everything that can go wrong between a robot and its controller.
+
+The tree::
+
+    BodyschemaError
+    ├── ProtocolError
+    │   ├── LocalProtocolError (ValueError)   you tried to build an illegal message
+    │   └── RemoteProtocolError               the peer sent an illegal frame
+    ├── RobotError                            the robot answered a request with an error
+    ├── RobotUnreachableError (TimeoutError)  nothing answered in time
+    └── RobotRestartedError                   the daemon restarted; a move's fate is unknown
+
+``ERROR_CODES`` is the table of what a robot may answer; ``SPEC.md`` prints the same table and
+the tests hold the two together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+
+class BodyschemaError(Exception):
+    """Base of every error that this project raises on purpose."""
+
+
+class ProtocolError(BodyschemaError):
+    """Someone broke the rules of the wire."""
+
+
+class LocalProtocolError(ProtocolError, ValueError):
+    """You tried to build a message that must not exist (NaN target, negative id, …)."""
+
+
+class RemoteProtocolError(ProtocolError):
+    """The peer sent a frame that is no valid message.
+
+    Attributes:
+        code: The error code with which to answer, a key of ``ERROR_CODES``.
+        request_id: The id that the frame carried, where one could be read.
+    """
+
+    def __init__(self, message: str, *, code: str = "malformed", request_id: int | None = None):
+        super().__init__(message)
+        self.code = code
+        self.request_id = request_id
+
+
+class RobotError(BodyschemaError):
+    """The robot answered a request with an error.
+
+    Attributes:
+        code: A key of ``ERROR_CODES``.
+        message: What happened, one sentence.
+        advice: What to do about it, one sentence.
+        retryable: Whether the same request may succeed later without a person's help.
+    """
+
+    def __init__(self, code: str, message: str, *, advice: str | None = None):
+        kind = ERROR_CODES[code]
+        self.code = code
+        self.message = message
+        self.advice = advice if advice is not None else kind.advice
+        self.retryable = kind.retryable
+        super().__init__(f"{message} {self.advice}".strip())
+
+
+class RobotUnreachableError(BodyschemaError, TimeoutError):
+    """Nothing answered in time: nothing listens there, or the link is cut."""
+
+
+class RobotRestartedError(BodyschemaError):
+    """The daemon restarted, so the outcome of the request in flight is unknown.
+
+    The client never repeats a motion by itself: whether to perform it again is for a person, or a
+    program that knows the robot to be safe, to decide.
+    """
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorKind:
+    """One row of the error table."""
+
+    retryable: bool
+    meaning: str
+    advice: str
+
+
+def _kind(retryable: bool, meaning: str, advice: str) -> ErrorKind:
+    return ErrorKind(retryable=retryable, meaning=meaning, advice=advice)
+
+
+ERROR_CODES: Final = MappingProxyType(
+    {
+        "malformed": _kind(
+            False, "The frame is not a valid message.", "Correct the client: see SPEC.md."
+        ),
+        "too_large": _kind(False, "The frame exceeds 64 KiB.", "Send smaller frames."),
+        "unknown_type": _kind(
+            False, "No request has this type.", "Use a request type of this protocol version."
+        ),
+        "unsupported_version": _kind(
+            False, "No offered protocol version is spoken here.", "Install a matching client."
+        ),
+        "restarted": _kind(
+            False,
+            "The session is unknown: the daemon restarted or forgot this client.",
+            "Say hello again; a motion in flight may or may not have happened.",
+        ),
+        "id_reused": _kind(
+            False, "This id was used for another request.", "Give each request a new id."
+        ),
+        "expired": _kind(
+            False,
+            "This id is older than what the robot remembers; nothing was executed.",
+            "Give each request a new, larger id.",
+        ),
+        "too_many_clients": _kind(
+            True, "All places for clients are in use.", "Try again when a client has left."
+        ),
+        "held": _kind(
+            True,
+            "Another controller holds the robot.",
+            "Wait until it releases, or ask its owner.",
+        ),
+        "not_controller": _kind(
+            False, "This request needs control of the robot.", "Send acquire first."
+        ),
+        "busy": _kind(True, "The robot is carrying out a motion.", "Wait for its end."),
+        "bad_targets": _kind(
+            False,
+            "The targets do not name every joint exactly once.",
+            "Give one angle for each joint that hello lists.",
+        ),
+        "out_of_range": _kind(
+            False, "A target lies beyond its joint's limits.", "Stay within hello's limits."
+        ),
+        "wrong_state": _kind(
+            False, "The request is not allowed in the robot's present state.", "See SPEC.md."
+        ),
+        "stopped": _kind(
+            False, "The robot is stopped.", "Make sure that it is safe, then send clear."
+        ),
+        "fault": _kind(
+            False, "A device failed and the robot is down.", "Mend the cause, then send clear."
+        ),
+        "not_planar": _kind(
+            True,
+            "The robot does not lie flat in its zero pose.",
+            "Put the robot back on its belly, then retry.",
+        ),
+        "not_settled": _kind(
+            True, "The robot did not come to rest in time.", "Retry, or take away what shakes it."
+        ),
+        "aborted_stop": _kind(False, "A stop ended the motion.", "Clear, then send a new request."),
+        "aborted_hold": _kind(True, "A hold ended the motion.", "Send a new request."),
+        "aborted_relax": _kind(False, "A relax ended the motion.", "Hold, then a new request."),
+        "aborted_silent": _kind(
+            True,
+            "The controller fell silent and the robot holds its pose.",
+            "Keep heartbeats flowing, then send a new request.",
+        ),
+        "stale": _kind(True, "A sensor has no fresh value.", "Retry; check the sensor."),
+        "shutting_down": _kind(True, "The daemon is parking and exits.", "Wait for its restart."),
+        "unauthorised": _kind(
+            False, "This client may not do that.", "Ask the robot's owner for the role."
+        ),
+    }
+)

@@ -1,0 +1,374 @@
+"""Every message of the wire, frozen and validated: an illegal message cannot exist.
+
+A message becomes a map with ``to_map`` and is read back with ``parse_request`` or
+``parse_reply``. Unknown fields are ignored, so that later versions may add some; ``None`` means
+absent. ``SPEC.md`` describes each message in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from functools import partial
+from typing import Any, ClassVar, Final, TypeVar, cast
+
+from protocol import checks
+from protocol.capabilities import Capabilities
+from protocol.errors import ERROR_CODES, LocalProtocolError, RemoteProtocolError, RobotError
+from protocol.states import State
+
+PROTOCOL_VERSION: Final = 1
+PHASES: Final = ("homing", "moving", "settling", "sampling")
+
+_natural = partial(checks.integer, least=0)
+_positive = partial(checks.integer, least=1)
+_name = partial(checks.text, longest=checks.MAX_NAME)
+_state = partial(checks.one_of, choices=[state.value for state in State])
+
+
+def _capabilities(name: str, value: Any) -> Capabilities:
+    return Capabilities.of(value)
+
+
+def _checked(check: Any) -> Any:
+    return field(metadata={"check": check})
+
+
+def _checked_optional(check: Any) -> Any:
+    return field(default=None, metadata={"check": checks.optional(check)})
+
+
+def _set(instance: Any, name: str, value: object) -> None:
+    object.__setattr__(instance, name, value)  # the only way to normalise a frozen dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """Base of all messages; subclasses declare a check for each field."""
+
+    TYPE: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            _set(self, item.name, item.metadata["check"](item.name, getattr(self, item.name)))
+
+    def to_map(self) -> dict[str, Any]:
+        """The message as it goes into msgpack; absent fields are left out."""
+        found: dict[str, Any] = {"type": self.TYPE}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is None:
+                continue
+            if isinstance(value, Capabilities):
+                value = value.to_map()
+            found[item.name] = list(value) if isinstance(value, tuple) else value
+        return found
+
+
+# --- requests -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request(Message):
+    """What a client asks. ``client`` is the UUID it chose; ``id`` correlates the answers."""
+
+    id: int = _checked(_natural)
+    client: str = _checked(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hello(Request):
+    """Opens or re-opens a session; answered by ``Welcome``."""
+
+    TYPE: ClassVar[str] = "hello"
+    versions: tuple[int, ...] = _checked(lambda name, value: checks.items(name, value, _positive))
+    software: str | None = _checked_optional(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionRequest(Request):
+    """A request inside the session that ``Welcome`` named."""
+
+    session: str = _checked(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heartbeat(SessionRequest):
+    """Sign of life, answered by ``Status``; never remembered, so any id will do."""
+
+    TYPE: ClassVar[str] = "heartbeat"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acquire(SessionRequest):
+    """Asks for control of the robot."""
+
+    TYPE: ClassVar[str] = "acquire"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Release(SessionRequest):
+    """Gives control back."""
+
+    TYPE: ClassVar[str] = "release"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perform(SessionRequest):
+    """One interaction: return to zero, slew to the targets (rad), settle, read."""
+
+    TYPE: ClassVar[str] = "perform"
+    targets: Mapping[str, float] = _checked(
+        lambda name, value: checks.mapping(name, value, checks.number)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Read(SessionRequest):
+    """Reads the sensors in the present pose, without moving."""
+
+    TYPE: ClassVar[str] = "read"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold(SessionRequest):
+    """Ends a motion and holds the present pose."""
+
+    TYPE: ClassVar[str] = "hold"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relax(SessionRequest):
+    """Lets the servos go limp: the only request that does."""
+
+    TYPE: ClassVar[str] = "relax"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop(Request):
+    """Freezes the robot now, for anybody, in any session or none; latches until ``Clear``."""
+
+    TYPE: ClassVar[str] = "stop"
+    session: str | None = _checked_optional(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clear(SessionRequest):
+    """Ends a latched stop or a fault."""
+
+    TYPE: ClassVar[str] = "clear"
+
+
+# --- replies --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reply(Message):
+    """What the robot answers; ``id`` is the request's."""
+
+    id: int = _checked(_natural)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Welcome(Reply):
+    """Answer to ``Hello``."""
+
+    TYPE: ClassVar[str] = "welcome"
+    version: int = _checked(_positive)
+    session: str = _checked(_name)
+    robot_time: float = _checked(checks.number)
+    capabilities: Capabilities = _checked(_capabilities)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ok(Reply):
+    """Done; ``state`` is the robot's state after it."""
+
+    TYPE: ClassVar[str] = "ok"
+    state: str = _checked(_state)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status(Reply):
+    """Answer to ``Heartbeat``."""
+
+    TYPE: ClassVar[str] = "status"
+    state: str = _checked(_state)
+    robot_time: float = _checked(checks.number)
+    sequence: int = _checked(_natural)
+    controller: str | None = _checked_optional(_name)
+    reason: str | None = _checked_optional(checks.text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accepted(Reply):
+    """The motion is allowed and begins."""
+
+    TYPE: ClassVar[str] = "accepted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress(Reply):
+    """How far a motion is: its phase and the share of it that is done, 0 to 1."""
+
+    TYPE: ClassVar[str] = "progress"
+    phase: str = _checked(partial(checks.one_of, choices=PHASES))
+    fraction: float = _checked(partial(checks.number, least=0.0))
+    robot_time: float = _checked(checks.number)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation(Reply):
+    """What the robot felt, after a ``Perform`` or a ``Read``.
+
+    Attributes:
+        sequence: Grows by at least one from observation to observation within one daemon start.
+        robot_time: Robot clock at the end of sampling, s.
+        monotonic: The robot computer's monotonic clock at the same moment, s.
+        angles: The angles actually commanded after quantisation and clamping, rad.
+        saturated_joints: Joints whose target had to be clamped.
+        touch: One bit per touch sensor, or ``None`` without touch sensors.
+        tilt: Left/right and forward/back tilt, rad (left side up and nose up are positive).
+        clearance: Belly to ground along the belly's normal, m.
+        clearance_saturated: The ground lay beyond the sensor's range.
+        settled: Whether the readings came to rest before they were averaged.
+        settle_time: Time from the last command to rest, s.
+        samples: Samples in the average.
+    """
+
+    TYPE: ClassVar[str] = "observation"
+    sequence: int = _checked(_positive)
+    robot_time: float = _checked(checks.number)
+    monotonic: float = _checked(checks.number)
+    angles: Mapping[str, float] = _checked(
+        lambda name, value: checks.mapping(name, value, checks.number)
+    )
+    saturated_joints: tuple[str, ...] = _checked(
+        lambda name, value: checks.items(name, value, _name)
+    )
+    touch: tuple[bool, ...] | None = _checked_optional(
+        lambda name, value: checks.items(name, value, checks.boolean)
+    )
+    tilt: tuple[float, ...] | None = _checked_optional(
+        lambda name, value: checks.items(name, value, checks.number)
+    )
+    clearance: float | None = _checked_optional(checks.number)
+    clearance_saturated: bool = _checked(checks.boolean)
+    settled: bool = _checked(checks.boolean)
+    settle_time: float = _checked(partial(checks.number, least=0.0))
+    samples: int = _checked(_positive)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.tilt is not None and len(self.tilt) != 2:
+            raise LocalProtocolError(f"'tilt' must have 2 angles, not {len(self.tilt)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorReply(Message):
+    """A typed error; ``id`` is absent where the frame's own could not be read."""
+
+    TYPE: ClassVar[str] = "error"
+    id: int | None = _checked_optional(_natural)
+    code: str = _checked(partial(checks.one_of, choices=ERROR_CODES))
+    message: str = _checked(checks.text)
+    advice: str = _checked(checks.text)
+    retryable: bool = _checked(checks.boolean)
+
+    @classmethod
+    def of(cls, error: RobotError, *, request_id: int | None) -> ErrorReply:
+        """The reply that carries an error."""
+        return cls(
+            id=request_id,
+            code=error.code,
+            message=error.message[: checks.MAX_TEXT],
+            advice=error.advice[: checks.MAX_TEXT],
+            retryable=error.retryable,
+        )
+
+    def to_error(self) -> RobotError:
+        """The error that the reply carries."""
+        return RobotError(self.code, self.message, advice=self.advice)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telemetry(Message):
+    """Published on topic ``telemetry`` at the rate that ``Welcome`` names."""
+
+    TYPE: ClassVar[str] = "telemetry"
+    robot: str = _checked(_name)
+    state: str = _checked(_state)
+    robot_time: float = _checked(checks.number)
+    sequence: int = _checked(_natural)
+    angles: Mapping[str, float] = _checked(
+        lambda name, value: checks.mapping(name, value, checks.number)
+    )
+    controller: str | None = _checked_optional(_name)
+    reason: str | None = _checked_optional(checks.text)
+
+
+REQUESTS: Final = {
+    kind.TYPE: kind
+    for kind in (Hello, Heartbeat, Acquire, Release, Perform, Read, Hold, Relax, Stop, Clear)
+}
+REPLIES: Final = {
+    kind.TYPE: kind for kind in (Welcome, Ok, Status, Accepted, Progress, Observation, ErrorReply)
+}
+FINAL_REPLIES: Final = (Welcome, Ok, Status, Observation, ErrorReply)
+
+M = TypeVar("M", bound=Message)
+
+
+def parse_request(found: Mapping[str, Any]) -> Request:
+    """Builds a request from a decoded map.
+
+    Raises:
+        RemoteProtocolError: The map is no valid request; the message names the field.
+    """
+    return cast(Request, _parse(found, REQUESTS))
+
+
+def parse_reply(found: Mapping[str, Any]) -> Reply | ErrorReply:
+    """Builds a reply from a decoded map.
+
+    Raises:
+        RemoteProtocolError: The map is no valid reply; the message names the field.
+    """
+    return cast("Reply | ErrorReply", _parse(found, REPLIES))
+
+
+def parse_telemetry(found: Mapping[str, Any]) -> Telemetry:
+    """Builds a telemetry message from a decoded map.
+
+    Raises:
+        RemoteProtocolError: The map is no valid telemetry message.
+    """
+    return cast(Telemetry, _parse(found, {Telemetry.TYPE: Telemetry}))
+
+
+def _parse(found: Mapping[str, Any], kinds: Mapping[str, type[Any]]) -> Message:
+    request_id = found.get("id")
+    if isinstance(request_id, bool) or not isinstance(request_id, int) or request_id < 0:
+        request_id = None
+    name = found.get("type")
+    kind = kinds.get(name) if isinstance(name, str) else None
+    if kind is None:
+        code = "unknown_type" if isinstance(name, str) else "malformed"
+        raise RemoteProtocolError(
+            f"'type' must be one of {', '.join(kinds)}, not {name!r:.60}",
+            code=code,
+            request_id=request_id,
+        )
+    known = {item.name for item in fields(kind)}
+    try:
+        return cast(Message, kind(**{key: found[key] for key in known & found.keys()}))
+    except LocalProtocolError as error:
+        sentence = f"{name}: {error}"
+    except TypeError:
+        missing = sorted(
+            item.name
+            for item in fields(kind)
+            if item.name not in found and item.default is not None
+        )
+        sentence = f"{name}: missing {', '.join(missing)}"
+    raise RemoteProtocolError(sentence, request_id=request_id)
