@@ -1,0 +1,63 @@
+"""The robot's clock, passed in wherever time matters.
+
+It drives slewing, serial pacing, settling, time stamps and conversion deadlines. On a robot it is
+the wall clock; a simulated robot brings a virtual one, which advances only when somebody sleeps
+or a device is touched. Time-outs of sockets and of the service manager belong to the wall clock
+and do not come here.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Seconds that only grow, from an arbitrary start."""
+
+    def now(self) -> float:
+        """The present robot time, s."""
+
+    def sleep(self, seconds: float) -> None:
+        """Lets ``seconds`` pass; nothing happens for zero or less."""
+
+    def charge(self, seconds: float) -> None:
+        """Accounts for time that a blocking device call took.
+
+        A wall clock saw that time go by and does nothing; a virtual clock adds it.
+        """
+
+
+class WallClock:
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """The monotonic clock, s."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Blocks for ``seconds``."""
+        if seconds > 0:
+            time.sleep(seconds)
+
+    def charge(self, seconds: float) -> None:
+        """Does nothing: the time has really passed."""
+
+
+class SteppedClock:
+    """A clock that stands still unless somebody sleeps on it or charges it."""
+
+    def __init__(self, start: float = 0.0):
+        self._now = start
+
+    def now(self) -> float:
+        """The time so far, s."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Advances at once."""
+        self._now += max(seconds, 0.0)
+
+    def charge(self, seconds: float) -> None:
+        """Advances at once."""
+        self._now += seconds

@@ -1,0 +1,291 @@
+"""The control loop: the only thread that touches devices.
+
+The server's thread calls ``submit``, ``silence`` and ``snapshot``, which never wait for a device;
+the control thread takes jobs from a queue and reports through ``events``. What a request may do in
+which state is ``protocol.states.TRANSITIONS``. Requests that end a motion (hold, relax, stop) and
+the controller's silence leave an *interrupt*, which the motion meets before its next serial line.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+from protocol.capabilities import Capabilities
+from protocol.errors import RobotError
+from protocol.messages import ErrorReply, Observation, Ok, Perform
+from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
+from protocol.states import REFUSALS, TRANSITIONS, Event, State
+from robot.errors import DeviceError
+from robot.interaction import Aborted, Interaction, Outcome
+
+_INTERRUPTS = {
+    Event.HOLD: "aborted_hold",
+    Event.RELAX: "aborted_relax",
+    Event.STOP: "aborted_stop",
+}
+_SENTENCES = {
+    "aborted_hold": "A hold request ended the motion.",
+    "aborted_relax": "A relax request ended the motion.",
+    "aborted_stop": "A stop request ended the motion; the robot is frozen.",
+    "aborted_silent": "The controller was silent for too long; the robot holds its pose.",
+    "shutting_down": "The daemon is shutting down.",
+}
+
+
+PROGRESS_PERIOD = 0.1  # s of robot time between progress messages of one phase
+
+
+@dataclass(eq=False)
+class _Job:
+    ticket: int
+    request: RobotRequest
+    clears_fault: bool
+    interrupt: str | None = None
+    reported: tuple[str, float] = ("", 0.0)
+
+
+class Controller:
+    """Carries out requests, one at a time, on its own thread.
+
+    Args:
+        interaction: The devices and the choreography of one interaction.
+        capabilities: What ``hello`` answers.
+        housekeeping: Seconds between checks of the board while idle, or ``None`` for none (in
+            virtual time, which stands still while the robot is idle).
+    """
+
+    def __init__(
+        self,
+        interaction: Interaction,
+        *,
+        capabilities: Capabilities,
+        housekeeping: float | None,
+        log: logging.Logger,
+    ):
+        self.capabilities = capabilities
+        self._interaction = interaction
+        self._housekeeping = housekeeping
+        self._log = log
+        self._lock = threading.Lock()
+        self._state = State.RELAXED if interaction.limp else State.IDLE
+        self._reason: str | None = None
+        self._motion: _Job | None = None  # the last motion that was accepted and has not ended
+        self._sequence = 0
+        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._events: deque[RobotEvent] = deque()
+        self._notify: Callable[[], None] = lambda: None
+        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+
+    # --- called by the server's thread ------------------------------------------------------------
+
+    def set_notify(self, notify: Callable[[], None]) -> None:
+        """``notify`` is called, from any thread, when events wait."""
+        self._notify = notify
+
+    def submit(self, ticket: int, request: RobotRequest) -> None:
+        """Takes a request; its end comes as a ``Finished`` event.
+
+        Raises:
+            RobotError: The request is refused.
+        """
+        event = Event(request.TYPE)
+        with self._lock:
+            following = TRANSITIONS.get((self._state, event))
+            if following is None:
+                raise self._refusal(event)
+            job = _Job(ticket, request, clears_fault=self._state is State.FAULT)
+            if event is Event.PERFORM:
+                self._motion = job
+            elif self._motion is not None and event in _INTERRUPTS:
+                self._motion.interrupt = _INTERRUPTS[event]
+            if event is Event.STOP:
+                self._reason = self._reason or "A client sent stop."
+            elif event in (Event.CLEAR, Event.PERFORM):
+                self._reason = None
+            self._state = following
+            self._jobs.put(job)
+
+    def controller_changed(self, client: str | None) -> None:
+        """The next zero pose is the new controller's reference for lying flat."""
+        del client
+        self._interaction.forget_flat()
+
+    def silence(self) -> None:
+        """The controller fell silent: a motion ends, and the robot holds."""
+        self._end_motion("aborted_silent")
+
+    def snapshot(self) -> Snapshot:
+        """What the robot is doing at this moment."""
+        with self._lock:
+            return Snapshot(
+                state=self._state,
+                robot_time=self._interaction.now(),
+                sequence=self._sequence,
+                angles=self._interaction.angles(),
+                reason=self._reason,
+            )
+
+    def events(self) -> list[RobotEvent]:
+        """What happened since the last call."""
+        found: list[RobotEvent] = []
+        while self._events:
+            found.append(self._events.popleft())
+        return found
+
+    # --- life -------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Starts the control thread."""
+        self._thread.start()
+
+    def shut_down(self, timeout: float = 5.0) -> bool:
+        """Ends a motion, parks at zero where the state allows it, ends the control thread.
+
+        A stopped, faulty or limp robot is left as it is: parking would move it.
+
+        Returns:
+            Whether the thread ended in time.
+        """
+        self._end_motion("shutting_down")
+        self._jobs.put(None)
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    # --- the control thread -----------------------------------------------------------------------
+
+    def _run(self) -> None:
+        while True:
+            try:
+                job = self._jobs.get(timeout=self._housekeeping)
+            except queue.Empty:
+                self._guarded(self._check_board)
+                continue
+            if job is None:
+                self._guarded(self._park)
+                return
+            self._guarded(partial(self._carry_out, job), job)
+
+    def _guarded(self, action: Callable[[], None], job: _Job | None = None) -> None:
+        try:
+            action()
+        except DeviceError as error:
+            self._fail(str(error), job)
+        except Exception as error:  # a bug must bring the robot down visibly, not silently
+            self._log.exception("the control loop failed")
+            self._fail(f"internal error: {error!r}", job)
+
+    def _carry_out(self, job: _Job) -> None:
+        request = job.request
+        if isinstance(request, Perform):
+            self._finish(job, self._perform(job, request.targets))
+        elif request.TYPE == Event.READ:
+            self._finish(job, self._observation(job, self._interaction.read()))
+        else:
+            if request.TYPE == Event.RELAX:
+                self._interaction.relax()
+            elif request.TYPE == Event.CLEAR and job.clears_fault:
+                self._interaction.recover()
+            elif request.TYPE == Event.HOLD:
+                self._interaction.hold()
+            self._finish(job, Ok(id=request.id, state=self.snapshot().state))
+
+    def _perform(self, job: _Job, targets: Mapping[str, float]) -> FinalReply:
+        def report(phase: str, fraction: float) -> None:
+            wanted = Event.ARRIVED if phase in ("settling", "sampling") else Event.DEPARTED
+            with self._lock:
+                if job.interrupt is not None:
+                    raise Aborted(job.interrupt)
+                self._state = TRANSITIONS.get((self._state, wanted), self._state)
+            now = self._interaction.now()
+            last_phase, last_time = job.reported
+            if phase != last_phase or now - last_time >= PROGRESS_PERIOD:
+                job.reported = (phase, now)
+                self._emit(
+                    Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
+                )
+
+        try:
+            outcome = self._interaction.perform(targets, report)
+        except Aborted as error:
+            return self._error(job, RobotError(error.code, _SENTENCES[error.code]))
+        except RobotError as error:
+            return self._error(job, error)
+        finally:
+            with self._lock:
+                if self._motion is job:
+                    self._motion = None
+                    self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
+        return self._observation(job, outcome)
+
+    def _observation(self, job: _Job, outcome: Outcome) -> Observation:
+        with self._lock:
+            self._sequence += 1
+            sequence = self._sequence
+        reading = outcome.reading
+        return Observation(
+            id=job.request.id,
+            sequence=sequence,
+            robot_time=reading.time,
+            monotonic=time.monotonic(),
+            angles=self._interaction.angles(),
+            saturated_joints=outcome.saturated_joints,
+            touch=reading.touch,
+            tilt=reading.tilt,
+            clearance=reading.clearance,
+            clearance_saturated=reading.clearance_saturated,
+            settled=outcome.settled,
+            settle_time=outcome.settle_time,
+            samples=reading.samples,
+        )
+
+    def _check_board(self) -> None:
+        with self._lock:
+            calm = self._state in (State.IDLE, State.HOLDING)
+        if calm:
+            self._interaction.check_board()
+
+    def _park(self) -> None:
+        with self._lock:
+            calm = self._state in (State.IDLE, State.HOLDING)
+        if calm:
+            self._interaction.park()
+
+    def _end_motion(self, code: str) -> None:
+        with self._lock:
+            if self._motion is not None and self._state in (State.MOVING, State.SETTLING):
+                self._motion.interrupt = code
+                self._state = TRANSITIONS[self._state, Event.HOLD]
+                self._reason = _SENTENCES[code]
+
+    def _fail(self, sentence: str, job: _Job | None) -> None:
+        self._log.error("fault: %s", sentence)
+        with self._lock:
+            self._motion = None
+            self._state = TRANSITIONS[self._state, Event.FAILED]
+            self._reason = sentence[:500]
+        if job is not None:
+            self._finish(job, self._error(job, RobotError("fault", sentence)))
+
+    def _refusal(self, event: Event) -> RobotError:
+        reason = f" ({self._reason})" if self._reason else ""
+        return RobotError(
+            REFUSALS[self._state], f"The robot is {self._state}{reason}: {event} is refused."
+        )
+
+    @staticmethod
+    def _error(job: _Job, error: RobotError) -> ErrorReply:
+        return ErrorReply.of(error, request_id=job.request.id)
+
+    def _finish(self, job: _Job, reply: FinalReply) -> None:
+        self._emit(Finished(ticket=job.ticket, reply=reply))
+
+    def _emit(self, event: RobotEvent) -> None:
+        self._events.append(event)
+        self._notify()

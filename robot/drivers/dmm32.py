@@ -1,0 +1,278 @@
+"""Diamond Systems DMM-32-AT, 32X-AT and 32DX-AT: 32 analogue inputs of 16 bits on 16 I/O ports.
+
+Only the analogue inputs are used, by polling: the board's clocks and interrupts stay off. A scan
+converts a run of channels after one start and leaves the samples in the board's FIFO.
+
+Source: Diamond Systems DMM-32DX-AT hardware manual (register map, range table, sequences); probe
+as in Linux' comedi driver ``dmm32at``, which demands that both halves of the inputs are jumpered
+single-ended. The FIFO is reset with bit 1 of register 7, as the manual's example value and that
+driver do; the manual's prose says bit 2. Codes are signed in every range, also in unipolar ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from robot.clock import Clock
+from robot.drivers.portio import PortIO
+from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
+
+CHANNELS: Final = range(32)
+BASES: Final = (0x100, 0x140, 0x180, 0x200, 0x280, 0x300, 0x340, 0x380)
+
+# Registers, as offsets from the base address.
+_DATA: Final = 0  # write: start a conversion; read: low byte, then high byte at offset 1
+_LOW: Final = 2
+_HIGH: Final = 3
+_FIFO: Final = 7
+_CONTROL: Final = 8
+_INTERRUPTS: Final = 9
+_RANGE: Final = 11
+
+_FIFO_RESET: Final = 0x02
+_SCAN_ENABLE: Final = 0x04
+_RESET_ANALOGUE: Final = 0x20
+_WAIT: Final = 0x80  # register 11: the input settles
+_BUSY: Final = 0x80  # register 8: conversion or scan under way
+_EMPTY: Final = 0x80  # register 7
+_OVERFLOW: Final = 0x10  # register 7
+_FLOATING: Final = 0xFF  # what a bus reads where no board answers
+
+_CONVERSION_TIME: Final = 4e-6
+_GRACE: Final = 5e-3  # beyond the nominal time of any wait
+_MAX_POLLS: Final = 20_000  # ends a wait even if the clock stands still; a port access takes 1 µs
+_SCAN_CODES: Final = MappingProxyType({20: 0x00, 15: 0x10, 10: 0x20, 5: 0x30})
+
+_PROBE: Final = (
+    (_LOW, 0x00),
+    (_HIGH, 0x1F),
+    (_FIFO, _EMPTY),
+    (_CONTROL, 0x60),  # all inputs single-ended
+    (_INTERRUPTS, 0x00),
+    (_RANGE, 0x0C),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InputRange:
+    """One input range: its code in register 11 and the volts at both ends."""
+
+    code: int
+    low: float
+    high: float
+
+    def volts(self, code: int) -> float:
+        """The voltage that a signed 16-bit code stands for."""
+        return self.low + (code + 32768) / 65536 * (self.high - self.low)
+
+
+def _range(code: int, low: float, high: float) -> InputRange:
+    return InputRange(code=code, low=low, high=high)
+
+
+RANGES: Final = MappingProxyType(
+    {
+        "±10V": _range(0x8, -10.0, 10.0),
+        "±5V": _range(0x0, -5.0, 5.0),
+        "±2.5V": _range(0x1, -2.5, 2.5),
+        "±1.25V": _range(0x2, -1.25, 1.25),
+        "±0.625V": _range(0x3, -0.625, 0.625),
+        "0..10V": _range(0xC, 0.0, 10.0),
+        "0..5V": _range(0xD, 0.0, 5.0),
+        "0..2.5V": _range(0xE, 0.0, 2.5),
+        "0..1.25V": _range(0xF, 0.0, 1.25),
+    }
+)
+"""Input ranges by name."""
+
+
+class DMM32:
+    """One board; call ``probe`` before the first conversion.
+
+    Args:
+        port_io: Access to the I/O ports; the driver closes it.
+        base: Base address as jumpered, one of ``BASES``; factory setting 0x300.
+        clock: Measures deadlines.
+        range_: Input range of all channels, a key of ``RANGES``.
+        scan_interval_us: Time between the channels of a scan, 5, 10, 15 or 20 µs; a longer one
+            lets the input settle better.
+
+    Raises:
+        CommandError: An argument that the board cannot be set to.
+    """
+
+    def __init__(
+        self,
+        port_io: PortIO,
+        *,
+        base: int = 0x300,
+        clock: Clock,
+        range_: str = "±5V",
+        scan_interval_us: int = 20,
+    ):
+        if base not in BASES:
+            known = ", ".join(f"0x{one:x}" for one in BASES)
+            raise CommandError(f"the board's base address is one of {known}, not 0x{base:x}")
+        if range_ not in RANGES:
+            raise CommandError(f"the input range is one of {', '.join(RANGES)}, not {range_!r}")
+        if scan_interval_us not in _SCAN_CODES:
+            raise CommandError(f"the scan interval is 5, 10, 15 or 20 µs, not {scan_interval_us!r}")
+        self.range = RANGES[range_]
+        self._io = port_io
+        self._base = base
+        self._clock = clock
+        self._scan_interval = scan_interval_us * 1e-6
+        self._range_code = _SCAN_CODES[scan_interval_us] | self.range.code
+
+    def probe(self) -> None:
+        """Resets the analogue side and makes sure that the board is there.
+
+        Raises:
+            DeviceMissingError: Nothing, or something else, answers at the base address.
+            DeviceDataError: The board's inputs are jumpered differential.
+        """
+        with self._ports():
+            self._write(_CONTROL, _RESET_ANALOGUE)
+            self._clock.sleep(1e-3)
+            self._write(_FIFO, 0)
+            self._write(_INTERRUPTS, 0)
+            # Bits that the registers do not have must read back as zeros.
+            self._write(_LOW, 0x80)
+            self._write(_HIGH, 0xFF)
+            self._write(_RANGE, 0x0C)
+            self._clock.sleep(100e-6)
+            found = [self._read(offset) for offset, _ in _PROBE]
+        expected = [value for _, value in _PROBE]
+        if found == expected:
+            return
+        if all(value == _FLOATING for value in found):
+            raise self._missing("everything there reads 0xFF")
+        if [value | 0x60 for value in found] == [value | 0x60 for value in expected]:
+            raise DeviceDataError(
+                f"The DMM-32 at 0x{self._base:x} has differential inputs.",
+                "Set its jumper J5 to 32 single-ended inputs.",
+            )
+        read = " ".join(f"{value:02x}" for value in found)
+        wanted = " ".join(f"{value:02x}" for value in expected)
+        raise self._missing(f"registers 2, 3, 7, 8, 9, 11 read {read} instead of {wanted}")
+
+    def read_polled(self, channel: int) -> float:
+        """Converts one channel.
+
+        Args:
+            channel: 0 to 31.
+
+        Returns:
+            Volts; at either end of ``range`` the input may lie beyond.
+
+        Raises:
+            CommandError: No such channel.
+            DeviceError: The board is gone, hangs or lost a sample.
+        """
+        return self._convert(channel, channel)[0]
+
+    def scan(self, low: int, high: int) -> list[float]:
+        """Converts the channels ``low`` to ``high`` after one start.
+
+        Returns:
+            Volts of each channel, in order.
+
+        Raises:
+            CommandError: No such channels.
+            DeviceError: As ``read_polled``.
+        """
+        return self._convert(low, high)
+
+    def close(self) -> None:
+        """Gives the ports back."""
+        self._io.close()
+
+    def _convert(self, low: int, high: int) -> list[float]:
+        if not 0 <= low <= high < len(CHANNELS):
+            raise CommandError(f"channels run upwards within 0 to 31, not {low} to {high}")
+        count = high - low + 1
+        with self._ports():
+            # All settings every time: a board that lost power in between would have forgotten.
+            self._write(_FIFO, _FIFO_RESET)
+            self._write(_LOW, low)
+            self._write(_HIGH, high)
+            self._write(_RANGE, self._range_code)
+            settled = self._await(_RANGE, _WAIT, 10e-6, "the input to settle (WAIT)")
+            if settled & 0x0F != self.range.code:
+                raise self._broken(f"range code 0x{self.range.code:x} reads 0x{settled & 0xF:x}")
+            duration = _CONVERSION_TIME
+            if count > 1:
+                self._write(_FIFO, _SCAN_ENABLE)
+                duration = count * self._scan_interval
+            self._write(_DATA, 0)
+            if count > 1:
+                self._clock.sleep(duration)  # polling that long would cost more
+            self._await(_CONTROL, _BUSY, duration, "the conversion (STS)")
+            return self._samples(count)
+
+    def _samples(self, count: int) -> list[float]:
+        base, read, volts = self._base + _DATA, self._io.read, self.range.volts
+        data = [read(base, 2) for _ in range(count - 1)]
+        before = self._read(_FIFO)
+        data.append(read(base, 2))
+        after = self._read(_FIFO)
+        if after == _FLOATING:
+            raise self._missing("everything there reads 0xFF")
+        if (before | after) & _OVERFLOW:
+            raise self._broken("its FIFO overflowed")
+        if before & _EMPTY or not after & _EMPTY:
+            found = "fewer" if before & _EMPTY else "more"
+            raise self._broken(f"its FIFO held {found} samples than the {count} channels")
+        return [volts(int.from_bytes(two, "little", signed=True)) for two in data]
+
+    def _await(self, offset: int, flag: int, nominal: float, what: str) -> int:
+        """Polls until a flag falls and returns the register; never longer than the deadline."""
+        deadline = self._clock.now() + nominal + _GRACE
+        read, port, now = self._io.read, self._base + offset, self._clock.now
+        value = _FLOATING
+        for _ in range(_MAX_POLLS):
+            late = now() > deadline  # before reading, so that a late look still counts
+            value = read(port)[0]
+            if not value & flag:
+                return value
+            if late:
+                break
+        if value == _FLOATING and self._read(_FIFO) == _FLOATING:
+            raise self._missing("everything there reads 0xFF")
+        raise DeviceTimeoutError(
+            f"The DMM-32 at 0x{self._base:x} did not finish {what} within "
+            f"{(nominal + _GRACE) * 1e3:.1f} ms.",
+            "Switch it off and on; if that does not help, replace it.",
+        )
+
+    def _read(self, offset: int) -> int:
+        return self._io.read(self._base + offset)[0]
+
+    def _write(self, offset: int, value: int) -> None:
+        self._io.write(self._base + offset, value)
+
+    @contextmanager
+    def _ports(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, IndexError) as error:  # an empty read has no first byte
+            raise DeviceMissingError(
+                f"The I/O ports at 0x{self._base:x} failed: {error}.",
+                "Check that the daemon may use /dev/port (CAP_SYS_RAWIO).",
+            ) from error
+
+    def _missing(self, how: str) -> DeviceMissingError:
+        return DeviceMissingError(
+            f"No DMM-32 answers at 0x{self._base:x}: {how}.",
+            "Compare the base address with jumper J7, and check that the board is seated.",
+        )
+
+    def _broken(self, how: str) -> DeviceDataError:
+        return DeviceDataError(
+            f"The DMM-32 at 0x{self._base:x} is out of step: {how}.",
+            "Check that no other program uses the board.",
+        )

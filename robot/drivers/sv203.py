@@ -1,0 +1,282 @@
+"""Pontech SV203 servo board: eight servos and five 8-bit analogue inputs on a serial line.
+
+Commands are ASCII lines of at most 20 characters, ended by a carriage return. The board
+acknowledges nothing and ignores what it does not understand, and after a brown-out it comes back
+deselected with all servos at neutral. So this driver checks ranges itself, selects board and servo
+on every line, and offers ``verify`` to find out whether the board still has what it was sent.
+
+Source: Pontech SV203 User Manual, revision 1.20. Three things are not in it, and want a look with
+an oscilloscope on a new board: that count 0 stops the pulses (``release``), that a reply to ``RR``
+ends with a carriage return as one to ``AD`` does, and whether the return counts among the 20
+characters (lines here have at most 19 without it).
+"""
+
+from __future__ import annotations
+
+import errno
+import termios
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Final
+
+import serial
+
+from robot.clock import Clock
+from robot.errors import (
+    CommandError,
+    DeviceDataError,
+    DeviceMissingError,
+    DeviceTimeoutError,
+)
+
+OUTPUTS: Final = range(1, 9)
+COUNTS: Final = range(1, 256)
+LIMP: Final = 0
+BAUDS: Final = (2400, 4800, 9600, 19200)
+
+_SERVOS_PER_LINE: Final = 2
+_BITS_PER_BYTE: Final = 10  # 8N1
+_FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
+_MAX_REPLY: Final = 16
+_ATTEMPTS: Final = 3
+_WRITE_TIMEOUT: Final = 0.2
+_PLUG: Final = "Check that the adapter is plugged in and the board has power, then clear the fault."
+
+
+def open_serial(port: str, baud: int = 9600) -> serial.Serial:
+    """Opens a serial line for the board, for this process alone.
+
+    Args:
+        port: Device file; prefer a link that survives re-plugging, as in ``/dev/serial/by-id``.
+        baud: 2400, 4800, 9600 (as the board leaves the factory) or 19200.
+
+    Raises:
+        CommandError: The board knows no such baud rate.
+        DeviceMissingError: The port cannot be opened; the sentence says why.
+    """
+    if baud not in BAUDS:
+        raise CommandError(
+            f"the servo board knows no {baud} baud; write one of {', '.join(map(str, BAUDS))}"
+        )
+    try:
+        return serial.Serial(
+            port, baud, timeout=_WRITE_TIMEOUT, write_timeout=_WRITE_TIMEOUT, exclusive=True
+        )
+    except (OSError, termios.error) as error:
+        raise DeviceMissingError(
+            f"The serial port {port} cannot be opened: {error}.", _why_closed(error)
+        ) from error
+
+
+def _why_closed(error: Exception) -> str:
+    match getattr(error, "errno", None):
+        case errno.ENOENT | errno.ENXIO | errno.ENODEV:
+            return "Plug the adapter in, or name its link in /dev/serial/by-id."
+        case errno.EACCES | errno.EPERM:
+            return "Add the user to the group dialout, then log in again."
+        case errno.EAGAIN | errno.EBUSY:
+            return "End the other program that has it open."
+        case _:
+            return "Name the device file of a serial port, such as /dev/ttyS0."
+
+
+class SV203:
+    """One servo board.
+
+    The driver remembers what it sent and sends only what changes. It is not thread-safe.
+
+    Args:
+        serial_port: From ``open_serial``; the driver closes it.
+        board: The board's number, 0 to 255; factory setting 1, and 0 addresses every board.
+        clock: Paces the lines.
+        line_gap: Pause after each line, s; the manual asks for about 3 ms.
+        reply_timeout: Longest wait for the answer to a query, s.
+
+    Attributes:
+        bytes_written: Bytes handed to the serial line by this object, for a clock that must
+            know when an emulated board has seen them all.
+    """
+
+    def __init__(
+        self,
+        serial_port: serial.Serial,
+        *,
+        board: int = 1,
+        clock: Clock,
+        line_gap: float = 0.003,
+        reply_timeout: float = 0.2,
+    ):
+        if not 0 <= board <= 255:
+            raise CommandError(f"the board's number must lie in 0 to 255, not {board}")
+        self.bytes_written = 0
+        self._port = serial_port
+        self._select = f"BD{board}"
+        self._clock = clock
+        self._line_gap = line_gap
+        self._reply_timeout = reply_timeout
+        self._byte_time = _BITS_PER_BYTE / serial_port.baudrate
+        self._sent: dict[int, int] = {}
+        with self._link("setting it up"):
+            serial_port.timeout = reply_timeout
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Sends the counts that differ from the last ones sent, and waits out the line.
+
+        Args:
+            counts: Count 1 to 255 by servo output 1 to 8; one count is about 0.7°.
+
+        Raises:
+            CommandError: An output or count out of range; nothing was sent.
+            DeviceError: The line failed; counts not known to have arrived are forgotten.
+        """
+        for output, count in counts.items():
+            _check_output(output)
+            if count not in COUNTS:
+                raise CommandError(f"servo {output}: the count must lie in 1 to 255, not {count}")
+        self._send(counts)
+
+    def release(self, outputs: Iterable[int] = OUTPUTS) -> None:
+        """Stops the pulses of some servos, so that they go limp.
+
+        Raises:
+            CommandError: An output out of range; nothing was sent.
+            DeviceError: The line failed.
+        """
+        counts = dict.fromkeys(outputs, LIMP)
+        for output in counts:
+            _check_output(output)
+            self._sent.pop(output, None)  # a limp servo is worth the bytes of a repeat
+        self._send(counts)
+
+    def read_counts(self, outputs: Iterable[int] = OUTPUTS) -> dict[int, int]:
+        """Asks the board which counts it has been sent; no servo reports where it really is.
+
+        Returns:
+            Count 0 (limp) to 255 by output.
+
+        Raises:
+            CommandError: An output out of range.
+            DeviceError: The line failed, no reply came, or only garbage did.
+        """
+        wanted = list(outputs)
+        for output in wanted:
+            _check_output(output)
+        return {output: self._query(f"RR{_FIRST_POSITION + output - 1}") for output in wanted}
+
+    def read_analogue(self, channel: int) -> float:
+        """Reads an analogue input.
+
+        Args:
+            channel: 1 to 5.
+
+        Returns:
+            Volts, 0 to 5, in steps of 5/255.
+
+        Raises:
+            CommandError: No such channel.
+            DeviceError: As ``read_counts``.
+        """
+        if channel not in range(1, 6):
+            raise CommandError(f"the board has analogue inputs 1 to 5, not {channel}")
+        return self._query(f"AD{channel}") * 5.0 / 255.0
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Compares the board with what it should have; a difference means reset or a lost line.
+
+        A difference is read twice, so that one damaged reply is not taken for a reset.
+
+        Returns:
+            The outputs that differ, ascending; these are forgotten and will be sent again.
+
+        Raises:
+            DeviceError: As ``read_counts``.
+        """
+        suspects = [n for n, found in self.read_counts(expected).items() if found != expected[n]]
+        differing = [n for n, found in self.read_counts(suspects).items() if found != expected[n]]
+        for output in differing:
+            self._sent.pop(output, None)
+        return sorted(differing)
+
+    def forget(self) -> None:
+        """Forgets what was sent, so that the next counts are all sent."""
+        self._sent.clear()
+
+    def seconds_for(self, changed: int) -> float:
+        """How long ``set_counts`` takes at most when so many counts changed, s."""
+        pairs, single = divmod(changed, _SERVOS_PER_LINE)
+        one = len("SV8M255")
+        return pairs * self._line_time(len(self._select) + 2 * one) + single * self._line_time(
+            len(self._select) + one
+        )
+
+    def close(self) -> None:
+        """Closes the line; the board keeps the servos where they are."""
+        with suppress(OSError):  # the adapter may be gone, and with it the line
+            self._port.close()
+
+    def _send(self, counts: Mapping[int, int]) -> None:
+        changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
+        for start in range(0, len(changed), _SERVOS_PER_LINE):
+            group = changed[start : start + _SERVOS_PER_LINE]
+            for output in group:
+                self._sent.pop(output, None)
+            self._write("".join(f"SV{n}M{counts[n]}" for n in group))
+            self._sent.update((n, counts[n]) for n in group)
+
+    def _write(self, commands: str) -> None:
+        line = self._select + commands
+        with self._link("writing to it"):
+            self._port.write(line.encode("ascii") + b"\r")
+        self.bytes_written += len(line) + 1
+        self._clock.sleep(self._line_time(len(line)))
+
+    def _line_time(self, characters: int) -> float:
+        return (characters + 1) * self._byte_time + self._line_gap
+
+    def _query(self, command: str) -> int:
+        """Repeats a query, which changes nothing, until a sound reply comes."""
+        for _ in range(_ATTEMPTS - 1):
+            with suppress(DeviceTimeoutError, DeviceDataError):
+                return self._query_once(command)
+        return self._query_once(command)
+
+    def _query_once(self, command: str) -> int:
+        with self._link("emptying its input"):
+            self._port.reset_input_buffer()
+        self._write(command)
+        with self._link("reading from it"):
+            reply = self._port.read_until(b"\r", _MAX_REPLY)
+        if not reply.endswith(b"\r") and len(reply) < _MAX_REPLY:
+            self._clock.charge(self._reply_timeout)
+            raise DeviceTimeoutError(
+                f"The servo board did not answer {command} within {self._reply_timeout:g} s"
+                f"{f' (only {reply!r})' if reply else ''}.",
+                "Check its power, the cable, the baud rate and the board number.",
+            )
+        self._clock.charge(len(reply) * self._byte_time)
+        digits = reply.strip(b"\r\n ")
+        if not (digits.isdigit() and int(digits) <= 255):
+            raise DeviceDataError(
+                f"The servo board answered {reply!r} to {command} instead of a number 0 to 255.",
+                "Check the cable, the ground and the baud rate.",
+            )
+        return int(digits)
+
+    @contextmanager
+    def _link(self, doing: str) -> Iterator[None]:
+        # A hung-up line raises SerialException or OSError, and termios.error, which is neither.
+        try:
+            yield
+        except serial.SerialTimeoutException as error:
+            raise DeviceTimeoutError(
+                f"The serial port {self._port.port} took no more bytes.", _PLUG
+            ) from error
+        except (OSError, termios.error) as error:
+            raise DeviceMissingError(
+                f"The serial port {self._port.port} failed while {doing}: {error}.", _PLUG
+            ) from error
+
+
+def _check_output(output: int) -> None:
+    if output not in OUTPUTS:
+        raise CommandError(f"the servo board has outputs 1 to 8, not {output}")

@@ -1,0 +1,202 @@
+"""ST VL6180X distance sensor on I²C: 0 to about 100 mm, up to 200 mm with a bright target.
+
+Registers have 16-bit addresses, highest byte first, so each access is a combined transfer.
+
+Source: ST application note AN4545 (mandatory and recommended settings, single-shot sequence) and
+the VL6180X data sheet (status and error codes). How long a measurement takes depends on the
+target; the deadline below covers the longest convergence time that the chip is left with.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Final
+
+from smbus2 import i2c_msg
+
+from robot.clock import Clock
+from robot.drivers.i2c import I2CBus
+from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
+
+_MODEL_ID: Final = 0x000
+_INTERRUPT_CLEAR: Final = 0x015
+_FRESH_OUT_OF_RESET: Final = 0x016
+_RANGE_START: Final = 0x018
+_RANGE_STATUS: Final = 0x04D
+_INTERRUPT_STATUS: Final = 0x04F
+_RANGE_VALUE: Final = 0x062
+
+_MODEL: Final = 0xB4
+_READY: Final = 0x01  # range status: idle, a measurement can be started
+_SAMPLE_READY: Final = 4  # interrupt status, low three bits
+_FIRST_LOOK: Final = 6e-3  # no measurement is faster
+_LOOK_INTERVAL: Final = 2e-3
+_DEADLINE: Final = 0.1
+
+# Private registers; the note gives the values and no meanings.
+_MANDATORY: Final = (
+    (0x207, 0x01), (0x208, 0x01), (0x096, 0x00), (0x097, 0xFD), (0x0E3, 0x01), (0x0E4, 0x03),
+    (0x0E5, 0x02), (0x0E6, 0x01), (0x0E7, 0x03), (0x0F5, 0x02), (0x0D9, 0x05), (0x0DB, 0xCE),
+    (0x0DC, 0x03), (0x0DD, 0xF8), (0x09F, 0x00), (0x0A3, 0x3C), (0x0B7, 0x00), (0x0BB, 0x3C),
+    (0x0B2, 0x09), (0x0CA, 0x09), (0x198, 0x01), (0x1B0, 0x17), (0x1AD, 0x00), (0x0FF, 0x05),
+    (0x100, 0x05), (0x199, 0x05), (0x1A6, 0x1B), (0x1AC, 0x3E), (0x1A7, 0x1F), (0x030, 0x00),
+)  # fmt: skip
+
+_RECOMMENDED: Final = (
+    (0x011, 0x10),  # interrupt pin as output, active when a sample is ready
+    (0x10A, 0x30),  # averaging
+    (0x03F, 0x46),  # light sensor gain
+    (0x031, 0xFF),  # recalibrate for temperature after 255 measurements
+    (0x041, 0x63),  # light sensor integration time
+    (0x02E, 0x01),  # recalibrate once now
+    (0x01B, 0x09),  # interval of continuous ranging, unused
+    (0x03E, 0x31),  # interval of continuous light measurement, unused
+    (0x014, 0x24),  # tell when a new sample is ready
+)
+
+_NO_TARGET: Final = frozenset({6, 7, 8, 13, 15})  # no convergence, ignored, or beyond the range
+_TOO_NEAR: Final = frozenset({12, 14})  # below zero after the chip's offset correction
+_ERRORS: Final = MappingProxyType(
+    {
+        1: "its laser failed the continuity test",
+        2: "its laser watchdog tripped during the test",
+        3: "its laser watchdog tripped",
+        4: "its first clock loop does not lock",
+        5: "its second clock loop does not lock",
+        11: "there is too much ambient light",
+    }
+)
+
+
+class VL6180X:
+    """One sensor; call ``start`` before the first measurement.
+
+    Args:
+        bus: The I²C bus; the driver closes it.
+        address: 0x29 after every power-up.
+        clock: Paces the polls.
+    """
+
+    def __init__(self, bus: I2CBus, *, address: int = 0x29, clock: Clock):
+        if not 0x08 <= address <= 0x77:
+            raise CommandError(f"an I²C address lies in 0x08 to 0x77, not 0x{address:x}")
+        self._bus = bus
+        self._address = address
+        self._clock = clock
+
+    def start(self) -> None:
+        """Identifies the sensor and loads its settings.
+
+        Raises:
+            DeviceError: Nothing, or something else, answers, or the sensor is never ready.
+        """
+        model = self._read(_MODEL_ID)
+        if model != _MODEL:
+            raise DeviceMissingError(
+                f"The device at I²C address 0x{self._address:x} is no VL6180X: it calls itself "
+                f"0x{model:02x} instead of 0x{_MODEL:02x}.",
+                "Check which sensor is fitted, and the address in the configuration.",
+            )
+        if self._read(_FRESH_OUT_OF_RESET) == 1:
+            for register, value in _MANDATORY:
+                self._write(register, value)
+            self._write(_FRESH_OUT_OF_RESET, 0)
+        for register, value in _RECOMMENDED:
+            self._write(register, value)
+        self._write(_INTERRUPT_CLEAR, 0x07)
+
+    def range_mm(self) -> int | None:
+        """Measures once; takes about 10 ms, and up to 0.1 s without a target.
+
+        Returns:
+            The distance, mm, 0 when the target is too near to tell, or ``None`` when there is no
+            target within reach.
+
+        Raises:
+            DeviceError: The sensor is gone, was reset, hangs or reports an error of its own.
+        """
+        self._await_ready()
+        self._write(_INTERRUPT_CLEAR, 0x07)  # whatever an abandoned measurement left
+        self._write(_RANGE_START, 0x01)
+        self._clock.sleep(_FIRST_LOOK)
+        self._await_sample()
+        status, value = self._read_both(_RANGE_STATUS, _RANGE_VALUE)
+        self._write(_INTERRUPT_CLEAR, 0x07)
+        error = status >> 4
+        if error == 0:
+            return value
+        if error in _NO_TARGET:
+            return None
+        if error in _TOO_NEAR:
+            return 0
+        raise DeviceDataError(
+            f"The VL6180X could not measure: {_ERRORS.get(error, 'unknown reason')} "
+            f"(error {error}).",
+            "Shade it if it is in bright light; else switch it off and on.",
+        )
+
+    def close(self) -> None:
+        """Closes the bus."""
+        self._bus.close()
+
+    def _await_ready(self) -> None:
+        for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
+            fresh, status = self._read_both(_FRESH_OUT_OF_RESET, _RANGE_STATUS)
+            if fresh != 0:
+                raise DeviceDataError(
+                    "The VL6180X has been reset and lost its settings.",
+                    "Check its supply, then clear the fault.",
+                )
+            if status & _READY:
+                return
+            self._clock.sleep(_LOOK_INTERVAL)
+        raise self._late("ready for a measurement")
+
+    def _await_sample(self) -> None:
+        for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
+            status = self._read(_INTERRUPT_STATUS)
+            if status >> 6:
+                kind = "laser safety" if status >> 6 == 1 else "clock"
+                raise DeviceDataError(
+                    f"The VL6180X stopped with a {kind} error.", "Switch it off and on."
+                )
+            if status & 0x07 == _SAMPLE_READY:
+                return
+            self._clock.sleep(_LOOK_INTERVAL)
+        raise self._late("done with a measurement")
+
+    def _late(self, what: str) -> DeviceTimeoutError:
+        return DeviceTimeoutError(
+            f"The VL6180X was not {what} within {_DEADLINE:g} s.", "Switch it off and on."
+        )
+
+    def _read(self, register: int) -> int:
+        data = i2c_msg.read(self._address, 1)
+        self._transfer(self._index(register), data)
+        return bytes(data)[0]
+
+    def _read_both(self, first: int, second: int) -> tuple[int, int]:
+        data = i2c_msg.read(self._address, 1), i2c_msg.read(self._address, 1)
+        self._transfer(self._index(first), data[0], self._index(second), data[1])
+        return bytes(data[0])[0], bytes(data[1])[0]
+
+    def _write(self, register: int, value: int) -> None:
+        message = i2c_msg.write(self._address, (register >> 8, register & 0xFF, value))
+        self._transfer(message)
+
+    def _index(self, register: int) -> i2c_msg:
+        return i2c_msg.write(self._address, (register >> 8, register & 0xFF))
+
+    def _transfer(self, *messages: i2c_msg) -> None:
+        try:
+            self._bus.i2c_rdwr(*messages)
+        except TimeoutError as error:  # ETIMEDOUT: something holds the bus low
+            raise DeviceTimeoutError(
+                f"The I²C bus hangs at address 0x{self._address:x}: {error}.",
+                "Check the bus's pull-ups and cable, then switch the sensor off and on.",
+            ) from error
+        except OSError as error:
+            raise DeviceMissingError(
+                f"Nothing acknowledges at I²C address 0x{self._address:x}: {error}.",
+                "Check the sensor's power and cable, and the address in the configuration.",
+            ) from error

@@ -1,0 +1,271 @@
+"""The choreography of one interaction, on the devices of one robot.
+
+Return to zero, settle, see that the robot lies flat; slew every joint to its own target, settle,
+average, read. ``report(phase, fraction)`` is called before each serial line and each sample, and
+may raise ``Aborted`` there: the servos then stay at the last commanded counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from protocol.errors import RobotError
+from robot.calibration import DrivenJoint
+from robot.clock import Clock
+from robot.errors import DeviceDataError
+from robot.motion import Slew
+from robot.sensing import Reading, Sensing
+from robot.settling import RestCriterion, RestDetector
+
+SERVOS_PER_LINE: Final = 2
+FLAT_TILT: Final = math.radians(3)
+FLAT_CLEARANCE: Final = 0.005
+
+Report = Callable[[str, float], None]
+
+
+class Aborted(Exception):  # noqa: N818 - an interrupt, not an error
+    """Ends an interaction between two lines; ``code`` is the error code of the answer."""
+
+    def __init__(self, code: str):
+        super().__init__(code)
+        self.code = code
+
+
+class ServoBus(Protocol):
+    """What an interaction needs of a servo board."""
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Commands outputs 1..8 to counts 1..255."""
+
+    def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
+        """The counts that the board holds."""
+
+    def release(self, outputs: Sequence[int]) -> None:
+        """Lets outputs go limp."""
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Outputs whose count on the board is not the expected one."""
+
+    def forget(self) -> None:
+        """Makes the next ``set_counts`` send everything."""
+
+
+class Attendant(Protocol):
+    """Who is with the robot.
+
+    Attributes:
+        lays_down: Whether the attendant puts the robot back on its belly, so that nobody needs to
+            check that it lies flat.
+    """
+
+    lays_down: bool
+
+    def attend(self) -> None:
+        """Called at each interaction, once the joints are at zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What one interaction, or one reading, gave."""
+
+    reading: Reading
+    saturated_joints: tuple[str, ...]
+    settled: bool
+    settle_time: float
+
+
+class Interaction:
+    """Performs motor programs.
+
+    Args:
+        joints: The driven joints, in motor order.
+        servos: The servo board.
+        sensing: The sensors.
+        clock: The robot clock.
+        speed: Top speed of every joint, rad/s.
+        rest: What counts as rest.
+        samples: Samples in an average.
+        attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
+            pose is compared with the first one since a client took control, and a robot that does
+            not lie flat is refused with ``not_planar``.
+    """
+
+    def __init__(
+        self,
+        *,
+        joints: Sequence[DrivenJoint],
+        servos: ServoBus,
+        sensing: Sensing,
+        clock: Clock,
+        speed: float,
+        rest: RestCriterion,
+        samples: int,
+        attendant: Attendant | None,
+    ):
+        self._joints = tuple(joints)
+        self._servos = servos
+        self._sensing = sensing
+        self._clock = clock
+        self._speed = speed
+        self._rest = rest
+        self._samples = samples
+        self._attendant = attendant
+        self._outputs = [joint.output for joint in self._joints]
+        # Where the board stands now: the motion slews from there and never jumps.
+        self._counts = self._servos.read_counts(self._outputs)
+        self._flat: Reading | None = None
+
+    @property
+    def limp(self) -> bool:
+        """Whether the board sends no pulses to some joint."""
+        return any(self._counts[output] == 0 for output in self._outputs)
+
+    def now(self) -> float:
+        """Robot time, s."""
+        return self._clock.now()
+
+    def angles(self) -> dict[str, float]:
+        """The commanded angle of each joint, rad."""
+        return {joint.name: joint.scale.angle(self._counts[joint.output]) for joint in self._joints}
+
+    def perform(self, targets: Mapping[str, float], report: Report) -> Outcome:
+        """One interaction.
+
+        Raises:
+            Aborted: ``report`` ended it.
+            RobotError: ``not_planar``: the robot does not lie flat in its zero pose.
+            DeviceError: A device failed.
+        """
+        self._slew(dict.fromkeys(targets, 0.0), "homing", report)
+        if self._attendant is not None:
+            self._attendant.attend()
+        self._settle(report)
+        if self._attendant is None or not self._attendant.lays_down:
+            self._check_flat(self._sensing.average(self._samples))
+        saturated = self._slew(targets, "moving", report)
+        settled, settle_time = self._settle(report)
+        report("sampling", 0.0)
+        reading = self._sensing.average(self._samples)
+        self._verify()
+        return Outcome(
+            reading=reading,
+            saturated_joints=saturated,
+            settled=settled,
+            settle_time=settle_time,
+        )
+
+    def read(self) -> Outcome:
+        """Averages the sensors in the present pose."""
+        return Outcome(
+            reading=self._sensing.average(self._samples),
+            saturated_joints=(),
+            settled=True,
+            settle_time=0.0,
+        )
+
+    def hold(self) -> None:
+        """Sends the last commanded counts again.
+
+        A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
+        that was limp when the daemon started returns to zero.
+        """
+        self._counts = {
+            joint.output: self._counts[joint.output] or joint.scale.count(0.0)
+            for joint in self._joints
+        }
+        self._servos.forget()
+        self._servos.set_counts(self._counts)
+
+    def relax(self) -> None:
+        """Lets every joint go limp."""
+        self._servos.release(self._outputs)
+
+    def recover(self) -> None:
+        """After a fault: continues from where the board stands."""
+        self._servos.forget()
+        self._counts = self._servos.read_counts(self._outputs)
+
+    def check_board(self) -> None:
+        """Finds out whether the board was reset behind our back.
+
+        Raises:
+            DeviceDataError: It was.
+        """
+        self._verify()
+
+    def park(self) -> None:
+        """Slews to zero."""
+        zero = {joint.name: 0.0 for joint in self._joints}
+        self._slew(zero, "homing", lambda _phase, _fraction: None)
+
+    def forget_flat(self) -> None:
+        """Takes the next zero pose as the reference for lying flat."""
+        self._flat = None
+
+    def _slew(self, targets: Mapping[str, float], phase: str, report: Report) -> tuple[str, ...]:
+        aims = {joint: joint.quantise(targets[joint.name]) for joint in self._joints}
+        slew = Slew(
+            self._joints,
+            start=self._counts,
+            targets={joint.output: count for joint, (count, _) in aims.items()},
+            speed=self._speed,
+            now=self._clock.now(),
+        )
+        while not slew.arrived:
+            report(phase, slew.fraction)
+            now = self._clock.now()
+            counts = slew.due(now, at_most=SERVOS_PER_LINE)
+            if not counts:
+                self._clock.sleep(0.005)
+                continue
+            self._counts = self._counts | counts
+            self._servos.set_counts(counts)
+            slew.sent(counts, now)
+        report(phase, 1.0)
+        return tuple(joint.name for joint, (_, at_end) in aims.items() if at_end)
+
+    def _settle(self, report: Report) -> tuple[bool, float]:
+        detector = RestDetector(self._rest)
+        start = self._clock.now()
+        while True:
+            now = self._clock.now()
+            report("settling", min(1.0, (now - start) / self._rest.timeout))
+            if detector.feed(now, self._sensing.tilt()):
+                return True, now - start
+            if now - start >= self._rest.timeout:
+                return False, now - start
+            self._clock.sleep(1.0 / self._rest.rate)
+
+    def _check_flat(self, reading: Reading) -> None:
+        level = Reading(
+            tilt=(0.0, 0.0),
+            touch=None,
+            clearance=0.0,
+            clearance_saturated=False,
+            samples=1,
+            time=0.0,
+        )
+        reference = self._flat or level
+        lean = max(abs(a - b) for a, b in zip(reading.tilt, reference.tilt, strict=True))
+        lift = abs((reading.clearance or 0.0) - (reference.clearance or 0.0))
+        if lean > FLAT_TILT or lift > FLAT_CLEARANCE:
+            raise RobotError(
+                "not_planar",
+                f"In its zero pose the robot leans by {math.degrees(lean):.1f}° "
+                f"and stands {lift * 1000:.0f} mm off.",
+            )
+        self._flat = reference if self._flat else reading
+
+    def _verify(self) -> None:
+        expected = {output: self._counts[output] for output in self._outputs}
+        lost = self._servos.verify(expected)
+        if lost:
+            names = [joint.name for joint in self._joints if joint.output in lost]
+            raise DeviceDataError(
+                f"The servo board lost its commands for {', '.join(names)}: it was reset.",
+                "Probably the servo supply dropped: check it, then clear.",
+            )

@@ -1,0 +1,54 @@
+"""Has the robot come to rest? Judged from the tilt alone, which every pose change disturbs.
+
+Rest means: within the window the tilt neither swings (peak to peak) nor drifts (mean of the first
+half against the second). A body that tips over slowly drifts long before it swings.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestCriterion:
+    """What counts as rest.
+
+    Attributes:
+        window: Length of the look back, s.
+        swing: Largest peak-to-peak change within the window, rad.
+        drift: Largest change of the mean between the halves of the window, rad.
+        timeout: Time after which sampling begins all the same, s.
+        rate: Samples per second while waiting.
+    """
+
+    window: float
+    swing: float
+    drift: float
+    timeout: float
+    rate: float
+
+
+class RestDetector:
+    """Fed with samples, says when the robot rests."""
+
+    def __init__(self, criterion: RestCriterion):
+        self._criterion = criterion
+        self._samples: deque[tuple[float, tuple[float, ...]]] = deque()
+
+    def feed(self, now: float, values: tuple[float, ...]) -> bool:
+        """Adds one sample (rad) taken at ``now`` (s); true when the window is full and calm."""
+        self._samples.append((now, values))
+        while self._samples[0][0] < now - self._criterion.window - 1e-9:
+            self._samples.popleft()
+        expected = int(self._criterion.window * self._criterion.rate)
+        if len(self._samples) < max(4, expected):
+            return False
+        half = len(self._samples) // 2
+        for axis in zip(*(values for _, values in self._samples), strict=True):
+            if max(axis) - min(axis) > self._criterion.swing:
+                return False
+            early, late = axis[:half], axis[half:]
+            if abs(sum(early) / len(early) - sum(late) / len(late)) > self._criterion.drift:
+                return False
+        return True

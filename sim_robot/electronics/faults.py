@@ -1,0 +1,44 @@
+"""Faults that can be switched on and off while an emulator runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar
+
+from robot.errors import CommandError
+
+
+class FaultSwitch:
+    """Base of the emulators: named faults, each with a number where it needs one.
+
+    Attributes:
+        FAULTS: What each fault does, by name; subclasses fill it in.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    def __init__(self) -> None:
+        self._faults: dict[str, int] = {}
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """The faults that are on, with their numbers."""
+        return dict(self._faults)
+
+    def inject(self, fault: str, value: int = 0) -> None:
+        """Switches a fault on; may be called from any thread.
+
+        Raises:
+            CommandError: There is no such fault here.
+        """
+        if fault not in self.FAULTS:
+            raise CommandError(f"the faults here are {', '.join(self.FAULTS)}, not {fault!r}")
+        self._faults[fault] = value
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them."""
+        if fault is None:
+            self._faults.clear()
+        else:
+            self._faults.pop(fault, None)

@@ -1,0 +1,178 @@
+"""An emulated Pontech SV203 servo board behind a pseudo-terminal.
+
+A thread waits for bytes as the board's processor does; nothing happens before a carriage return.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import shutil
+import tempfile
+import threading
+import tty
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from sim_robot.electronics.faults import FaultSwitch
+from sim_robot.electronics.sv203_board import Board
+
+_CHUNK: Final = 4096
+
+
+class SV203Emulator(FaultSwitch):
+    """A board on a serial line; ``port`` is the name to open with pyserial.
+
+    The line can be unplugged and plugged in again, as a USB adapter can: the name is a link that
+    vanishes and comes back, while the device behind it may be another one. The board has its own
+    supply and does not notice.
+
+    Args:
+        board: The number that the board answers to.
+
+    Attributes:
+        port: Name of the serial port.
+        bytes_read: Bytes consumed, and acted upon, since the line was last plugged in.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "drop": "every n-th byte from the host is lost",
+            "corrupt": "every n-th byte from the host arrives with bit 0 flipped",
+            "mute": "the board answers no queries",
+            "garbage": "every n-th answer has its first digit replaced by '~'",
+        }
+    )
+
+    def __init__(self, *, board: int = 1):
+        super().__init__()
+        self._folder = tempfile.mkdtemp(prefix="sv203-")
+        self.port = os.path.join(self._folder, "port")
+        self.bytes_read = 0
+        self._board = Board(board)
+        self._changed = threading.Condition()
+        self._link: _Link | None = None
+        self._bytes_seen = 0
+        self._replies = 0
+        self.replug()
+
+    def pulses(self) -> tuple[int, ...]:
+        """Count 1 to 255 at each of the eight outputs, or 0 where there are no pulses."""
+        return self._board.pulses
+
+    def set_analogue(self, channel: int, count: int) -> None:
+        """Sets what analogue input 1 to 5 reads, 0 to 255."""
+        self._board.analogue[channel - 1] = count
+
+    def wait_until_read(self, count: int, timeout: float) -> bool:
+        """Waits until ``bytes_read`` has reached ``count``.
+
+        Args:
+            count: Bytes written by the driver since the line was last plugged in.
+            timeout: Longest wait, s of real time.
+
+        Returns:
+            Whether they were all consumed; at once ``True`` while unplugged, for then there is
+            nothing to wait for.
+        """
+        if self.bytes_read >= count:
+            return True
+        with self._changed:
+            return self._changed.wait_for(
+                lambda: self.bytes_read >= count or self._link is None, timeout
+            )
+
+    def power_cycle(self) -> None:
+        """A brown-out: the board forgets its selection and its servos jump to neutral."""
+        with self._changed:
+            self._board.power_up()
+
+    def unplug(self) -> None:
+        """Pulls the serial cable out of the host."""
+        with self._changed:
+            link, self._link = self._link, None
+            self._changed.notify_all()
+        if link is not None:
+            link.close()
+            os.unlink(self.port)
+
+    def replug(self) -> None:
+        """Plugs the cable in again."""
+        if self._link is None:
+            self.bytes_read = 0
+            self._link = _Link(self._consume)
+            os.symlink(self._link.name, self.port)
+
+    def close(self) -> None:
+        """Ends the thread and removes the port."""
+        self.unplug()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _consume(self, data: bytes) -> bytes:
+        """Acts on bytes from the host and returns the answer."""
+        received = len(data)
+        if self._faults:
+            data = self._damage(data)
+        with self._changed:
+            reply = self._board.receive(data)
+            self.bytes_read += received
+            self._changed.notify_all()
+        if reply and self._faults:
+            reply = self._damage_reply(reply)
+        return reply
+
+    def _damage(self, data: bytes) -> bytes:
+        drop, corrupt = self._faults.get("drop"), self._faults.get("corrupt")
+        kept = bytearray()
+        for byte in data:
+            self._bytes_seen += 1
+            if drop is not None and self._bytes_seen % max(drop, 1) == 0:
+                continue
+            flip = corrupt is not None and self._bytes_seen % max(corrupt, 1) == 0
+            kept.append(byte ^ flip)
+        return bytes(kept)
+
+    def _damage_reply(self, reply: bytes) -> bytes:
+        if "mute" in self._faults:
+            return b""
+        every = self._faults.get("garbage")
+        if every is None:
+            return reply
+        self._replies += 1
+        return reply if self._replies % max(every, 1) else b"~" + reply[1:]
+
+
+class _Link:
+    """One pty and the thread that reads it; asleep in ``poll`` while the line is silent."""
+
+    def __init__(self, consume: Callable[[bytes], bytes]):
+        self._consume = consume
+        # The slave stays open here: after its last close the master would only read errors.
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.name = os.ttyname(self._slave)
+        self._wake_read, self._wake_write = os.pipe()
+        self._thread = threading.Thread(target=self._run, name="sv203-emulator", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        os.write(self._wake_write, b"x")
+        self._thread.join()
+        for fd in (self._master, self._slave, self._wake_read, self._wake_write):
+            os.close(fd)
+
+    def _run(self) -> None:
+        poll = select.poll()
+        poll.register(self._master, select.POLLIN)
+        poll.register(self._wake_read, select.POLLIN)
+        while True:
+            ready = poll.poll()
+            if any(fd == self._wake_read for fd, _ in ready):
+                return
+            with suppress(BlockingIOError):
+                reply = self._consume(os.read(self._master, _CHUNK))
+                if reply:
+                    os.write(self._master, reply)  # a full line loses bytes, as a real one does

@@ -1,0 +1,177 @@
+"""The processor of an emulated SV203: bytes in, servo pulses and answers out; no I/O, no threads.
+
+Source: Pontech SV203 User Manual, revision 1.20, and the command list of the SV200, its sister
+board. Where these are silent the emulator assumes, and drivers should not rely on it: lower-case
+letters, lines over 20 characters and whatever follows something unknown are ignored; ``M0`` stops
+the pulses; neutral is count 128; the factory leaves the baud rate in EEPROM cell 9.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+OUTPUTS: Final = 8
+NEUTRAL: Final = 128
+LIMP: Final = 0
+MAX_LINE: Final = 20
+
+_FIRST_POSITION: Final = 51  # RAM cell of servo 1's count
+_EEPROM_SIZE: Final = 8191
+_MAX_BUFFER: Final = 256  # longer lines are long since void
+_TOKEN: Final = re.compile(r"[ ,]*(?:(\?)|([A-Z]{1,2}) *(-?[0-9]{1,6})?(?: +(-?[0-9]{1,6}))?)")
+
+
+class Board:
+    """State of one board.
+
+    Args:
+        number: The number that it answers to; 0 addresses every board.
+
+    Attributes:
+        pulses: Count at each output, 0 without pulses; replaced, never changed in place.
+        analogue: What the five analogue inputs read, 0 to 255.
+    """
+
+    pulses: tuple[int, ...]
+
+    def __init__(self, number: int = 1):
+        self.analogue = [0] * 5
+        self._number = number
+        self._eeprom = bytearray(b"\xff" * _EEPROM_SIZE)
+        self._eeprom[9] = 50
+        self.power_up()
+
+    def power_up(self) -> None:
+        """What happens when the supply comes (back): deselected, all servos to neutral."""
+        self._enabled = False
+        self._servo: int | None = None
+        self._line = bytearray()
+        self._ram = bytearray(256)
+        self._counts = [NEUTRAL] * OUTPUTS
+        self._pins = [False] * OUTPUTS
+        self.pulses = tuple(self._counts)
+
+    def receive(self, data: bytes) -> bytes:
+        """Takes bytes from the line and returns the answers."""
+        replies = []
+        for byte in data:
+            if byte == 0x0D:
+                if len(self._line) <= MAX_LINE:
+                    replies.append(self._execute(self._line.decode("latin-1")))
+                self._line.clear()
+            elif byte != 0x0A and len(self._line) < _MAX_BUFFER:
+                self._line.append(byte)
+        return b"".join(replies)
+
+    def _execute(self, line: str) -> bytes:
+        replies = []
+        at = 0
+        while (token := _TOKEN.match(line, at)) is not None:
+            at = token.end()
+            name = token[1] or token[2]
+            handler, *limits = self._COMMANDS.get(name, (None,))
+            if handler is None:
+                break
+            arguments = [int(text) for text in token.groups()[2:] if text is not None]
+            if name != "BD" and not self._enabled:
+                continue
+            if len(arguments) != len(limits):
+                continue
+            if all(
+                low <= value <= high for value, (low, high) in zip(arguments, limits, strict=True)
+            ):
+                reply = handler(self, *arguments)
+                if reply is not None:
+                    replies.append(f"{reply}\r")
+        return "".join(replies).encode("ascii")
+
+    def _select_board(self, number: int) -> None:
+        self._enabled = number in (0, self._number)
+
+    def _select_servo(self, number: int) -> None:
+        self._servo = number
+
+    def _move(self, count: int) -> None:
+        if self._servo is not None:
+            self._set(self._servo, count)
+
+    def _move_by(self, change: int) -> None:
+        if self._servo is not None:
+            count = self._counts[self._servo - 1] + change
+            if 0 <= count <= 255:
+                self._set(self._servo, count)
+
+    def _set(self, servo: int, count: int) -> None:
+        self._counts[servo - 1] = count
+        self.pulses = tuple(self._counts)
+
+    def _delay(self, milliseconds: int) -> None:
+        """Delays nothing: the emulated processor has no time of its own."""
+
+    def _set_pin(self, pin: int) -> None:
+        self._drive_pin(pin, True)
+
+    def _clear_pin(self, pin: int) -> None:
+        self._drive_pin(pin, False)
+
+    def _toggle_pin(self, pin: int) -> None:
+        self._drive_pin(pin, not self._pins[pin - 1])
+
+    def _drive_pin(self, pin: int, level: bool) -> None:
+        self._pins[pin - 1] = level
+        self._set(pin, LIMP)  # a steady level carries no pulses
+
+    def _read_analogue(self, channel: int) -> int:
+        return self.analogue[channel - 1]
+
+    def _spi_out(self, value: int) -> None:
+        """Goes nowhere: nothing hangs on the SPI port."""
+
+    def _spi_in(self) -> int:
+        return 0
+
+    def _write_ram(self, cell: int, value: int) -> None:
+        servo = cell - _FIRST_POSITION + 1
+        if 1 <= servo <= OUTPUTS:
+            self._set(servo, value)
+        else:
+            self._ram[cell] = value
+
+    def _read_ram(self, cell: int) -> int:
+        servo = cell - _FIRST_POSITION + 1
+        return self._counts[servo - 1] if 1 <= servo <= OUTPUTS else self._ram[cell]
+
+    def _write_eeprom(self, cell: int, value: int) -> None:
+        self._eeprom[cell] = value
+
+    def _read_eeprom(self, cell: int) -> int:
+        return self._eeprom[cell]
+
+    def _help(self) -> str:
+        return "SV203 emulator: BD SV M I D PS PC PT AD SO SI WR RR WE RE"
+
+    _COMMANDS: ClassVar = MappingProxyType[
+        str, tuple[Callable[..., int | str | None] | None, *tuple[tuple[int, int], ...]]
+    ](
+        {
+            "BD": (_select_board, (0, 255)),
+            "SV": (_select_servo, (1, OUTPUTS)),
+            "M": (_move, (0, 255)),
+            "I": (_move_by, (-128, 127)),
+            "D": (_delay, (1, 65535)),
+            "PS": (_set_pin, (1, OUTPUTS)),
+            "PC": (_clear_pin, (1, OUTPUTS)),
+            "PT": (_toggle_pin, (1, OUTPUTS)),
+            "AD": (_read_analogue, (1, 5)),
+            "SO": (_spi_out, (0, 255)),
+            "SI": (_spi_in,),
+            "WR": (_write_ram, (0, 255), (0, 255)),
+            "RR": (_read_ram, (0, 255)),
+            "WE": (_write_eeprom, (0, _EEPROM_SIZE - 1), (0, 255)),
+            "RE": (_read_eeprom, (0, _EEPROM_SIZE - 1)),
+            "?": (_help,),
+        }
+    )

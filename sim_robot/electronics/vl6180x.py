@@ -1,0 +1,174 @@
+"""An emulated VL6180X distance sensor, alone on its I²C bus.
+
+Source: ST application note AN4545 and the VL6180X data sheet. Assumed, for want of figures: how
+long convergence takes, and that a chip without its mandatory settings fails with error 4 (the
+real one measures wrongly, which would pass unnoticed).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import os
+import re
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from smbus2 import i2c_msg
+
+from robot.clock import Clock
+from sim_robot.electronics.faults import FaultSwitch
+
+TRANSFER_TIME: Final = 100e-6
+REACH_MM: Final = 200.0
+
+_SIZE: Final = 0x300
+_READ_FLAG: Final = 0x0001
+_HUNG_BUS_TIME: Final = 0.1
+_OVERHEAD_TIME: Final = 7.5e-3  # preparation and read-out
+_NEAR_TIME: Final = 1e-3  # convergence at no distance
+_LONGEST_CONVERGENCE: Final = 49e-3  # as the chip leaves reset
+
+_NO_CONVERGENCE: Final = 7
+_UNDERFLOW: Final = 12
+_UNSETTLED: Final = 4
+
+# The private registers that the application note demands, address and value in hexadecimal.
+_MANDATORY: Final = {
+    int(register, 16): int(value, 16)
+    for register, value in re.findall(
+        r"(\w+)=(\w+)",
+        "0207=01 0208=01 0096=00 0097=fd 00e3=01 00e4=03 00e5=02 00e6=01 00e7=03 00f5=02 "
+        "00d9=05 00db=ce 00dc=03 00dd=f8 009f=00 00a3=3c 00b7=00 00bb=3c 00b2=09 00ca=09 "
+        "0198=01 01b0=17 01ad=00 00ff=05 0100=05 0199=05 01a6=1b 01ac=3e 01a7=1f 0030=00",
+    )
+}
+
+
+class VL6180XEmulator(FaultSwitch):
+    """The sensor and its bus, as an object to give to the driver in place of ``smbus2.SMBus``.
+
+    Args:
+        distance_mm: Distance to the target, mm, or ``None`` where there is none; asked once per
+            measurement.
+        clock: Is charged 100 µs per transfer and times the measurements.
+
+    Attributes:
+        address: Address on the bus; 0x29 after every reset.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "nak": "the sensor acknowledges nothing",
+            "hang": "the bus hangs until the kernel gives up",
+            "busy": "no measurement ever ends",
+            "frozen": "every measurement repeats the distance of the first",
+            "error": "every measurement ends with error n",
+        }
+    )
+
+    def __init__(self, distance_mm: Callable[[], float | None], clock: Clock):
+        super().__init__()
+        self._distance = distance_mm
+        self._clock = clock
+        self._frozen: tuple[int, int] | None = None
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """A reset: every setting is lost."""
+        self.address = 0x29
+        self._registers = bytearray(_SIZE)
+        self._registers[0x000] = 0xB4
+        self._registers[0x016] = 0x01
+        self._registers[0x04D] = 0x01
+        self._index = 0
+        self._done_at: float | None = None
+        self._result = (0, 0)
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them; a frozen distance thaws."""
+        super().mend(fault)
+        self._frozen = None
+
+    def i2c_rdwr(self, *messages: i2c_msg) -> None:
+        """Carries out messages as one transfer; reads are filled in place."""
+        if "hang" in self._faults:
+            self._clock.charge(_HUNG_BUS_TIME)
+            raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
+        self._clock.charge(TRANSFER_TIME)
+        for message in messages:
+            if message.addr != self.address or "nak" in self._faults:
+                raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
+            if message.flags & _READ_FLAG:
+                self._finish()
+                data = bytes(self._read() for _ in range(message.len))
+                ctypes.memmove(message.buf, data, len(data))
+            else:
+                self._write(bytes(message))
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def _read(self) -> int:
+        value = self._registers[self._index]
+        self._index = (self._index + 1) % _SIZE
+        return value
+
+    def _write(self, data: bytes) -> None:
+        if len(data) >= 2:
+            self._index = int.from_bytes(data[:2], "big") % _SIZE
+        for value in data[2:]:
+            self._store(self._index, value)
+            self._index = (self._index + 1) % _SIZE
+
+    def _store(self, register: int, value: int) -> None:
+        if register == 0x015:
+            if value & 0x01:
+                self._registers[0x04F] &= ~0x07
+        elif register == 0x018:
+            if value & 0x01:
+                self._start()
+        elif register == 0x212:
+            self.address = value & 0x7F
+        elif register not in (0x000, 0x04D, 0x04F, 0x062):
+            self._registers[register] = value
+
+    def _start(self) -> None:
+        if self._done_at is not None:
+            return
+        distance = self._distance()
+        reached = distance is not None and distance <= REACH_MM
+        convergence = _LONGEST_CONVERGENCE
+        if distance is not None and reached:
+            convergence = _NEAR_TIME + max(distance, 0.0) / REACH_MM * _LONGEST_CONVERGENCE / 2
+        self._done_at = self._clock.now() + _OVERHEAD_TIME + convergence
+        self._result = self._measure(distance)
+        self._registers[0x04D] = 0x00
+
+    def _measure(self, distance: float | None) -> tuple[int, int]:
+        """Error code and value of a measurement."""
+        if "error" in self._faults:
+            return self._faults["error"] & 0x0F, 255
+        if any(self._registers[register] != value for register, value in _MANDATORY.items()):
+            return _UNSETTLED, 255
+        if "frozen" in self._faults and self._frozen is not None:
+            return self._frozen
+        if distance is None or distance > REACH_MM:
+            found = _NO_CONVERGENCE, 255
+        elif distance < -0.5:
+            found = _UNDERFLOW, 0
+        else:
+            found = 0, round(distance)
+        if "frozen" in self._faults:
+            self._frozen = found
+        return found
+
+    def _finish(self) -> None:
+        if self._done_at is None or self._clock.now() < self._done_at or "busy" in self._faults:
+            return
+        error, value = self._result
+        self._done_at = None
+        self._registers[0x062] = value
+        self._registers[0x04D] = error << 4 | 0x01
+        self._registers[0x04F] = self._registers[0x04F] & ~0x07 | 0x04

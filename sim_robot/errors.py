@@ -1,0 +1,26 @@
+"""What can be wrong with what a simulated robot is given.
+
+The tree::
+
+    BodyschemaError
+    ├── BodyError (ValueError)       a URDF file outside the subset
+    └── NoiseError (ValueError)      a noise file that cannot be
+"""
+
+from __future__ import annotations
+
+from protocol.errors import BodyschemaError
+
+
+class BodyError(BodyschemaError, ValueError):
+    """A URDF file that this simulator does not take; the message names file, element and reason."""
+
+    def __init__(self, file: str, element: str, reason: str):
+        self.file = file
+        self.element = element
+        self.reason = reason
+        super().__init__(": ".join(part for part in (file, element, reason) if part))
+
+
+class NoiseError(BodyschemaError, ValueError):
+    """A noise file with unknown keys or impossible values."""
