@@ -103,6 +103,8 @@ def load_config(path: Path) -> RobotConfig:
     root = read_toml(path)
     head = root.table("robot")
     name = head.text("name")
+    _check_count(root, head, "joints", "joint", 1)
+    _check_count(root, head, "touch_sensors", "touch", 0)
     head.done()
     body = root.table("body")
     board = root.table("servo_board")
@@ -144,6 +146,14 @@ def load_config(path: Path) -> RobotConfig:
     for section in (body, board, motion, daq, settling, noise, root):
         section.done()
     return config
+
+
+def _check_count(root: Section, head: Section, key: str, table: str, least: int) -> None:
+    """A file that lost its end would otherwise describe a smaller robot."""
+    said = head.integer(key, least, 32)
+    found = len(root.tables(table)) if root.has(table) else 0
+    if said != found:
+        raise head.refuse(key, f"says {said}, but {found} [[{table}]] tables follow; lost the end?")
 
 
 def _joint(section: Section) -> DrivenJoint:

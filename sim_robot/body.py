@@ -115,6 +115,12 @@ class _Checker:
 
     def _check_tree(self) -> Link:
         placed: set[str] = set()
+        for joint in self._robot.joints:
+            for role, name in (("parent", joint.parent.link), ("child", joint.child.link)):
+                if name not in self._links:
+                    raise self._refuse(
+                        f"joint '{joint.name}'", f"its {role} '{name}' is not a link of this file."
+                    )
         children = [joint.child.link for joint in self._robot.joints]
         roots = [link for link in self._robot.links if link.name not in children]
         if len(roots) != 1:
@@ -125,9 +131,6 @@ class _Checker:
         placed.add(roots[0].name)
         for joint in self._robot.joints:
             where = f"joint '{joint.name}'"
-            for role, name in (("parent", joint.parent.link), ("child", joint.child.link)):
-                if name not in self._links:
-                    raise self._refuse(where, f"its {role} '{name}' is not a link of this file.")
             if joint.child.link in placed:
                 raise self._refuse(
                     where, f"its child '{joint.child.link}' already hangs on another joint."

@@ -204,6 +204,9 @@ class DMM32:
             settled = self._await(_RANGE, _WAIT, 10e-6, "the input to settle (WAIT)")
             if settled & 0x0F != self.range.code:
                 raise self._broken(f"range code 0x{self.range.code:x} reads 0x{settled & 0xF:x}")
+            channel = self._read(_CONTROL) & 0x1F
+            if channel != low:
+                raise self._broken(f"channel {low} was selected and it stands at {channel}")
             duration = _CONVERSION_TIME
             if count > 1:
                 self._write(_FIFO, _SCAN_ENABLE)

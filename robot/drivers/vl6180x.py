@@ -103,7 +103,6 @@ class VL6180X:
             self._write(_FRESH_OUT_OF_RESET, 0)
         for register, value in _RECOMMENDED:
             self._write(register, value)
-        self._write(_INTERRUPT_CLEAR, 0x07)
 
     def range_mm(self) -> int | None:
         """Measures once; takes about 10 ms, and up to 0.1 s without a target.
@@ -116,12 +115,11 @@ class VL6180X:
             DeviceError: The sensor is gone, was reset, hangs or reports an error of its own.
         """
         self._await_ready()
-        self._write(_INTERRUPT_CLEAR, 0x07)  # whatever an abandoned measurement left
+        self._write(_INTERRUPT_CLEAR, 0x07)  # of the last measurement, maybe an abandoned one
         self._write(_RANGE_START, 0x01)
         self._clock.sleep(_FIRST_LOOK)
         self._await_sample()
         status, value = self._read_both(_RANGE_STATUS, _RANGE_VALUE)
-        self._write(_INTERRUPT_CLEAR, 0x07)
         error = status >> 4
         if error == 0:
             return value

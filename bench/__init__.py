@@ -1,0 +1,1 @@
+"""Benchmarks: ``make bench`` prints what things cost; nothing here is a test."""

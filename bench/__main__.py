@@ -1,0 +1,8 @@
+"""Runs every benchmark."""
+
+from __future__ import annotations
+
+from bench import robot_cost
+
+if __name__ == "__main__":
+    robot_cost.main()

@@ -1,0 +1,87 @@
+"""What the robot's side costs: the idle daemon, and one interaction in virtual time."""
+
+from __future__ import annotations
+
+import logging
+import math
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import psutil
+
+from protocol.client import RobotClient
+from protocol.messages import Perform
+from protocol.robot import Finished
+from sim_robot.body import default_body_path, load_body
+from sim_robot.daemon import simulated_robot
+from sim_robot.noise import NoiseLevels
+
+IDLE_SECONDS = 20.0
+INTERACTIONS = 40
+
+
+@contextmanager
+def _daemon() -> Iterator[tuple[psutil.Process, str]]:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "bench.still_robotd", "tcp://127.0.0.1:*"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    try:
+        yield psutil.Process(process.pid), process.stdout.readline().strip()
+    finally:
+        process.terminate()
+        process.communicate(timeout=10)
+
+
+def idle_daemon() -> tuple[float, float]:
+    """Resident memory (MB) and CPU share (%) of an idle daemon with one client connected."""
+    with _daemon() as (process, uri), RobotClient(uri) as client:
+        client.acquire()
+        client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
+        before = process.cpu_times()
+        time.sleep(IDLE_SECONDS)
+        after = process.cpu_times()
+        spent = after.user + after.system - before.user - before.system
+        return process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
+
+
+def interaction() -> float:
+    """Milliseconds of one core for one interaction of the simulated quadruped."""
+    rng = random.Random(0)
+    with simulated_robot(
+        load_body(default_body_path()),
+        seed=0,
+        levels=NoiseLevels(),
+        real_time=False,
+        attendant=True,
+        log=logging.getLogger("bench"),
+    ) as robot:
+        controller = robot.controller
+        joints = controller.capabilities.joints
+        controller.start()
+        start = time.process_time()
+        for ticket in range(INTERACTIONS):
+            targets = {
+                joint.name: math.radians(rng.uniform(-30, 30)) if index < 4 else 0.0
+                for index, joint in enumerate(joints)
+            }
+            controller.submit(ticket, Perform(id=ticket, client="b", session="b", targets=targets))
+            while not any(isinstance(event, Finished) for event in controller.events()):
+                time.sleep(0.001)
+        spent = time.process_time() - start
+        controller.shut_down()
+    return 1000 * spent / INTERACTIONS
+
+
+def main() -> None:
+    """Prints the three figures with their aims."""
+    memory, share = idle_daemon()
+    print(f"robotd, idle, telemetry at 2 Hz: {memory:.1f} MB resident (aim: under 40)")
+    print(f"robotd, idle, telemetry at 2 Hz: {share:.2f} % of a core (aim: under 2)")
+    print(f"sim-robotd: {interaction():.0f} ms of a core per interaction (aim: at most 150)")

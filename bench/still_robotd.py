@@ -1,0 +1,24 @@
+"""``robotd`` on emulated electronics in a world that never moves: what the daemon itself costs."""
+
+from __future__ import annotations
+
+import logging
+import sys
+
+from protocol.server import Server
+from robot.clock import WallClock
+from robot.daemon import HOUSEKEEPING, serve
+from sim_robot.still import still_robot
+
+
+def main() -> None:
+    """Serves on the address given as argument until SIGTERM."""
+    log = logging.getLogger("robotd")
+    with still_robot(WallClock(), housekeeping=HOUSEKEEPING, log=log) as robot:
+        server = Server(robot.controller, bind=sys.argv[1], telemetry_rate=2.0, log=log)
+        print(server.endpoint, flush=True)
+        serve(robot.controller, server, log)
+
+
+if __name__ == "__main__":
+    main()

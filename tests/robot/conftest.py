@@ -1,0 +1,23 @@
+"""Fixtures of the robot's tests."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import pytest
+
+from sim_robot.still import still_robot
+from tests.robot.stepped import Bench, SteppedClock
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    clock = SteppedClock()
+    with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
+        found = Bench(robot, clock)
+        robot.controller.set_notify(found.notify)
+        robot.controller.start()
+        yield found
+        clock.free()
+        assert robot.controller.shut_down()

@@ -1,0 +1,93 @@
+"""The world: it holds its poses, forgets its past, and is what the sensors are told."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_robot.body import default_body_path, load_body
+from sim_robot.world import World
+
+LOG = logging.getLogger("world")
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World(load_body(default_body_path()), log=LOG) as found:
+        yield found
+
+
+def rest(world: World, degrees: list[float], seconds: float = 3.0) -> None:
+    """One interaction: flat, then the pose."""
+    world.set_targets([0.0] * 8)
+    world.lay_down()
+    start = world.steps / 240
+    world.advance_to(start + 0.3)
+    world.set_targets([math.radians(value) for value in degrees])
+    world.advance_to(start + 0.3 + seconds)
+
+
+def test_the_default_body_holds_every_pose(world: World) -> None:
+    corners = [list(corner) + [0.0] * 4 for corner in itertools.product((-30.0, 30.0), repeat=4)]
+    rng = np.random.default_rng(7)
+    inside = [[*rng.uniform(-30, 30, 4), 0.0, 0.0, 0.0, 0.0] for _ in range(64)]
+    for degrees in corners + inside:
+        rest(world, degrees)
+        assert math.degrees(world.largest_miss()) < 0.1, degrees
+
+
+def test_laid_down_it_lies_flat(world: World) -> None:
+    rest(world, [-30.0, 20.0, 10.0, 30.0, 0.0, 0.0, 0.0, 0.0])
+    world.set_targets([0.0] * 8)
+    world.lay_down()
+    assert world.up() == pytest.approx((0, 0, 1), abs=1e-9)
+    assert world.clearance() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_pose_does_not_depend_on_the_one_before(world: World) -> None:
+    pose = [-25.0, 5.0, -12.0, 8.0, 0.0, 0.0, 0.0, 0.0]
+    rest(world, pose)
+    first = (world.up(), world.clearance(), world.loads())
+    rest(world, [30.0, -30.0, 30.0, -30.0, 0.0, 0.0, 0.0, 0.0])
+    rest(world, pose)
+    assert (world.up(), world.clearance(), world.loads()) == first
+
+
+def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
+    down = 30.0
+    rest(world, [-down] * 4 + [0.0] * 4)
+    # Foot sphere of 6 mm at 0.095 + 0.119 m from the hip, which is 42.5 mm above the belly.
+    expected = (0.095 + 0.119) * math.sin(math.radians(down)) + 0.006 - 0.0425
+    assert world.clearance() == pytest.approx(expected, abs=1e-3)
+    assert world.up() == pytest.approx((0, 0, 1), abs=2e-3)
+    weight = (0.6 + 4 * 0.13) * 9.81
+    assert sum(world.loads()) == pytest.approx(weight, rel=0.02)
+    assert max(world.gaps()) < 1e-3
+
+
+def test_tilt_signs(world: World) -> None:
+    rest(world, [-30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # pushes the left side up
+    assert math.degrees(math.asin(world.up()[1])) > 3
+    rest(world, [0.0, -30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # pushes the nose up
+    assert math.degrees(math.asin(world.up()[0])) > 3
+
+
+def test_a_servo_moves_at_60_degrees_a_second(world: World) -> None:
+    world.set_targets([math.radians(30)] * 8)
+    world.advance_to(0.25)
+    assert math.degrees(world.largest_miss()) == pytest.approx(15, abs=1)
+
+
+def test_a_weak_servo_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = tmp_path / "weak.urdf"
+    text = default_body_path().read_text(encoding="utf-8")
+    file.write_text(text.replace('effort="1.412"', 'effort="0.2"'), encoding="utf-8")
+    with World(load_body(file), log=LOG) as world:
+        rest(world, [-30.0] * 4 + [0.0] * 4)
+    assert "too weak" in caplog.text
