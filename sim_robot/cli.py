@@ -10,7 +10,8 @@ from pathlib import Path
 
 from protocol.errors import BodyschemaError
 from protocol.server import Server
-from robot.cli import add_server_options, set_up_logging
+from robot.cli import set_up_logging
+from robot.commands.run import add_server_arguments
 from robot.daemon import serve
 from sim_robot.body import default_body_path, load_body
 from sim_robot.noise import load_noise
@@ -82,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_false",
         help="leave the body as it fell, instead of laying it down before each interaction",
     )
-    add_server_options(parser)
+    add_server_arguments(parser)
     return parser
 
 

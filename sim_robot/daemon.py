@@ -16,7 +16,7 @@ from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.noise import Noise, NoiseLevels
-from sim_robot.wiring import Wiring, configure
+from sim_robot.wiring import REACH, RECESS, Wiring, configure
 from sim_robot.world import World
 
 SYNCHRONISE_TIMEOUT = 2.0  # s of real time for the emulated board to read what was written
@@ -90,7 +90,7 @@ def simulated_robot(
 
         clock = RealTimeClock(advance) if real_time else VirtualClock(advance)
         daq = DMM32Emulator(wiring.volts, clock)
-        distance = VL6180XEmulator(wiring.distance_mm, clock)
+        distance = VL6180XEmulator(wiring.distance_mm, clock, reach_mm=int(1000 * (REACH + RECESS)))
         config = configure(body, port=board.port, levels=levels)
         devices = start_devices(
             config,

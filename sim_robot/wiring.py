@@ -118,7 +118,7 @@ class Wiring:
     def distance_mm(self) -> float | None:
         """What the distance sensor is exposed to, mm; ``None`` beyond its sight."""
         clearance = self._world.clearance()
-        if clearance is None or clearance > REACH:
+        if clearance is None:
             return None
         return (clearance + self._noise.clearance() + RECESS) * 1000
 

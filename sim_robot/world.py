@@ -163,17 +163,14 @@ class World:
                 physicsClientId=client,
             )
         self._index_links()
-        for part in (self._ground, self._robot):
-            count = pybullet.getNumJoints(part, physicsClientId=client)
-            for link in range(-1, count):
-                pybullet.changeDynamics(
-                    part, link, lateralFriction=FRICTION, physicsClientId=client
-                )
+        # Coefficients multiply, so with 1 for the ground the body's is the pair's.
+        pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, physicsClientId=client)
         for link in range(-1, pybullet.getNumJoints(self._robot, physicsClientId=client)):
             inertia = pybullet.getDynamicsInfo(self._robot, link, physicsClientId=client)[2]
             pybullet.changeDynamics(
                 self._robot,
                 link,
+                lateralFriction=FRICTION,
                 localInertiaDiagonal=[max(MIN_INERTIA, value) for value in inertia],
                 physicsClientId=client,
             )

@@ -21,7 +21,6 @@ from robot.clock import Clock
 from sim_robot.electronics.faults import FaultSwitch
 
 TRANSFER_TIME: Final = 100e-6
-REACH_MM: Final = 200.0
 
 _SIZE: Final = 0x300
 _READ_FLAG: Final = 0x0001
@@ -53,6 +52,7 @@ class VL6180XEmulator(FaultSwitch):
         distance_mm: Distance to the target, mm, or ``None`` where there is none; asked once per
             measurement.
         clock: Is charged 100 µs per transfer and times the measurements.
+        reach_mm: Farthest target that is still seen; at most 255.
 
     Attributes:
         address: Address on the bus; 0x29 after every reset.
@@ -68,8 +68,15 @@ class VL6180XEmulator(FaultSwitch):
         }
     )
 
-    def __init__(self, distance_mm: Callable[[], float | None], clock: Clock):
+    def __init__(
+        self,
+        distance_mm: Callable[[], float | None],
+        clock: Clock,
+        *,
+        reach_mm: float = 200.0,
+    ):
         super().__init__()
+        self._reach = reach_mm
         self._distance = distance_mm
         self._clock = clock
         self._frozen: tuple[int, int] | None = None
@@ -138,10 +145,10 @@ class VL6180XEmulator(FaultSwitch):
         if self._done_at is not None:
             return
         distance = self._distance()
-        reached = distance is not None and distance <= REACH_MM
+        reached = distance is not None and distance <= self._reach
         convergence = _LONGEST_CONVERGENCE
         if distance is not None and reached:
-            convergence = _NEAR_TIME + max(distance, 0.0) / REACH_MM * _LONGEST_CONVERGENCE / 2
+            convergence = _NEAR_TIME + max(distance, 0.0) / self._reach * _LONGEST_CONVERGENCE / 2
         self._done_at = self._clock.now() + _OVERHEAD_TIME + convergence
         self._result = self._measure(distance)
         self._registers[0x04D] = 0x00
@@ -154,7 +161,7 @@ class VL6180XEmulator(FaultSwitch):
             return _UNSETTLED, 255
         if "frozen" in self._faults and self._frozen is not None:
             return self._frozen
-        if distance is None or distance > REACH_MM:
+        if distance is None or distance > self._reach:
             found = _NO_CONVERGENCE, 255
         elif distance < -0.5:
             found = _UNDERFLOW, 0

@@ -1,0 +1,28 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from robot.clock import SteppedClock
+from robot.drivers.sv203 import SV203, open_serial
+from sim_robot.electronics.sv203 import SV203Emulator
+
+
+@pytest.fixture
+def clock() -> SteppedClock:
+    return SteppedClock()
+
+
+@pytest.fixture
+def servo_board() -> Iterator[SV203Emulator]:
+    emulator = SV203Emulator()
+    yield emulator
+    emulator.close()
+
+
+@pytest.fixture
+def servos(servo_board: SV203Emulator, clock: SteppedClock) -> Iterator[SV203]:
+    driver = SV203(open_serial(servo_board.port), clock=clock)
+    yield driver
+    driver.close()

@@ -1,0 +1,69 @@
+"""The robot's side runs on Debian 12's own package versions: all that a 32-bit PC-104 can install.
+
+They are installed into an environment of their own; a daemon there serves a client there.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DEBIAN_12 = ("pyzmq==24.0.1", "msgpack==1.0.3", "pyserial==3.5", "smbus2==0.4.2")
+
+SCRIPT = """
+import logging, sys, threading
+from protocol.client import RobotClient
+from protocol.server import Server
+from protocol.telemetry import TelemetrySubscriber
+from robot.clock import WallClock
+from sim_robot.still import still_robot
+
+log = logging.getLogger("robotd")
+with still_robot(WallClock(), housekeeping=None, log=log) as robot:
+    with Server(robot.controller, bind="tcp://127.0.0.1:*", log=log) as server:
+        thread = threading.Thread(target=server.run)
+        thread.start()
+        robot.controller.start()
+        with RobotClient(server.endpoint) as client:
+            client.acquire()
+            targets = {joint.name: 0.1 for joint in client.capabilities.joints}
+            seen = client.perform(targets)
+            with TelemetrySubscriber(client.capabilities.telemetry) as telemetry:
+                print(telemetry.next(timeout=5).state)
+        robot.controller.shut_down()
+        server.request_stop()
+        thread.join()
+assert seen.settled and len(seen.angles) == 8, seen
+assert not {"numpy", "pybullet", "pydantic"} & sys.modules.keys()
+print("good")
+"""
+
+
+@pytest.mark.timeout(180)
+def test_a_daemon_and_a_client_run_on_debian_12_versions(tmp_path: Path) -> None:
+    venv.create(tmp_path / "venv", with_pip=True)
+    python = tmp_path / "venv" / "bin" / "python"
+    pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*pip, *DEBIAN_12], check=True)
+    source = tmp_path / "source"  # building leaves files behind, which are not for the checkout
+    ignored = shutil.ignore_patterns(".*", "build", "*.egg-info", "tests", "docs")
+    shutil.copytree(ROOT, source, ignore=ignored)
+    subprocess.run([*pip, "--no-deps", str(source)], check=True)
+    # -I: nothing of this checkout or of this environment is visible, only what was installed.
+    done = subprocess.run(
+        [str(python), "-I", "-W", "error", "-c", SCRIPT],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        cwd=tmp_path,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["holding", "good"]
+    assert sys.version_info[:2] == (3, 11)  # Debian 12's Python
