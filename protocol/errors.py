@@ -7,6 +7,7 @@ The tree::
     │   ├── LocalProtocolError (ValueError)   you tried to build an illegal message
     │   └── RemoteProtocolError               the peer sent an illegal frame
     ├── RobotError                            the robot answered a request with an error
+    ├── EndpointError (ValueError)            an address that cannot be bound or connected to
     ├── RobotUnreachableError (TimeoutError)  nothing answered in time
     └── RobotRestartedError                   the daemon restarted; a move's fate is unknown
 
@@ -64,6 +65,10 @@ class RobotError(BodyschemaError):
         self.advice = advice if advice is not None else kind.advice
         self.retryable = kind.retryable
         super().__init__(f"{message} {self.advice}".strip())
+
+
+class EndpointError(BodyschemaError, ValueError):
+    """An address is no address, is in use, or may not be used without keys."""
 
 
 class RobotUnreachableError(BodyschemaError, TimeoutError):

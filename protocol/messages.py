@@ -226,7 +226,7 @@ class Observation(Reply):
         robot_time: Robot clock at the end of sampling, s.
         monotonic: The robot computer's monotonic clock at the same moment, s.
         angles: The angles actually commanded after quantisation and clamping, rad.
-        saturated_joints: Joints whose target had to be clamped.
+        saturated_joints: Joints that stand at the end of their reachable range.
         touch: One bit per touch sensor, or ``None`` without touch sensors.
         tilt: Left/right and forward/back tilt, rad (left side up and nose up are positive).
         clearance: Belly to ground along the belly's normal, m.

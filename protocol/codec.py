@@ -1,0 +1,152 @@
+"""Maps to msgpack frames and back, strictly.
+
+A frame is exactly one map with string keys, at most 64 KiB long. Within it: nil, booleans,
+integers within ±(2**53 - 1), finite floats, UTF-8 strings, arrays and maps; no binary, no
+extension types, no duplicate keys, nothing after the map. So every frame that passes means the same
+in every language.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NoReturn
+
+import msgpack
+
+from protocol.checks import MAX_INTEGER
+from protocol.errors import LocalProtocolError, RemoteProtocolError
+
+MAX_FRAME: Final = 65_536
+"""Longest frame, bytes."""
+
+MAX_MESSAGE: Final = 1 << 20
+"""Bytes beyond which libzmq drops the connection unanswered; in between, ``too_large``."""
+
+MAX_NESTING: Final = 16
+"""Deepest nesting of maps and arrays, the frame's own map included."""
+
+MAX_LENGTH: Final = 1024
+"""Most items of one array or map: keeps what a hostile header can make us allocate small."""
+
+_WORDLESS: Final = {
+    "FormatError": "it holds an invalid byte",
+    "StackError": "it is nested too deeply",
+}
+
+
+def encode(found: Mapping[str, Any]) -> bytes:
+    """Encodes a message's map; keys keep their order, floats take 8 bytes, integers the fewest.
+
+    Raises:
+        LocalProtocolError: The map holds what a frame may not, or takes more than 64 KiB.
+    """
+    flaw = _flaw(found, 1)
+    if flaw is not None:
+        raise LocalProtocolError(f"A message cannot hold {flaw}.")
+    try:
+        frame: bytes = msgpack.packb(dict(found), use_bin_type=True)
+    except (ValueError, TypeError) as error:
+        raise LocalProtocolError(f"The message cannot be encoded: {error}.") from None
+    if len(frame) > MAX_FRAME:
+        raise LocalProtocolError(
+            f"The message takes {len(frame)} bytes; a frame has at most {MAX_FRAME}."
+        )
+    return frame
+
+
+def decode(frame: bytes) -> dict[str, Any]:
+    """Decodes a frame.
+
+    Raises:
+        RemoteProtocolError: ``too_large`` beyond 64 KiB, else ``malformed``; it carries the
+            request's id where that could be read.
+    """
+    if len(frame) > MAX_FRAME:
+        raise RemoteProtocolError(
+            f"The frame has {len(frame)} bytes; at most {MAX_FRAME} are allowed.", code="too_large"
+        )
+    try:
+        found = msgpack.unpackb(
+            frame,
+            raw=False,
+            strict_map_key=True,
+            object_pairs_hook=_map_of,
+            ext_hook=_refuse_extension,
+            max_array_len=MAX_LENGTH,
+            max_map_len=MAX_LENGTH,
+        )
+    except UnicodeDecodeError:
+        raise RemoteProtocolError("The frame holds a string that is not UTF-8.") from None
+    except (ValueError, msgpack.exceptions.UnpackException) as error:
+        sentence = str(error).strip().rstrip(".") or _WORDLESS.get(type(error).__name__, "invalid")
+        raise RemoteProtocolError(f"The frame is not one msgpack map: {sentence:.200}.") from None
+    if not isinstance(found, dict):
+        raise RemoteProtocolError(f"The frame holds {_kind(found)} instead of a map.")
+    flaw = _flaw(found, 1)
+    if flaw is not None:
+        raise RemoteProtocolError(f"A frame cannot hold {flaw}.", request_id=request_id_of(found))
+    return found
+
+
+def request_id_of(found: Mapping[str, Any]) -> int | None:
+    """The id in a decoded map, or ``None`` where it has no valid one."""
+    value = found.get("id")
+    if isinstance(value, bool) or not isinstance(value, int):
+        return None
+    return value if 0 <= value <= MAX_INTEGER else None
+
+
+def _map_of(pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if not isinstance(key, str):
+            raise RemoteProtocolError(f"A map has the key {key!r:.60}; keys must be strings.")
+        if key in found:
+            raise RemoteProtocolError(f"A map has the key {key!r:.60} twice.")
+        found[key] = value
+    return found
+
+
+def _refuse_extension(code: int, data: bytes) -> NoReturn:
+    raise RemoteProtocolError(f"The frame holds extension type {code}; none is allowed.")
+
+
+def _flaw(value: Any, depth: int) -> str | None:  # noqa: PLR0911 - one line per kind of value
+    if value is None or isinstance(value, bool):
+        return None
+    if isinstance(value, str):
+        return None if value.isascii() or _is_unicode(value) else "a string that is not Unicode"
+    if isinstance(value, int):
+        return None if abs(value) <= MAX_INTEGER else f"the integer {value}, beyond ±(2^53-1)"
+    if isinstance(value, float):
+        return None if math.isfinite(value) else f"the number {value}"
+    if not isinstance(value, Mapping | list | tuple):
+        return _kind(value)
+    if depth > MAX_NESTING:
+        return f"more than {MAX_NESTING} levels of nesting"
+    if len(value) > MAX_LENGTH:
+        return f"an array or map of more than {MAX_LENGTH} items"
+    children = value
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str) or not _is_unicode(key):
+                return f"the key {key!r:.60}"
+        children = list(value.values())
+    return next((flaw for item in children if (flaw := _flaw(item, depth + 1))), None)
+
+
+def _is_unicode(value: str) -> bool:
+    return not any("\ud800" <= character <= "\udfff" for character in value)
+
+
+def _kind(value: Any) -> str:
+    return {
+        bytes: "binary data",
+        list: "an array",
+        str: "a string",
+        int: "an integer",
+        float: "a number",
+        bool: "a boolean",
+        type(None): "nil",
+    }.get(type(value), f"a {type(value).__name__}")

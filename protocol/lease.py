@@ -1,0 +1,67 @@
+"""Who controls the robot, and whether that client is still there."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+HEARTBEAT: Final = 1.0
+"""Seconds between a client's signs of life."""
+
+SILENCE: Final = 5.0
+"""Seconds without a word from the controller after which the robot holds."""
+
+EXPIRY: Final = 30.0
+"""Seconds without a word from the controller after which the robot is free."""
+
+
+class Lapse(Enum):
+    """What the passing of time does to a lease."""
+
+    SILENT = "silent"  # the controller fell silent
+    FREED = "freed"  # the controller lost the robot
+
+
+class Lease:
+    """At most one controller; the transport clock decides whether it is still heard of."""
+
+    def __init__(self) -> None:
+        self.holder: str | None = None
+        self._heard = 0.0
+        self._silent = False
+
+    @property
+    def deadline(self) -> float | None:
+        """When ``lapse`` next has something to say; ``None`` while nobody controls."""
+        if self.holder is None:
+            return None
+        return self._heard + (EXPIRY if self._silent else SILENCE)
+
+    def take(self, client: str, now: float) -> None:
+        """Gives the robot, which must be free or the client's own, to a client."""
+        self.holder = client
+        self.hear(client, now)
+
+    def free(self) -> None:
+        """Takes the robot from whoever has it."""
+        self.holder = None
+        self._silent = False
+
+    def hear(self, client: str, now: float) -> None:
+        """Notes a sign of life."""
+        if client == self.holder:
+            self._heard = now
+            self._silent = False
+
+    def lapse(self, now: float) -> list[Lapse]:
+        """What has happened since the last call, each once."""
+        found: list[Lapse] = []
+        if self.holder is None:
+            return found
+        if not self._silent and now >= self._heard + SILENCE:
+            self._silent = True
+            found.append(Lapse.SILENT)
+        if now >= self._heard + EXPIRY:
+            self.free()
+            found.append(Lapse.FREED)
+        return found

@@ -1,0 +1,115 @@
+"""What the server asks of a robot: one small interface, with no socket in sight.
+
+The server owns a thread and the wire; the robot owns its control loop. Requests go in through
+``submit``; what became of them comes back as events, which the server drains when the robot calls
+the function given to ``set_notify``. Sessions, ids, lease and silence are the server's business: a
+robot only sees requests that somebody was allowed to make.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
+
+from protocol.capabilities import Capabilities
+from protocol.messages import Clear, ErrorReply, Hold, Observation, Ok, Perform, Read, Relax, Stop
+from protocol.states import State
+
+RobotRequest: TypeAlias = Perform | Read | Hold | Relax | Stop | Clear
+"""What reaches a robot; the server deals with every other request by itself."""
+
+FinalReply: TypeAlias = Observation | Ok | ErrorReply
+"""How a robot ends a request: ``Perform`` and ``Read`` with an observation, the others with ok."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Snapshot:
+    """A robot at one moment.
+
+    Attributes:
+        state: What it is doing.
+        robot_time: Robot clock, s.
+        sequence: Sequence number of the last observation, 0 before the first.
+        angles: The angles last commanded, after quantisation and clamping, by joint, rad.
+        reason: Why it is in this state, where there is something to say (fault, stop, silence).
+    """
+
+    state: State
+    robot_time: float
+    sequence: int
+    angles: Mapping[str, float]
+    reason: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progressed:
+    """A motion went on; ``phase`` and ``fraction`` as in ``protocol.messages.Progress``."""
+
+    ticket: int
+    phase: str
+    fraction: float
+    robot_time: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finished:
+    """A request ended, well or not; the reply carries the id of the request."""
+
+    ticket: int
+    reply: FinalReply
+
+
+RobotEvent: TypeAlias = Progressed | Finished
+
+
+class Robot(Protocol):
+    """A robot as the server sees it.
+
+    The server calls every method from its own thread; ``submit``, ``silence`` and
+    ``controller_changed`` must return within about a millisecond.
+    """
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What the robot is; constant. The server fills in telemetry endpoint and rate."""
+        ...
+
+    def submit(self, ticket: int, request: RobotRequest) -> None:
+        """Takes on a request; exactly one ``Finished`` with this ticket must follow.
+
+        ``Perform`` names every joint once and within its limits. Tickets grow and are never
+        reused. After a refusal no event with this ticket may follow.
+
+        Raises:
+            RobotError: The robot refuses (``busy``, ``stopped``, ``fault``, …).
+        """
+        ...
+
+    def silence(self) -> None:
+        """Nobody steers any more: the controller fell silent or let go in mid-motion.
+
+        Hold the present pose, end a ``Perform`` with ``aborted_silent``, say so in ``reason``.
+        Called once per silence, whatever the state.
+        """
+        ...
+
+    def controller_changed(self, client: str | None) -> None:
+        """Another client controls the robot from now on, or nobody does (``None``).
+
+        Called before the new controller's acquire is answered: the moment to note that the zero
+        pose must be taken anew.
+        """
+        ...
+
+    def snapshot(self) -> Snapshot:
+        """The robot now: instantly, whatever the control loop is doing."""
+        ...
+
+    def events(self) -> Sequence[RobotEvent]:
+        """Takes out the events that wait, oldest first, without blocking."""
+        ...
+
+    def set_notify(self, notify: Callable[[], None]) -> None:
+        """Gives the function to call, from any thread, whenever events begin to wait."""
+        ...
