@@ -18,7 +18,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 demo: $(READY) ## A simulated robot is identified over the wire, and the result is scored
-	$(BIN)/python -m bench.demo
+	PATH="$(abspath $(BIN)):$$PATH" docs/demo.sh demo
 
 test: $(READY) ## Run all tests
 	$(BIN)/python -m pytest

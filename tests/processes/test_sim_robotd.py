@@ -80,7 +80,7 @@ def test_a_second_controller_is_told_who_holds_it() -> None:
 def test_wrong_targets_are_refused(change: Mapping[str, float] | None, code: str) -> None:
     with simulator() as robot, RobotClient(robot.uri) as client:
         client.acquire()
-        targets = program(client) | change if change else {"hip_left": 0.1}
+        targets = program(client) | dict(change) if change else {"hip_left": 0.1}
         with pytest.raises(RobotError) as refused:
             client.perform(targets)
         assert refused.value.code == code

@@ -1,0 +1,214 @@
+"""``estimator``: identifies a robot's body, and says how good the result is.
+
+Exit codes: 0 done, 1 failed (with a sentence), 2 wrong usage.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import sqlite3
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Annotated, NoReturn, TypeAlias
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from estimator.error import MODALITIES
+from estimator.errors import RunDirectoryError
+from estimator.genome import Genome
+from estimator.report.files import LENGTHS_WITH_TRUTH, VALIDATION, replace, write_report
+from estimator.report.plots import plot_lengths
+from estimator.report.tables import print_result, print_score, print_validation
+from estimator.run import BACKENDS, Order, identify, in_processes, problem_of, reconnect, resume
+from estimator.score import Score, score
+from estimator.screen import Screen
+from estimator.store import DATABASE, RunStore
+from estimator.validate import validate
+from protocol.errors import BodyschemaError
+
+app = typer.Typer(
+    help="Identifies a robot's body from what it feels when it moves.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+out = Console()
+err = Console(stderr=True)
+
+Directory: TypeAlias = Annotated[Path, typer.Argument(help="A run directory.", metavar="DIR")]
+Robot: TypeAlias = Annotated[
+    str, typer.Option(help="tcp://HOST:PORT, file:READINGS.csv or replay:DIR.")
+]
+Jobs: TypeAlias = Annotated[
+    int, typer.Option(min=1, help="Worker processes; the result does not depend on it.")
+]
+CORES = len(os.sched_getaffinity(0))
+
+
+@app.command("identify")
+def identify_command(
+    *,
+    robot: Robot,
+    problem: Annotated[str, typer.Option(help="A problem's name, or a .toml file.")],
+    interactions: Annotated[
+        int | None, typer.Option(min=1, help="Default: the problem's, or all that were recorded.")
+    ] = None,
+    physics: Annotated[
+        str, typer.Option(help=f"What predicts a model's readings: {', '.join(BACKENDS)}.")
+    ] = BACKENDS[0],
+    modalities: Annotated[
+        str, typer.Option(help="Sensors that count, separated by commas.")
+    ] = ",".join(MODALITIES),
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Source of all randomness. Default: a new one.")
+    ] = None,
+    population: Annotated[
+        int | None, typer.Option(min=2, help="Models, an even number. Default: the problem's.")
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(min=1, help="After each interaction. Default: the problem's.")
+    ] = None,
+    jobs: Jobs = CORES,
+    directory: Annotated[
+        Path | None, typer.Option("--out", help="Run directory. Default: a new one in runs/.")
+    ] = None,
+) -> None:
+    """Identify a robot: act, sense, model, again and again."""
+    chosen = secrets.randbelow(2**32) if seed is None else seed
+    name = f"{time.strftime('%Y%m%d-%H%M%S')}-{Path(problem).stem}-{chosen}"
+    place = directory or Path("runs") / name
+    order = Order(
+        robot=robot,
+        problem=problem,
+        seed=chosen,
+        physics=physics,
+        modalities=tuple(item.strip() for item in modalities.split(",")),
+        interactions=interactions,
+        population=population,
+        generations=generations,
+    )
+    with _sentences(place), Screen(err) as screen:
+        result = identify(place, order, in_processes(jobs), screen)
+    print_result(out, result)
+    _print_place(place)
+
+
+@app.command("resume")
+def resume_command(
+    directory: Directory,
+    robot: Annotated[
+        str | None, typer.Option(help="Where the robot is now. Default: where it was.")
+    ] = None,
+    jobs: Jobs = CORES,
+) -> None:
+    """Go on with an interrupted run; the result is that of an uninterrupted one."""
+    with _sentences(directory), Screen(err) as screen:
+        result = resume(directory, in_processes(jobs), screen, robot=robot)
+    print_result(out, result)
+    _print_place(directory)
+
+
+@app.command("show")
+def show_command(directory: Directory) -> None:
+    """Show how far a run has come; rewrites its result.json, readings.csv and plots."""
+    with _sentences(None), RunStore.open(directory, to_write=False) as store:
+        print_result(out, write_report(store, problem_of(store)))
+    _print_place(directory)
+
+
+@app.command("score")
+def score_command(
+    directory: Directory,
+    truth: Annotated[Path, typer.Option(help="The robot's URDF.")],
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
+    jobs: Jobs = CORES,
+) -> None:
+    """Compare the best model with the true body (the objective error)."""
+    with _sentences(None), RunStore.open(directory, to_write=False) as store:
+        problem = problem_of(store)
+        world = problem.settings(store.capabilities)
+        with closing(in_processes(jobs)(store.settings.physics, world)) as physics:
+            found = score(store, problem, truth, physics)
+        _plot_with_truth(store, found)
+    if as_json:
+        typer.echo(found.model_dump_json(indent=2))
+    else:
+        print_score(out, found)
+        out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
+
+
+@app.command("validate")
+def validate_command(
+    directory: Directory,
+    robot: Robot,
+    programs: Annotated[int, typer.Option(min=1, help="Fresh motor programs.")] = 20,
+    jobs: Jobs = CORES,
+) -> None:
+    """Predict fresh motor programs, then perform them (the prediction error)."""
+    with _sentences(None), RunStore.open(directory) as store, Screen(err) as screen:
+        problem = problem_of(store)
+        world = problem.settings(store.capabilities)
+        with (
+            closing(in_processes(jobs)(store.settings.physics, world)) as physics,
+            closing(reconnect(store, problem, robot, screen)) as link,
+        ):
+            found = validate(store, problem, physics, link, programs=programs, listener=screen)
+        text = found.model_dump_json(indent=2) + "\n"
+        replace(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
+    print_validation(out, found)
+    out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)
+
+
+def main() -> None:
+    """The ``estimator`` command."""
+    app()
+
+
+def _plot_with_truth(store: RunStore, found: Score) -> None:
+    problem = problem_of(store)
+    genome = Genome(problem, problem.base(store.capabilities))
+    generations = store.generations()
+    replace(
+        store.directory / LENGTHS_WITH_TRUTH,
+        lambda path: plot_lengths(
+            path, generations, genome, found.joints, np.array(found.true_lengths_m).tolist()
+        ),
+    )
+
+
+def _print_place(directory: Path) -> None:
+    out.print(f"Run: {directory} (result.json, readings.csv, plots/)", soft_wrap=True)
+
+
+@contextmanager
+def _sentences(run: Path | None) -> Iterator[None]:
+    """Turns what can go wrong into a sentence and exit code 1.
+
+    Args:
+        run: The run directory, when its work can be resumed.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        _fail("interrupted", run)
+    except RunDirectoryError as error:
+        _fail(str(error), None)
+    except (BodyschemaError, OSError, sqlite3.Error) as error:
+        _fail(str(error), run)
+
+
+def _fail(sentence: str, run: Path | None) -> NoReturn:
+    err.print(f"estimator: {sentence}", markup=False, highlight=False, soft_wrap=True)
+    if run is not None and (run / DATABASE).exists():
+        err.print(
+            f"The run is safe in {run}. Go on with: estimator resume {run}",
+            markup=False,
+            highlight=False,
+            soft_wrap=True,
+        )
+    raise typer.Exit(1)

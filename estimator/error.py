@@ -1,0 +1,90 @@
+"""The paper's subjective error: how badly a model's readings fit the robot's.
+
+For one interaction::
+
+    e = v + Σ|touch_t − touch_m| + Σ|tilt_t − tilt_m| (degrees) + 10 |clearance_t − clearance_m| (m)
+
+The error over several interactions is the largest of theirs. v is the model's speed at the last
+step; it stays in the error whichever modalities are used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.errors import EstimatorError
+from estimator.morphology import Array
+from estimator.physics.base import Readings
+
+MODALITIES: Final = ("touch", "tilt", "clearance")
+CLEARANCE_WEIGHT: Final = 10.0  # the paper's
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observed:
+    """What the robot felt in one interaction; NaN where a reading is missing.
+
+    Attributes:
+        angles: The angle of each motor that the robot really took, rad, shape (motors,).
+        touch: 0 or 1 per touch sensor, shape (s,).
+        tilt: Left/right and forward/back, rad, shape (2,).
+        clearance: m.
+    """
+
+    angles: Array
+    touch: Array
+    tilt: Array
+    clearance: float
+
+
+def check_modalities(names: Sequence[str]) -> tuple[str, ...]:
+    """The modalities in their usual order.
+
+    Raises:
+        EstimatorError: One is unknown, or there is none.
+    """
+    unknown = sorted(set(names) - set(MODALITIES))
+    if unknown or not names:
+        raise EstimatorError(
+            f"modalities must be one or more of {', '.join(MODALITIES)}, "
+            f"not {', '.join(unknown) or 'none'}"
+        )
+    return tuple(name for name in MODALITIES if name in names)
+
+
+def interaction_errors(
+    readings: Readings, observed: Observed, modalities: Sequence[str] = MODALITIES
+) -> Array:
+    """Error of each model in one interaction.
+
+    Args:
+        readings: Of n models in that interaction.
+        observed: What the robot felt.
+        modalities: Which sensors count.
+
+    Returns:
+        Shape (n,). A missing reading adds nothing. Infinite where the model's reading is invalid,
+        so that it never outranks a valid one.
+
+    Raises:
+        EstimatorError: Robot and models have different numbers of touch sensors.
+    """
+    error = readings.speed.copy()
+    if "touch" in modalities:
+        if readings.touch.shape[1] != len(observed.touch):
+            raise EstimatorError(
+                f"the robot has {len(observed.touch)} touch sensors but the problem describes "
+                f"{readings.touch.shape[1]}: correct the problem file or leave touch out"
+            )
+        error += np.nansum(np.abs(observed.touch - readings.touch), axis=1)
+    if "tilt" in modalities:
+        error += np.nansum(np.degrees(np.abs(observed.tilt - readings.tilt)), axis=1)
+    if "clearance" in modalities and not math.isnan(observed.clearance):
+        error += CLEARANCE_WEIGHT * np.abs(observed.clearance - readings.clearance)
+    found: Array = np.where(readings.valid & ~np.isnan(error), error, np.inf)
+    return found

@@ -1,0 +1,251 @@
+"""Bodies as trees of parts, and their forward kinematics.
+
+Conventions. The body frame has x forward, y left, z up, with its origin in the middle of the main
+body. A part's frame has its origin on its joint's axis and x along the part, away from its parent;
+in the planar configuration (all angles 0) z is up. Units are m, rad, kg.
+
+A part is a capsule whose *length is the distance from its joint's axis to its outermost tip*, the
+round end included: the sphere centres lie on x from 0 to ``length - radius``. A part shorter than
+its radius is a single sphere at ``length - radius``, so that the tip is where the length says.
+
+A part sits on its parent's axis: on the main body in the middle of a face, on another part at its
+far end (front), near end (back) or halfway (left, right).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.errors import MorphologyError
+
+Array: TypeAlias = NDArray[np.float64]
+
+BASE: Final = -1
+"""Parent index of the parts that sit on the main body."""
+
+SIDES: Final = ("left", "front", "right", "back")
+SIDE_YAWS: Final = (math.pi / 2, 0.0, -math.pi / 2, math.pi)
+"""Yaw from the parent's frame to the child's, by side: the child points away from its parent."""
+
+HINGES: Final = ("yaw_left", "yaw_right", "up", "down", "roll_left", "roll_right")
+HINGE_AXES: Final = (
+    (0.0, 0.0, 1.0),
+    (0.0, 0.0, -1.0),
+    (0.0, -1.0, 0.0),  # a positive angle lifts the far end
+    (0.0, 1.0, 0.0),
+    (-1.0, 0.0, 0.0),
+    (1.0, 0.0, 0.0),
+)
+"""Axis of a positive rotation in the part's frame, by kind of hinge."""
+
+_ALONG: Final = (0.5, 1.0, 0.5, 0.0)  # of the parent's length, by side
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base:
+    """The main body: a box.
+
+    Attributes:
+        size: Extent along x, y, z, m.
+        mass: kg.
+    """
+
+    size: tuple[float, float, float]
+    mass: float
+
+    def __post_init__(self) -> None:
+        if len(self.size) != 3 or not all(0 < extent < math.inf for extent in self.size):
+            raise MorphologyError(
+                f"the main body's size must be three lengths above 0, not {self.size}"
+            )
+        if not 0 < self.mass < math.inf:
+            raise MorphologyError(f"the main body's mass must be above 0, not {self.mass}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One rigid part, hinged to its parent.
+
+    Attributes:
+        parent: Index of an earlier part, or ``BASE``.
+        side: Index into ``SIDES``: where on the parent it sits.
+        hinge: Index into ``HINGES``: how a positive angle moves it.
+        length: Joint axis to outermost tip, m.
+        radius: m.
+        motor: Index of the motor that drives it, or ``None`` where its hinge is locked at 0.
+        sensor: Index of the touch sensor that it carries, or ``None``.
+    """
+
+    parent: int
+    side: int
+    hinge: int
+    length: float
+    radius: float
+    motor: int | None = None
+    sensor: int | None = None
+
+    @property
+    def far_centre(self) -> float:
+        """Position of the far sphere's centre on the part's x axis, m."""
+        return self.length - self.radius
+
+    @property
+    def near_centre(self) -> float:
+        """Position of the near sphere's centre on the part's x axis, m."""
+        return min(0.0, self.length - self.radius)
+
+    @property
+    def volume(self) -> float:
+        """Volume of the capsule, m³."""
+        straight = self.far_centre - self.near_centre
+        return math.pi * self.radius**2 * (straight + 4 / 3 * self.radius)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Morphology:
+    """A body: the main body and a tree of parts, parents before children.
+
+    Attributes:
+        base: The main body.
+        parts: The parts; the order is the order of a genome's rows.
+        density: Of the parts, kg/m³.
+    """
+
+    base: Base
+    parts: tuple[Part, ...]
+    density: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.density < math.inf:
+            raise MorphologyError(f"density must be above 0, not {self.density}")
+        for index, part in enumerate(self.parts):
+            _check_part(index, part)
+        for name in ("motor", "sensor"):
+            used = [getattr(part, name) for part in self.parts if getattr(part, name) is not None]
+            if len(set(used)) != len(used):
+                raise MorphologyError(f"each {name} belongs to one part, not several: {used}")
+
+    @cached_property
+    def masses(self) -> Array:
+        """Mass of each part, kg, shape (parts,)."""
+        return np.array([part.volume * self.density for part in self.parts], dtype=float)
+
+    @cached_property
+    def motors(self) -> int:
+        """How many angles a motor program for this body must hold at least."""
+        return max((part.motor + 1 for part in self.parts if part.motor is not None), default=0)
+
+    @cached_property
+    def sensors(self) -> int:
+        """How many touch sensors the body has."""
+        return max((part.sensor + 1 for part in self.parts if part.sensor is not None), default=0)
+
+    @cached_property
+    def rigid_groups(self) -> tuple[int, ...]:
+        """For each part, the first part of the rigid group that it belongs to.
+
+        Parts joined by locked hinges form one group. The main body joins nothing: a gauge in a
+        leg does not feel what the main body stands on.
+        """
+        groups: list[int] = []
+        for index, part in enumerate(self.parts):
+            joined = part.motor is None and part.parent != BASE
+            groups.append(groups[part.parent] if joined else index)
+        return tuple(groups)
+
+    def sensor_parts(self, sensor: int) -> tuple[int, ...]:
+        """Indices of the parts whose contact with the ground a touch sensor feels."""
+        for index, part in enumerate(self.parts):
+            if part.sensor == sensor:
+                group = self.rigid_groups[index]
+                return tuple(i for i, other in enumerate(self.rigid_groups) if other == group)
+        return ()
+
+    def part_angles(self, program: Sequence[float] | Array) -> list[float]:
+        """Angle of each part's hinge when the motors stand at ``program`` (rad, per motor).
+
+        Raises:
+            MorphologyError: The program has fewer angles than the body has motors.
+        """
+        if len(program) < self.motors:
+            raise MorphologyError(
+                f"the motor program has {len(program)} angles, but the body has "
+                f"{self.motors} motors: give one angle per motor"
+            )
+        return [0.0 if part.motor is None else float(program[part.motor]) for part in self.parts]
+
+
+def attachment(base: Base, parent: Part | None, side: int) -> tuple[float, float, float]:
+    """Where a part on a given side sits, in the frame of its parent (``None``: the main body)."""
+    if parent is not None:
+        return (_ALONG[side] * parent.length, 0.0, 0.0)
+    half_x, half_y = base.size[0] / 2, base.size[1] / 2
+    return ((0.0, half_y, 0.0), (half_x, 0.0, 0.0), (0.0, -half_y, 0.0), (-half_x, 0.0, 0.0))[side]
+
+
+def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tuple[Array, Array]:
+    """Forward kinematics.
+
+    Args:
+        morphology: A body of n parts.
+        program: Angle of each motor, rad.
+
+    Returns:
+        Origins, shape (n, 3), m, and rotations, shape (n, 3, 3), of the parts' frames in the
+        body frame.
+    """
+    angles = morphology.part_angles(program)
+    origins = np.empty((len(angles), 3))
+    rotations = np.empty((len(angles), 3, 3))
+    for index, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):
+        on_base = part.parent == BASE
+        parent = None if on_base else morphology.parts[part.parent]
+        turn = np.eye(3) if on_base else rotations[part.parent]
+        start = np.zeros(3) if on_base else origins[part.parent]
+        origins[index] = start + turn @ np.array(attachment(morphology.base, parent, part.side))
+        yaw = rotation((0.0, 0.0, 1.0), SIDE_YAWS[part.side])
+        rotations[index] = turn @ yaw @ rotation(HINGE_AXES[part.hinge], angle)
+    return origins, rotations
+
+
+def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
+    """Outermost point of each part in the body frame, m, shape (parts, 3)."""
+    origins, rotations = part_frames(morphology, program)
+    lengths = np.array([part.length for part in morphology.parts], dtype=float)
+    found: Array = origins + lengths[:, None] * rotations[:, :, 0]
+    return found
+
+
+def rotation(axis: tuple[float, float, float], angle: float) -> Array:
+    """Matrix of the rotation about one of the frame's own axes (Rodrigues), shape (3, 3)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    matrix: Array = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return matrix
+
+
+def _check_part(index: int, part: Part) -> None:
+    def refuse(what: str) -> MorphologyError:
+        return MorphologyError(f"part {index + 1}: {what}")
+
+    if not BASE <= part.parent < index:
+        raise refuse(f"its parent must be the main body or an earlier part, not {part.parent + 1}")
+    if not 0 <= part.side < len(SIDES):
+        raise refuse(f"side must be 0 to {len(SIDES) - 1}, not {part.side}")
+    if not 0 <= part.hinge < len(HINGES):
+        raise refuse(f"hinge must be 0 to {len(HINGES) - 1}, not {part.hinge}")
+    if not 0 <= part.length < math.inf:
+        raise refuse(f"length must be at least 0, not {part.length}")
+    if not 0 < part.radius < math.inf:
+        raise refuse(f"radius must be above 0, not {part.radius}")
+    for name in ("motor", "sensor"):
+        value = getattr(part, name)
+        if value is not None and value < 0:
+            raise refuse(f"{name} must be at least 0 or None, not {value}")

@@ -1,0 +1,72 @@
+"""What one interaction returned, in the shape in which runs keep it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from protocol import messages
+from protocol.capabilities import Capabilities
+
+Reading = Annotated[float, Field(allow_inf_nan=False)]
+Program = tuple[Reading, ...]
+"""A motor program: one target angle per joint, rad, in motor order."""
+
+
+class Observation(BaseModel):
+    """One interaction's readings; ``None`` stands for a reading that was not taken.
+
+    Attributes:
+        angles: Angles actually commanded, rad, one per joint in motor order.
+        touch: One value per touch sensor.
+        tilt: Left/right and forward/back, rad; left side up and nose up are positive.
+        clearance: Belly to ground along the belly's normal, m.
+        clearance_saturated: The ground lay beyond the sensor's range.
+        settled: Whether the robot came to rest before it was read.
+        saturated_joints: Names of joints whose target had to be clamped.
+        sequence: The robot's number of this observation, where a daemon counted.
+        robot_time: Robot clock at the end of sampling, s, where a daemon took it.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    angles: Program
+    touch: tuple[bool | None, ...] = ()
+    tilt: tuple[Reading | None, Reading | None] = (None, None)
+    clearance: Reading | None = None
+    clearance_saturated: bool = False
+    settled: bool = True
+    saturated_joints: tuple[str, ...] = ()
+    sequence: int | None = None
+    robot_time: Reading | None = None
+
+    @classmethod
+    def from_wire(cls, found: messages.Observation, capabilities: Capabilities) -> Observation:
+        """The same observation, with joints in motor order instead of by name."""
+        sensor = capabilities.sensor("touch")
+        absent: tuple[bool | None, ...] = (None,) * (sensor.count if sensor else 0)
+        tilt = (None, None) if found.tilt is None else (found.tilt[0], found.tilt[1])
+        return cls(
+            angles=in_motor_order(found.angles, capabilities),
+            touch=absent if found.touch is None else found.touch,
+            tilt=tilt,
+            clearance=found.clearance,
+            clearance_saturated=found.clearance_saturated,
+            settled=found.settled,
+            saturated_joints=found.saturated_joints,
+            sequence=found.sequence,
+            robot_time=found.robot_time,
+        )
+
+
+def in_motor_order(angles: Mapping[str, float], capabilities: Capabilities) -> Program:
+    """Angles by joint name, as a program."""
+    return tuple(angles[joint.name] for joint in capabilities.joints)
+
+
+def by_joint_name(program: Program, capabilities: Capabilities) -> dict[str, float]:
+    """A program, as the targets that go over the wire."""
+    joints = capabilities.joints
+    return {joint.name: angle for joint, angle in zip(joints, program, strict=True)}

@@ -1,0 +1,10 @@
+"""Physics back-ends: bodies and motor programs in, readings out.
+
+==================================== ==========================================================
+``base.Physics``                     what every back-end can do; the search knows no more
+``base.Readings``                    what the bodies feel at rest, as arrays
+``base.Settings``                    the world that bodies are simulated in
+``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process
+``pool.PhysicsPool``                 runs a back-end in worker processes
+==================================== ==========================================================
+"""

@@ -1,0 +1,160 @@
+"""What a physics back-end is: bodies and motor programs in, readings out.
+
+An interaction starts planar: the body upright, all angles 0, its lowest point on the ground. Each
+joint then turns at the slew speed to its own target, the body comes to rest, and is read.
+
+Let u be world up in the body frame. ``tilt[0] = asin(u_y)`` (left side up is positive) and
+``tilt[1] = asin(u_x)`` (nose up is positive): what a level shows. Clearance is the length of the
+ray from the middle of the belly along its outward normal to the ground, legs ignored, capped.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
+from typing import Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.errors import PhysicsError
+from estimator.morphology import Array, Morphology
+
+Flags: TypeAlias = NDArray[np.bool_]
+Pair: TypeAlias = tuple[Morphology, Array]
+"""A body and a motor program: the angle of each motor, rad."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The world that bodies are simulated in; the same for robot and models where it can be.
+
+    Attributes:
+        steps: Steps of one simulation; the paper's 300.
+        step: Time step, s. The paper gives 300 steps and 5-second interactions, so 1/60 s is our
+            inference.
+        friction: Coefficient between body and ground. The paper is silent.
+        slew: Speed of the joints, rad/s; the paper's servos reach 60°/s.
+        clearance_cap: Range of the distance sensor, m.
+        touch_gap: A part touches when its gap to the ground is smaller, m.
+        doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
+        joint_tolerance: A reading counts only if every joint is this close to its target, rad.
+    """
+
+    steps: int = 300
+    step: float = 1 / 60
+    friction: float = 0.7
+    slew: float = math.radians(60)
+    clearance_cap: float = 0.2
+    touch_gap: float = 1e-3
+    doubtful_gap: float = 2e-3
+    joint_tolerance: float = math.radians(0.1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Readings:
+    """What n bodies feel at rest.
+
+    Attributes:
+        touch: Shape (n, s): whether each touch sensor's part, or one rigidly joined to it, meets
+            the ground.
+        touch_doubtful: Shape (n, s): the gap is so small that a real gauge might say otherwise.
+        tilt: Shape (n, 2): left/right and forward/back, rad.
+        clearance: Shape (n,), m.
+        saturated: Shape (n,): the ground lies beyond the sensor's range.
+        speed: Shape (n,): speed of the main body at the last step, m/s.
+        joint_miss: Shape (n,): largest distance of a joint from its target, rad.
+        valid: Shape (n,): the simulation can be believed; false where a joint missed its target
+            or the simulation diverged.
+    """
+
+    touch: Flags
+    touch_doubtful: Flags
+    tilt: Array
+    clearance: Array
+    saturated: Flags
+    speed: Array
+    joint_miss: Array
+    valid: Flags
+
+    def __len__(self) -> int:
+        return len(self.clearance)
+
+    def __getitem__(self, rows: slice | NDArray[np.intp]) -> Readings:
+        """The readings of some of the bodies."""
+        return Readings(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
+
+    @classmethod
+    def empty(cls, count: int, sensors: int) -> Readings:
+        """Invalid readings of ``count`` bodies, to be filled in."""
+        return cls(
+            touch=np.zeros((count, sensors), dtype=bool),
+            touch_doubtful=np.zeros((count, sensors), dtype=bool),
+            tilt=np.zeros((count, 2)),
+            clearance=np.zeros(count),
+            saturated=np.zeros(count, dtype=bool),
+            speed=np.zeros(count),
+            joint_miss=np.zeros(count),
+            valid=np.zeros(count, dtype=bool),
+        )
+
+    @classmethod
+    def concatenate(cls, pieces: Iterable[Readings]) -> Readings:
+        """Joins readings of bodies with equally many touch sensors, in the order given."""
+        found = list(pieces)
+        if not found:
+            return cls.empty(0, 0)
+        return cls(
+            **{
+                item.name: np.concatenate([getattr(piece, item.name) for piece in found])
+                for item in fields(cls)
+            }
+        )
+
+
+class Physics(Protocol):
+    """A back-end: computes what bodies feel after motor programs.
+
+    A reading depends on its own pair only, never on the others in the batch, their order, earlier
+    batches or the number of processes.
+    """
+
+    @property
+    def simulations(self) -> int:
+        """How many interactions were simulated so far."""
+
+    @property
+    def steps(self) -> int:
+        """How many time steps were computed so far."""
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        """Simulates one interaction per pair.
+
+        Args:
+            pairs: Bodies that all have equally many touch sensors, each with the angle of each
+                motor, rad.
+
+        Returns:
+            One row per pair, in order.
+
+        Raises:
+            PhysicsError: A motor program is too short or not finite, or the engine failed.
+        """
+
+    def close(self) -> None:
+        """Gives processes and engine memory back; may be called twice."""
+
+
+def sensor_count(pairs: Sequence[Pair]) -> int:
+    """Touch sensors of the bodies of a batch.
+
+    Raises:
+        PhysicsError: They have different numbers of touch sensors.
+    """
+    counts = {morphology.sensors for morphology, _ in pairs}
+    if len(counts) > 1:
+        raise PhysicsError(
+            f"the bodies of one batch must have equally many touch sensors, not {sorted(counts)}"
+        )
+    return counts.pop() if counts else 0

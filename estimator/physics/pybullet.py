@@ -1,0 +1,301 @@
+"""The paper's way: bodies simulated in PyBullet, in this process.
+
+What PyBullet needs to be told, and why:
+
+* ``URDF_MAINTAIN_LINK_ORDER``, or ``createMultiBody`` reorders links and joint j is no longer
+  part j.
+* Every link gets a local inertia of at least 0.01 kg·m². With the true inertia of light parts the
+  solver misses joint angles by whole degrees, and a missed angle biases every length. Inertia
+  never enters a resting pose.
+* Position and velocity gain 1 with ample force: with the default gains a loaded joint never
+  reaches its target.
+* The world is rebuilt for every body: restoring a saved state is not repeatable to the bit.
+* Friction multiplies: the ground has 1, so that the parts' coefficient is the pair's.
+
+Gaps to the ground are computed from the links' poses, not taken from ``getContactPoints``, which
+lists near misses and may leave out an end of a capsule.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Final, Self
+
+from estimator.errors import PhysicsError
+from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
+from estimator.physics.base import Pair, Readings, Settings, sensor_count
+
+_LEAST_INERTIA: Final = 0.01  # kg·m²
+_FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
+_GRAVITY: Final = 9.81
+_MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included
+_ALONG_X: Final = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # turns capsules from z to x
+_UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)
+
+
+class PyBulletPhysics:
+    """Simulates each interaction from the planar pose, and reads the body at the last step.
+
+    Args:
+        settings: The world.
+
+    Raises:
+        PhysicsError: PyBullet is not installed or does not start.
+    """
+
+    def __init__(self, settings: Settings | None = None) -> None:
+        self._settings = settings or Settings()
+        self._simulations = 0
+        self._client = -1
+        with _silence():
+            try:
+                self._engine: Any = importlib.import_module("pybullet")
+            except ImportError as error:
+                raise PhysicsError(
+                    f"PyBullet cannot be imported ({error}): pip install 'bodyschema[estimator]'"
+                ) from error
+            self._client = self._engine.connect(self._engine.DIRECT)
+        if self._client < 0:
+            raise PhysicsError("PyBullet did not start: too many engines in one process?")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def simulations(self) -> int:
+        """How many interactions were simulated so far."""
+        return self._simulations
+
+    @property
+    def steps(self) -> int:
+        """How many time steps were computed so far."""
+        return self._simulations * self._settings.steps
+
+    def close(self) -> None:
+        """Ends the engine; may be called twice."""
+        if self._client >= 0:
+            self._engine.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        """Simulates one interaction per pair; see ``Physics.read``."""
+        if self._client < 0:
+            raise PhysicsError("this PyBullet engine was closed: make a new one")
+        readings = Readings.empty(len(pairs), sensor_count(pairs))
+        for row, (morphology, program) in enumerate(pairs):
+            if len(morphology.parts) > _MOST_PARTS:
+                raise PhysicsError(
+                    f"PyBullet simulates bodies of at most {_MOST_PARTS} parts, not "
+                    f"{len(morphology.parts)}"
+                )
+            angles = morphology.part_angles(program)
+            if not all(math.isfinite(angle) for angle in angles):
+                raise PhysicsError(f"a motor program must be finite, not {list(program)}")
+            try:
+                body = self._build(morphology, angles)
+                self._run()
+                self._sense(body, morphology, angles, readings, row)
+            except self._engine.error as error:
+                raise PhysicsError(f"PyBullet cannot simulate a body: {error}") from error
+        return readings
+
+    def _build(self, morphology: Morphology, angles: Sequence[float]) -> int:
+        """A fresh world with one body in the planar pose, its motors set to their targets."""
+        engine, client, settings = self._engine, self._client, self._settings
+        engine.resetSimulation(physicsClientId=client)
+        engine.setGravity(0, 0, -_GRAVITY, physicsClientId=client)
+        engine.setPhysicsEngineParameter(fixedTimeStep=settings.step, physicsClientId=client)
+        plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
+        ground = engine.createMultiBody(0, plane, physicsClientId=client)
+        engine.changeDynamics(ground, -1, lateralFriction=1.0, physicsClientId=client)
+
+        base, parts = morphology.base, morphology.parts
+        box = engine.createCollisionShape(
+            engine.GEOM_BOX,
+            halfExtents=[extent / 2 for extent in base.size],
+            physicsClientId=client,
+        )
+        body: int = engine.createMultiBody(
+            base.mass,
+            box,
+            -1,
+            (0.0, 0.0, _planar_height(morphology)),
+            _UPRIGHT,
+            linkMasses=morphology.masses.tolist(),
+            linkCollisionShapeIndices=[self._shape(part) for part in parts],
+            linkVisualShapeIndices=[-1] * len(parts),
+            linkPositions=[
+                attachment(base, None if part.parent == BASE else parts[part.parent], part.side)
+                for part in parts
+            ],
+            linkOrientations=[
+                (0.0, 0.0, math.sin(SIDE_YAWS[part.side] / 2), math.cos(SIDE_YAWS[part.side] / 2))
+                for part in parts
+            ],
+            linkInertialFramePositions=[(_middle(part), 0.0, 0.0) for part in parts],
+            linkInertialFrameOrientations=[_UPRIGHT] * len(parts),
+            linkParentIndices=[part.parent + 1 for part in parts],
+            linkJointTypes=[
+                engine.JOINT_FIXED if part.motor is None else engine.JOINT_REVOLUTE
+                for part in parts
+            ],
+            linkJointAxis=[HINGE_AXES[part.hinge] for part in parts],
+            flags=engine.URDF_MAINTAIN_LINK_ORDER,
+            physicsClientId=client,
+        )
+        for link, inertia in enumerate(_inertias(morphology), start=-1):
+            engine.changeDynamics(
+                body,
+                link,
+                lateralFriction=settings.friction,
+                localInertiaDiagonal=[max(moment, _LEAST_INERTIA) for moment in inertia],
+                physicsClientId=client,
+            )
+        for link, (part, angle) in enumerate(zip(parts, angles, strict=True)):
+            if part.motor is not None:
+                engine.setJointMotorControl2(
+                    body,
+                    link,
+                    engine.POSITION_CONTROL,
+                    targetPosition=angle,
+                    positionGain=1.0,
+                    velocityGain=1.0,
+                    force=_FORCE,
+                    maxVelocity=settings.slew,
+                    physicsClientId=client,
+                )
+        return body
+
+    def _shape(self, part: Part) -> int:
+        engine, client = self._engine, self._client
+        middle, straight = (_middle(part), 0.0, 0.0), part.far_centre - part.near_centre
+        if straight > 0:
+            shape: int = engine.createCollisionShape(
+                engine.GEOM_CAPSULE,
+                radius=part.radius,
+                height=straight,
+                collisionFramePosition=middle,
+                collisionFrameOrientation=_ALONG_X,
+                physicsClientId=client,
+            )
+        else:
+            shape = engine.createCollisionShape(
+                engine.GEOM_SPHERE,
+                radius=part.radius,
+                collisionFramePosition=middle,
+                physicsClientId=client,
+            )
+        return shape
+
+    def _run(self) -> None:
+        step, client = self._engine.stepSimulation, self._client
+        for _ in range(self._settings.steps):
+            step(physicsClientId=client)
+        self._simulations += 1
+
+    def _sense(
+        self,
+        body: int,
+        morphology: Morphology,
+        angles: Sequence[float],
+        readings: Readings,
+        row: int,
+    ) -> None:
+        """Fills one row of the readings from the body's present pose."""
+        engine, client, settings = self._engine, self._client, self._settings
+        position, (x, y, z, w) = engine.getBasePositionAndOrientation(body, physicsClientId=client)
+        velocity, _ = engine.getBaseVelocity(body, physicsClientId=client)
+        links = range(len(morphology.parts))
+        joints = engine.getJointStates(body, links, physicsClientId=client) if links else ()
+        misses = [
+            abs(joint[0] - angle)
+            for joint, angle, part in zip(joints, angles, morphology.parts, strict=True)
+            if part.motor is not None
+        ]
+        if not all(map(math.isfinite, (*position, x, y, z, w, *velocity, *misses))):
+            readings.joint_miss[row] = math.inf
+            return  # it flew apart; the row stays invalid
+        up_x, up_y, up_z = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+        readings.tilt[row] = math.asin(_clip(up_y)), math.asin(_clip(up_x))
+        belly = position[2] - up_z * morphology.base.size[2] / 2
+        cap = settings.clearance_cap
+        clearance = max(0.0, belly) / up_z if up_z > 0 else math.inf
+        readings.clearance[row] = min(clearance, cap)
+        readings.saturated[row] = clearance >= cap
+        readings.speed[row] = math.hypot(*velocity)
+        readings.joint_miss[row] = max(misses, default=0.0)
+        readings.valid[row] = readings.joint_miss[row] <= settings.joint_tolerance
+
+        gaps = self._gaps(body, morphology) if links else []
+        for sensor in range(morphology.sensors):
+            gap = min((gaps[part] for part in morphology.sensor_parts(sensor)), default=math.inf)
+            readings.touch[row, sensor] = gap < settings.touch_gap
+            readings.touch_doubtful[row, sensor] = 0 < gap < settings.doubtful_gap
+
+    def _gaps(self, body: int, morphology: Morphology) -> list[float]:
+        """Distance of each part's lowest point from the ground, m; negative when it sinks in."""
+        states = self._engine.getLinkStates(
+            body,
+            range(len(morphology.parts)),
+            computeForwardKinematics=True,
+            physicsClientId=self._client,
+        )
+        gaps = []
+        for part, state in zip(morphology.parts, states, strict=True):
+            height, (x, y, z, w) = state[4][2], state[5]
+            climb = 2 * (x * z - w * y)  # of the part's axis, per metre
+            lowest = min(climb * part.near_centre, climb * part.far_centre)
+            gaps.append(height + lowest - part.radius)
+        return gaps
+
+
+def _planar_height(morphology: Morphology) -> float:
+    """Height of the body frame at the start: the lowest point of all parts is on the ground."""
+    radii = [part.radius for part in morphology.parts]
+    return max([morphology.base.size[2] / 2, *radii])
+
+
+def _middle(part: Part) -> float:
+    return (part.near_centre + part.far_centre) / 2
+
+
+def _inertias(morphology: Morphology) -> Iterator[tuple[float, float, float]]:
+    """Moments about the centre of mass, of the main body and of each part, kg·m²."""
+    (x, y, z), mass = morphology.base.size, morphology.base.mass / 12
+    yield mass * (y * y + z * z), mass * (x * x + z * z), mass * (x * x + y * y)
+    for part, weight in zip(morphology.parts, morphology.masses.tolist(), strict=True):
+        extent = part.far_centre - part.near_centre + 2 * part.radius
+        across = weight * (3 * part.radius**2 + extent**2) / 12
+        yield weight * part.radius**2 / 2, across, across
+
+
+def _clip(sine: float) -> float:
+    return max(-1.0, min(1.0, sine))
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keeps what PyBullet's C code prints while it is loaded and started out of our output."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [os.dup(1), os.dup(2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        ctypes.CDLL(None).fflush(None)  # C buffers of its own, or they surface later
+        for number, copy in enumerate(kept, start=1):
+            os.dup2(copy, number)
+            os.close(copy)
+        os.close(nowhere)

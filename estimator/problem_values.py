@@ -1,0 +1,99 @@
+"""Values of a problem file, and the sentence that says what is wrong with them.
+
+Each annotated type turns what TOML holds into what code uses, or complains. ``None`` stands for a
+trait that is to be found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Any, Final, TypeAlias
+
+from pydantic import BeforeValidator, Field, ValidationError
+
+from estimator.morphology import HINGES, SIDES
+
+UNKNOWN: Final = "unknown"
+_LONGEST: Final = 10.0  # m; a longer part is a slip of the unit
+
+
+def _choice(names: Sequence[str]) -> BeforeValidator:
+    def parse(value: Any) -> int | None:
+        if value == UNKNOWN:
+            return None
+        if not isinstance(value, str) or value not in names:
+            allowed = ", ".join(repr(name) for name in (*names, UNKNOWN))
+            raise ValueError(f"must be one of {allowed}, not {value!r}")
+        return list(names).index(value)
+
+    return BeforeValidator(parse)
+
+
+def _parse_parent(value: Any) -> int | None:
+    if value == UNKNOWN:
+        return None
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise ValueError(
+            f"must be 0 (the main body), the number of an earlier part or {UNKNOWN!r}, "
+            f"not {value!r}"
+        )
+    return value - 1
+
+
+def _parse_range(value: Any) -> tuple[float, float]:
+    ends = value if isinstance(value, list) else [value, value]
+    numbers = [end for end in ends if isinstance(end, int | float) and not isinstance(end, bool)]
+    if len(numbers) != len(ends) or len(ends) != 2:
+        raise ValueError(f"must be a number or [lowest, highest], not {value!r}")
+    if not all(math.isfinite(end) for end in numbers):
+        raise ValueError(f"must be finite, not {value!r}")
+    low, high = float(numbers[0]), float(numbers[1])
+    if isinstance(value, list) and low >= high:
+        raise ValueError(f"the lowest must lie below the highest, not {value!r}")
+    return low, high
+
+
+def _parse_length(value: Any) -> tuple[float, float]:
+    low, high = _parse_range(value)
+    if low <= 0 or high > _LONGEST:
+        raise ValueError(f"must lie above 0 and at most {_LONGEST:g} m, not {value!r}")
+    return low, high
+
+
+def _count_from_0(value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise ValueError(f"must be an integer of at least 1, not {value!r}")
+    return value - 1
+
+
+Ends: TypeAlias = tuple[float, float]
+Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
+Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
+Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
+"""Of a joint or a sensor: counted from 1 in the file and from 0 in code."""
+
+Range: TypeAlias = Annotated[Ends, BeforeValidator(_parse_range)]
+"""``[lowest, highest]``, or one number for both."""
+
+Length: TypeAlias = Annotated[Ends, BeforeValidator(_parse_length)]
+Parent: TypeAlias = Annotated[int | None, BeforeValidator(_parse_parent)]
+Side: TypeAlias = Annotated[int | None, _choice(SIDES)]
+Hinge: TypeAlias = Annotated[int | None, _choice(HINGES)]
+
+
+def complaint(error: ValidationError, origin: str) -> str:
+    """All of a validation's complaints: file, key (counted from 1) and reason."""
+    lines = []
+    for item in error.errors():
+        key = ""
+        for step in item["loc"]:
+            if isinstance(step, int):
+                key += f"[{step + 1}]"
+            else:
+                key += f".{step}" if key else str(step)
+        reasons = {"missing": "is missing", "extra_forbidden": "is no key of a problem file"}
+        reason = reasons.get(item["type"], item["msg"].removeprefix("Value error, "))
+        lines.append(f"{key}: {reason}" if key else reason)
+    return f"{origin}: " + "; ".join(lines)

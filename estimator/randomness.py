@@ -1,0 +1,26 @@
+"""All randomness of a run comes from its seed, in streams that do not disturb each other.
+
+So motor programs do not depend on what the search drew, and a resumed run draws what an
+uninterrupted one would have drawn.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+
+class Stream(IntEnum):
+    """What a stream of random numbers is for."""
+
+    SEARCH = 0
+    PROGRAMS = 1
+    VALIDATION = 2
+    RANDOM_MODELS = 3
+    EQUIVALENCE = 4
+
+
+def generator(seed: int, stream: Stream, number: int = 0) -> np.random.Generator:
+    """The generator of a stream; ``number`` counts what is drawn apart, such as interactions."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stream, number)))

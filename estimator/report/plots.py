@@ -1,0 +1,104 @@
+"""Errors and leg lengths over generations, drawn as in the paper's Figure 2."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from estimator.genome import Genome
+from estimator.records import Generation
+from estimator.report.result import driven_limbs
+
+MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
+"""The paper's arrows: left, forward, right and back leg."""
+
+_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by the colour-blind
+_DPI: Final = 120
+
+
+def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
+    """The subjective error of every model over generations; a line where an iteration ends."""
+    figure, axes = _axes("subjective error of each model")
+    for generation in generations:
+        errors = np.array(generation.errors)
+        errors = errors[np.isfinite(errors)]
+        axes.plot(
+            np.full(len(errors), generation.number), errors, ".", color="0.55", markersize=2.5
+        )
+    best = [min(generation.errors) for generation in generations]
+    axes.plot(range(len(best)), best, "-", color=_COLOURS[0], linewidth=1.2, label="best model")
+    axes.set_yscale("log")
+    axes.legend(loc="upper right", frameon=False)
+    _iterations(axes, generations)
+    _save(figure, path)
+
+
+def plot_lengths(
+    path: Path,
+    generations: Sequence[Generation],
+    genome: Genome,
+    names: Sequence[str],
+    targets: Sequence[float] = (),
+) -> None:
+    """The best model's leg lengths over generations.
+
+    Args:
+        path: Where to write.
+        generations: The run's generations.
+        genome: Decodes them.
+        names: Names of the legs' joints.
+        targets: True length of each leg, m; dots at the right, where they are known.
+    """
+    figure, axes = _axes("leg length of the best model (cm)")
+    bodies = [genome.decode(np.array(generation.best)) for generation in generations]
+    numbers = [generation.number for generation in generations]
+    for leg, name in enumerate(names):
+        limbs = [driven_limbs(body)[leg] for body in bodies]
+        colour = _COLOURS[leg % len(_COLOURS)]
+        axes.plot(
+            numbers,
+            [limb.length * 100 for limb in limbs],
+            marker=MARKERS[limbs[-1].side_name] if limbs else "o",
+            color=colour,
+            markersize=4.5,
+            linewidth=0.8,
+            label=name,
+        )
+        if targets:
+            axes.plot(numbers[-1] + 1.5, targets[leg] * 100, "o", color=colour, markersize=6)
+    if targets:
+        axes.plot([], [], "o", color="0.3", label="true length")
+    axes.set_ylim(bottom=0)
+    if names:
+        axes.legend(loc="best", frameon=False, ncols=2, fontsize="small")
+    _iterations(axes, generations)
+    _save(figure, path)
+
+
+def _axes(label: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    axes.set_xlabel("generation")
+    axes.set_ylabel(label)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    return figure, axes
+
+
+def _iterations(axes: Axes, generations: Sequence[Generation]) -> None:
+    """A vertical line where an iteration ends and a new interaction comes in."""
+    last = {generation.iteration: generation.number for generation in generations}
+    for number in last.values():
+        axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
+
+
+def _save(figure: Figure, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=_DPI)

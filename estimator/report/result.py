@@ -1,0 +1,268 @@
+"""A run in numbers: what ``result.json`` holds."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Sequence
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from estimator.genome import Genome
+from estimator.limbs import Limb, limbs
+from estimator.morphology import BASE, HINGES, SIDES, Array, Morphology
+from estimator.observation import Observation
+from estimator.problem import Problem
+from estimator.records import Counters
+from estimator.store import RunStore
+from protocol.capabilities import Capabilities
+
+BEST_MODELS = 10
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class PartFound(_Record):
+    """One part of a model.
+
+    Attributes:
+        name: Its name in the problem.
+        parent: Name of the part that it sits on, or ``main body``.
+        side: Where on its parent.
+        hinge: How a positive angle moves it.
+        length_m: Joint axis to outermost tip, m.
+        joint: The joint that turns it; ``None`` where it is locked.
+    """
+
+    name: str
+    parent: str
+    side: str
+    hinge: str
+    length_m: float
+    joint: str | None
+
+
+class ModelFound(_Record):
+    """One model.
+
+    Attributes:
+        sensor_error: Its subjective error.
+        leg_lengths_m: Length of each leg (what one motor turns as one piece), m.
+        parts: Its configuration.
+    """
+
+    sensor_error: float
+    leg_lengths_m: tuple[float, ...]
+    parts: tuple[PartFound, ...]
+
+
+class LegFound(_Record):
+    """What is known about one leg.
+
+    Attributes:
+        joint: The joint that turns it.
+        side: Where it sits on the best model.
+        length_m: Its length on the best model, m.
+        spread_m: Standard deviation of its length over the population, m.
+        range_m: 5th and 95th percentile of its length over the population, m.
+        touched: Whether it touched the ground in some interaction; ``None`` where no sensor said.
+    """
+
+    joint: str
+    side: str
+    length_m: float
+    spread_m: float
+    range_m: tuple[float, float]
+    touched: bool | None
+
+
+class Result(_Record):
+    """The outcome of a run, so far.
+
+    Attributes:
+        complete: Whether all interactions are done and modelled.
+        problem: Name of the problem.
+        physics: Back-end that predicted what models feel.
+        modalities: Modalities that the subjective error counts.
+        seed: Source of all randomness.
+        population: Models in the population.
+        generations: Generations after each interaction.
+        versions: Of everything that computed.
+        robot_uri: Where the readings came from.
+        robot: The robot's capability dictionary.
+        interactions: Interactions performed.
+        simulations_requested: Models x motor programs that the search asked for.
+        simulations_run: How many of them had to be simulated.
+        steps: Physics steps simulated.
+        wall_seconds: Time spent.
+        sensor_error: Smallest subjective error in the population; ``None`` before the first.
+        legs: The legs, in motor order.
+        best_models: The best models, best first.
+        warnings: What a person should know before trusting this.
+    """
+
+    complete: bool
+    problem: str
+    physics: str
+    modalities: tuple[str, ...]
+    seed: int
+    population: int
+    generations: int
+    versions: dict[str, str]
+    robot_uri: str
+    robot: dict[str, Any]
+    interactions: int
+    simulations_requested: int
+    simulations_run: int
+    steps: int
+    wall_seconds: float
+    sensor_error: float | None
+    legs: tuple[LegFound, ...]
+    best_models: tuple[ModelFound, ...]
+    warnings: tuple[str, ...]
+
+
+def summarise(store: RunStore, problem: Problem) -> Result:
+    """The outcome of a run as far as it has come."""
+    settings, capabilities = store.settings, store.capabilities
+    observations = observed_so_far(store)
+    generations = store.generations()
+    counters = generations[-1].counters if generations else Counters()
+    genome = Genome(problem, problem.base(capabilities))
+    population, errors = final_population(store)
+    order = np.argsort(errors, kind="stable")
+    bodies = [genome.decode(population[index]) for index in order]
+    legs = _legs(bodies, observations, capabilities)
+    return Result(
+        complete=len(generations) == settings.interactions * (settings.generations + 1),
+        problem=problem.name,
+        physics=settings.physics,
+        modalities=settings.modalities,
+        seed=settings.seed,
+        population=settings.population,
+        generations=settings.generations,
+        versions=versions(),
+        robot_uri=settings.robot,
+        robot=capabilities.to_map(),
+        interactions=len(observations),
+        **counters.model_dump(),
+        sensor_error=float(errors[order[0]]) if bodies else None,
+        legs=legs,
+        best_models=tuple(
+            _model(body, float(errors[index]), problem, capabilities)
+            for body, index in list(zip(bodies, order, strict=True))[:BEST_MODELS]
+        ),
+        warnings=_warnings(legs, observations),
+    )
+
+
+def observed_so_far(store: RunStore) -> list[Observation]:
+    """The observations of a run, in order."""
+    return [item.observation for item in store.interactions() if item.observation is not None]
+
+
+def final_population(store: RunStore) -> tuple[Array, Array]:
+    """Genes, shape (n, genes), and errors, shape (n,), at the last checkpoint; empty before it."""
+    checkpoint = store.checkpoint()
+    if checkpoint is None:
+        return np.empty((0, 0)), np.empty(0)
+    population = np.array(checkpoint.state["population"], dtype=float)
+    return population, np.array(store.generations()[-1].errors, dtype=float)
+
+
+def driven_limbs(body: Morphology) -> tuple[Limb, ...]:
+    """The limbs that motors turn, in motor order."""
+    return tuple(limb for limb in limbs(body) if limb.motor is not None)
+
+
+def leg_lengths(bodies: Sequence[Morphology]) -> Array:
+    """Length of each body's legs, m, shape (bodies, legs)."""
+    return np.array([[limb.length for limb in driven_limbs(body)] for body in bodies])
+
+
+def touched(limb: Limb, observations: Sequence[Observation]) -> bool | None:
+    """Whether a limb touched the ground in some interaction; ``None`` where no sensor said."""
+    bits = [
+        observation.touch[sensor]
+        for observation in observations
+        for sensor in limb.sensors
+        if sensor < len(observation.touch)
+    ]
+    known = [bit for bit in bits if bit is not None]
+    return any(known) if known else None
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that computes."""
+    found = {"python": platform.python_version()}
+    for name in ("bodyschema", "numpy", "pybullet"):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def _legs(
+    bodies: Sequence[Morphology], observations: Sequence[Observation], capabilities: Capabilities
+) -> tuple[LegFound, ...]:
+    if not bodies:
+        return ()
+    lengths = leg_lengths(bodies)
+    low, high = np.percentile(lengths, (5, 95), axis=0)
+    return tuple(
+        LegFound(
+            joint=_joint(limb.motor, capabilities) or "",
+            side=limb.side_name,
+            length_m=limb.length,
+            spread_m=float(np.std(lengths[:, index])),
+            range_m=(float(low[index]), float(high[index])),
+            touched=touched(limb, observations),
+        )
+        for index, limb in enumerate(driven_limbs(bodies[0]))
+    )
+
+
+def _model(
+    body: Morphology, error: float, problem: Problem, capabilities: Capabilities
+) -> ModelFound:
+    names = [rule.name for rule in problem.parts]
+    return ModelFound(
+        sensor_error=error,
+        leg_lengths_m=tuple(limb.length for limb in driven_limbs(body)),
+        parts=tuple(
+            PartFound(
+                name=name,
+                parent="main body" if part.parent == BASE else names[part.parent],
+                side=SIDES[part.side],
+                hinge=HINGES[part.hinge],
+                length_m=part.length,
+                joint=_joint(part.motor, capabilities),
+            )
+            for name, part in zip(names, body.parts, strict=True)
+        ),
+    )
+
+
+def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
+    return None if motor is None else capabilities.joints[motor].name
+
+
+def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> tuple[str, ...]:
+    found = [
+        f"The leg at {leg.joint} never touched the ground, so its length of "
+        f"{leg.length_m * 1000:.0f} mm is little more than a guess."
+        for leg in legs
+        if leg.touched is False
+    ]
+    unsettled = [str(number) for number, item in enumerate(observations, 1) if not item.settled]
+    if unsettled:
+        found.append(f"The robot was not at rest when interaction {', '.join(unsettled)} was read.")
+    clamped = sorted({name for item in observations for name in item.saturated_joints})
+    if clamped:
+        found.append(f"Targets of {', '.join(clamped)} had to be clamped.")
+    return tuple(found)

@@ -1,0 +1,68 @@
+"""What the estimator needs of a robot, wherever its readings come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from estimator.observation import Observation, Program
+from estimator.records import Ticket
+from protocol.capabilities import Capabilities
+
+OnProgress = Callable[[str, float], None]
+"""Called with the phase of a motion and the share of it that is done, 0 to 1."""
+
+
+class RobotLink(Protocol):
+    """A robot, or a record of one.
+
+    Attributes:
+        capabilities: What the robot is.
+        client_id: The name under which requests reach it.
+        recorded: The motor programs of a record, the only ones it can perform; ``None``: a robot,
+            which performs any.
+    """
+
+    capabilities: Capabilities
+    client_id: str
+    recorded: tuple[Program, ...] | None
+
+    def ticket(self) -> Ticket | None:
+        """The name of the next request, to be committed before it is sent; ``None``: none needed.
+
+        Raises:
+            BodyschemaError: The robot cannot be had, for example because another holds it.
+        """
+
+    def perform(
+        self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
+    ) -> Observation:
+        """Performs a motor program, under a fresh ticket.
+
+        Args:
+            number: Number of the interaction, by which a record finds its row.
+            program: Targets, rad, one per joint in motor order.
+            ticket: From ``ticket``.
+            on_progress: Hears how far the motion is.
+
+        Raises:
+            RobotError: The robot refused or broke off; a fresh ticket is needed to try again.
+            RobotRestartedError: The daemon restarted, and what became of the motion is unknown.
+            RobotUnreachableError: Nothing answers any more.
+        """
+
+    def outcome(
+        self, program: Program, ticket: Ticket, on_progress: OnProgress
+    ) -> Observation | None:
+        """What became of a request of an earlier connection; waits when it is under way.
+
+        Returns:
+            The observation, or ``None`` when the request was certainly not carried out.
+
+        Raises:
+            RobotRestartedError: The daemon restarted since, so nobody knows.
+            RobotError: The request ended with this error.
+        """
+
+    def close(self) -> None:
+        """Gives the robot back."""

@@ -1,0 +1,115 @@
+"""Readings that a person wrote down: ``readings.csv`` with ``robot.json`` beside it.
+
+``readings.csv`` is described in ``estimator.readings_csv``. ``robot.json`` says what a robot would
+say about itself; every run writes one, and by hand three keys are enough::
+
+    {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6, "clearance_upper": 0.2}
+
+in m and kg; ``clearance_upper`` is the largest clearance that could have been measured.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, Final
+
+from estimator.errors import ReadingsError
+from estimator.observation import Observation
+from estimator.readings_csv import ANGLE, Table, read
+from estimator.robot_link.replay import Record
+from protocol.capabilities import Capabilities
+from protocol.errors import LocalProtocolError
+
+ROBOT_FILE: Final = "robot.json"
+_SLEW: Final = math.radians(60.0)  # the paper's servos
+_CAP: Final = 0.2  # m
+
+
+def open_by_hand(path: Path, driven: Collection[int]) -> Record:
+    """Readings by hand as a robot link.
+
+    Args:
+        path: The table.
+        driven: Motors whose angle every row must say; the others stand at 0 without a column.
+
+    Raises:
+        ReadingsError: A file cannot be read or is wrong; the message names it and the reason.
+    """
+    table = read(path)
+    robot = path.with_name(ROBOT_FILE)
+    capabilities = _capabilities(robot, path, table)
+    names = [joint.name for joint in capabilities.joints]
+    unknown = [name for name in table.joints if name not in names]
+    if unknown:
+        raise ReadingsError(
+            f"{path}: the robot has no joint {', '.join(unknown)}; {robot} names "
+            f"{', '.join(names)}."
+        )
+    missing = [names[motor] for motor in driven if motor < len(names)]
+    missing = [name for name in missing if name not in table.joints]
+    if missing:
+        raise ReadingsError(
+            f"{path}: the problem drives {', '.join(missing)}, so write the columns "
+            f"{', '.join(ANGLE + name for name in missing)}."
+        )
+    observations = tuple(_for_all_joints(row, table.joints, names) for row in table.observations)
+    return Record(capabilities, tuple(row.angles for row in observations), observations)
+
+
+def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
+    advice = 'write at least {"base_size": [x, y, z], "base_mass": m} there, in m and kg'
+    try:
+        found = json.loads(robot.read_text("utf-8"))
+    except OSError as error:
+        raise ReadingsError(
+            f"{path} says nothing about the main body, and {robot} cannot be read "
+            f"({error.strerror}): {advice}."
+        ) from error
+    except ValueError as error:
+        raise ReadingsError(f"{robot} is no JSON file: {error}.") from error
+    if not isinstance(found, dict):
+        raise ReadingsError(f"{robot} must hold an object: {advice}.")
+    missing = [key for key in ("base_size", "base_mass") if key not in found]
+    if missing:
+        raise ReadingsError(f"{robot} lacks {', '.join(missing)}: {advice}.")
+    try:
+        return Capabilities.of({**_assumed(found, table), **found})
+    except LocalProtocolError as error:
+        raise ReadingsError(f"{robot}: {error}.") from error
+
+
+def _assumed(found: dict[str, Any], table: Table) -> dict[str, Any]:
+    """What a table implies about the robot, and what no one needs to know of a robot by hand."""
+    joints = found.get("joints")
+    count = len(joints) if isinstance(joints, list) else len(table.joints)
+    sensors = [
+        {"modality": "touch", "unit": "bool", "count": table.touch_sensors},
+        {"modality": "tilt", "unit": "rad", "count": 2 * table.has_tilt},
+        {
+            "modality": "clearance",
+            "unit": "m",
+            "count": int(table.has_clearance),
+            "upper": found.get("clearance_upper", _CAP),
+        },
+    ]
+    return {
+        "robot": "by hand",
+        "software": "none",
+        "config_hash": "none",
+        "part_radii": [found.get("part_radius", 0.006)] * count,
+        "joints": [
+            {"name": name, "lower": -math.pi, "upper": math.pi, "speed": _SLEW, "resolution": 0.0}
+            for name in table.joints
+        ],
+        "sensors": [{"noise": 0.0, "rate": 1.0, **item} for item in sensors if item["count"]],
+        "telemetry": "none",
+        "telemetry_rate": 1.0,
+    }
+
+
+def _for_all_joints(row: Observation, columns: tuple[str, ...], names: list[str]) -> Observation:
+    angles = dict(zip(columns, row.angles, strict=True))
+    return row.model_copy(update={"angles": tuple(angles.get(name, 0.0) for name in names)})

@@ -1,0 +1,97 @@
+"""A robot daemon as a robot link."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from estimator.errors import InteractionError
+from estimator.observation import Observation, Program, by_joint_name
+from estimator.records import Ticket
+from estimator.robot_link.base import OnProgress
+from protocol import messages
+from protocol.capabilities import Capabilities
+from protocol.client import RobotClient
+from protocol.errors import RobotError, RobotRestartedError
+
+PATIENCE: Final = 10.0
+"""Seconds without a word from the robot after which a run stops."""
+
+_NEVER_DONE: Final = ("not_controller", "expired")
+"""Errors that say that a request of an earlier connection did not move the robot."""
+
+
+class WireLink:
+    """A session with a robot daemon.
+
+    Args:
+        uri: ``tcp://host:port``.
+        client_id: The name under which requests reach the robot, the same for the whole run.
+        first_id: The first request id of this connection; above all that were used before.
+
+    Raises:
+        BodyschemaError: Nothing answers there, or what answers speaks no version of ours.
+    """
+
+    def __init__(self, uri: str, *, client_id: str, first_id: int):
+        self._uri = uri
+        self._client = RobotClient(
+            uri, client_id=client_id, next_id=first_id, timeout=PATIENCE, software="estimator"
+        )
+        self.client_id = client_id
+        self.capabilities: Capabilities = self._client.capabilities
+        self.recorded: tuple[Program, ...] | None = None
+
+    def ticket(self) -> Ticket | None:
+        """Makes sure of the robot's control, then reserves an id.
+
+        A daemon that restarted between two requests took nothing with it, so the session is opened
+        anew without a word.
+        """
+        try:
+            self._client.acquire()
+        except RobotRestartedError:
+            self._client.hello()
+            self._client.acquire()
+        return Ticket(request_id=self._client.reserve_id(), session=self._client.session)
+
+    def perform(
+        self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
+    ) -> Observation:
+        """Performs a motor program under the id that was reserved for it."""
+        assert ticket is not None
+        found = self._client.perform(
+            by_joint_name(program, self.capabilities),
+            request_id=ticket.request_id,
+            on_progress=lambda progress: on_progress(progress.phase, progress.fraction),
+        )
+        return self._observation(found)
+
+    def outcome(
+        self, program: Program, ticket: Ticket, on_progress: OnProgress
+    ) -> Observation | None:
+        """Asks again under the same id, which moves the robot at most once.
+
+        Control is not asked for first: a request that never arrived is then refused, unless this
+        run still has control, and then it is carried out as it was meant.
+        """
+        if ticket.session != self._client.session:
+            raise RobotRestartedError(f"The robot at {self._uri} restarted since it was asked.")
+        try:
+            return self.perform(0, program, ticket, on_progress)
+        except RobotError as error:
+            if error.code in _NEVER_DONE:
+                return None
+            raise
+
+    def close(self) -> None:
+        """Gives the robot back; a motion that is still under way ends where it is."""
+        self._client.close()
+
+    def _observation(self, found: messages.Observation) -> Observation:
+        names = [joint.name for joint in self.capabilities.joints]
+        if set(found.angles) != set(names):
+            raise InteractionError(
+                f"The robot at {self._uri} reported angles of {', '.join(found.angles)}, but its "
+                f"joints are {', '.join(names)}."
+            )
+        return Observation.from_wire(found, self.capabilities)

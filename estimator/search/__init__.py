@@ -1,0 +1,7 @@
+"""Search over gene arrays by ask and tell; the user brings the evaluator.
+
+=================================================== ===========================================
+``deterministic_crowding.DeterministicCrowding``    the paper's genetic algorithm
+``operators``                                       crossover, mutation, distance; by name
+=================================================== ===========================================
+"""

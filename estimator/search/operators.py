@@ -1,0 +1,171 @@
+"""Crossover, mutation and distance, by name.
+
+The paper says "a genetic algorithm using deterministic crowding (Mahfoud, 1995)" on real-valued
+genes in [0, 1] and no more. What it leaves open is chosen here, and can be chosen otherwise in a
+problem file. Operators work on whole generations: row i of every array belongs to pair i.
+
+Genes stay in [0, 1] by reflection at the ends: clipping would pile parts up at the shortest and
+longest lengths.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import ClassVar, Final, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.errors import SearchStateError
+
+Array: TypeAlias = NDArray[np.float64]
+Distance: TypeAlias = Callable[[Array, Array], Array]
+"""Two arrays of shape (m, genes) in, distance of each row's two members out, shape (m,)."""
+
+_STRICT: Final = {"extra": "forbid"}  # read by pydantic when a problem file names an operator
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformCrossover:
+    """Each gene changes places within the pair with probability one half.
+
+    Attributes:
+        rate: Share of the pairs that are crossed at all.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
+    kind: Literal["uniform"] = "uniform"
+    rate: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_share("crossover rate", self.rate)
+
+    def __call__(
+        self, first: Array, second: Array, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Two children per pair."""
+        swap = rng.random(first.shape) < 0.5
+        swap &= rng.random((len(first), 1)) < self.rate
+        return np.where(swap, second, first), np.where(swap, first, second)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlendCrossover:
+    """Each gene is drawn from the interval between the parents, widened (BLX-α).
+
+    Eshelman and Schaffer 1993. With α = 0.5 a gene lands outside its parents' interval as often as
+    inside, so crossover alone does not draw the population together, and yet its steps shrink
+    as the population converges.
+
+    Attributes:
+        alpha: How far beyond either parent, as a share of their distance.
+        rate: Share of the pairs that are crossed at all.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
+    kind: Literal["blend"] = "blend"
+    alpha: float = 0.5
+    rate: float = 1.0
+
+    def __post_init__(self) -> None:
+        _check_share("crossover rate", self.rate)
+        if not 0 <= self.alpha < math.inf:
+            raise SearchStateError(f"crossover alpha must be at least 0, not {self.alpha}")
+
+    def __call__(
+        self, first: Array, second: Array, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Two children per pair."""
+        weights = rng.uniform(-self.alpha, 1 + self.alpha, (2, *first.shape))
+        crossed = rng.random((len(first), 1)) < self.rate
+        near = np.where(crossed, first + weights[0] * (second - first), first)
+        far = np.where(crossed, second + weights[1] * (first - second), second)
+        return reflect(near), reflect(far)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaussianMutation:
+    """Adds a normal step to some genes.
+
+    Attributes:
+        rate: Probability of a step, per gene; ``None`` means one gene per child on average.
+        sigma: Standard deviation of a step, as a share of the gene's range.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
+    kind: Literal["gaussian"] = "gaussian"
+    rate: float | None = None
+    sigma: float = 0.05
+
+    def __post_init__(self) -> None:
+        _check_share("mutation rate", self.rate)
+        if not 0 <= self.sigma < math.inf:
+            raise SearchStateError(f"mutation sigma must be at least 0, not {self.sigma}")
+
+    def __call__(self, genes: Array, rng: np.random.Generator) -> Array:
+        """The mutated genes."""
+        stepped = rng.random(genes.shape) < _rate(self.rate, genes)
+        return reflect(genes + stepped * rng.normal(0.0, self.sigma, genes.shape))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResetMutation:
+    """Draws some genes anew: a step in a gene that stands for a choice means nothing.
+
+    Attributes:
+        rate: Probability of a new value, per gene; ``None`` means one gene per child on average.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, str]] = _STRICT
+    kind: Literal["reset"] = "reset"
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_share("mutation rate", self.rate)
+
+    def __call__(self, genes: Array, rng: np.random.Generator) -> Array:
+        """The mutated genes."""
+        drawn = rng.random(genes.shape) < _rate(self.rate, genes)
+        return np.where(drawn, rng.random(genes.shape), genes)
+
+
+Crossover: TypeAlias = UniformCrossover | BlendCrossover
+Mutation: TypeAlias = GaussianMutation | ResetMutation
+
+
+def euclidean(first: Array, second: Array) -> Array:
+    """Distance of genomes: Euclid's, every gene counting alike."""
+    found: Array = np.linalg.norm(first - second, axis=1)
+    return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Operators:
+    """What a genetic algorithm does to genes.
+
+    Attributes:
+        crossover: Makes two children of two parents.
+        mutation: Changes a child.
+        distance: Says which parent a child resembles; genotypic, because the paper names no other.
+    """
+
+    crossover: Crossover = field(default_factory=BlendCrossover)
+    mutation: Mutation = field(default_factory=GaussianMutation)
+    distance: Distance = euclidean
+
+
+def reflect(genes: Array) -> Array:
+    """Folds values outside [0, 1] back into it, however far they strayed."""
+    folded: Array = 1.0 - np.abs(genes % 2.0 - 1.0)
+    return folded
+
+
+def _rate(rate: float | None, genes: Array) -> float:
+    return 1 / genes.shape[1] if rate is None else rate
+
+
+def _check_share(name: str, value: float | None) -> None:
+    if value is not None and not 0 <= value <= 1:
+        raise SearchStateError(f"{name} must lie in 0 to 1, not {value}")

@@ -1,0 +1,368 @@
+"""A run directory that survives ``kill -9`` at any instant.
+
+Layout of a run directory::
+
+    DIR/
+    ├── run.sqlite     everything that must survive: settings, the robot's capability dictionary,
+    │                  interactions, generations, the latest checkpoint, validations
+    ├── run.lock       held (flock) by the process that writes; empty
+    ├── result.json    the outcome                            ┐
+    ├── readings.csv   one row per interaction                │ derived from run.sqlite,
+    ├── robot.json     the capability dictionary              │ rewritten after each iteration,
+    └── plots/         errors.png, lengths.png                ┘ free to delete
+
+Two rules make the run durable. What is about to be asked of the robot is committed before the
+request leaves, and what it answered is committed before anything else happens; so a restart knows
+the id with which to ask for the outcome. And a generation's record and the search's state go into
+one transaction, so that a restart continues from exactly one of the two.
+
+SQLite keeps a rollback journal rather than a write-ahead log: a closed run is then a single file
+that can be copied, it also works on network file systems, and a handful of commits per second
+costs nothing. ``synchronous=EXTRA`` makes each commit survive a power cut too.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, Self
+
+from estimator.errors import RunDirectoryError
+from estimator.observation import Observation, Program
+from estimator.records import (
+    Checkpoint,
+    Counters,
+    Generation,
+    Interaction,
+    Prediction,
+    RunSettings,
+    Ticket,
+)
+from protocol.capabilities import Capabilities
+
+DATABASE: Final = "run.sqlite"
+FORMAT: Final = 1
+IDS_PER_CONNECTION: Final = 2**20
+"""Each connection numbers its requests from its own block, so no id is ever used for two."""
+
+_SCHEMA: Final = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
+CREATE TABLE interactions (
+    number INTEGER PRIMARY KEY, program TEXT NOT NULL,
+    request_id INTEGER, session TEXT, observation TEXT
+) STRICT;
+CREATE TABLE generations (
+    number INTEGER PRIMARY KEY, iteration INTEGER NOT NULL,
+    errors TEXT NOT NULL, best TEXT NOT NULL, counters TEXT NOT NULL
+) STRICT;
+CREATE TABLE checkpoint (only INTEGER PRIMARY KEY CHECK (only = 0), value TEXT NOT NULL) STRICT;
+CREATE TABLE predictions (
+    validation INTEGER, number INTEGER, program TEXT NOT NULL, readings TEXT NOT NULL,
+    request_id INTEGER, session TEXT, observation TEXT,
+    PRIMARY KEY (validation, number)
+) STRICT;
+"""
+
+
+class RunStore:
+    """One run on disk. Use ``create`` or ``open``; close it, or use it as a context manager.
+
+    Attributes:
+        directory: The run directory.
+        settings: What the run was asked to do.
+        capabilities: What the robot said it is.
+        client_id: The name under which the run's requests reach the robot.
+    """
+
+    def __init__(self, directory: Path, database: sqlite3.Connection, lock: int | None):
+        self.directory = directory
+        self._database = database
+        self._lock = lock
+        self.settings = RunSettings.model_validate_json(self._meta("settings"))
+        self.capabilities = Capabilities.of(json.loads(self._meta("capabilities")))
+        self.client_id = str(json.loads(self._meta("client_id")))
+
+    # --- opening and closing ----------------------------------------------------------------------
+
+    @classmethod
+    def create(
+        cls, directory: Path, settings: RunSettings, capabilities: Capabilities, client_id: str
+    ) -> Self:
+        """Makes a run directory with one connection to the robot, number 0, already counted.
+
+        Raises:
+            RunDirectoryError: The directory holds a run already, or cannot be made.
+        """
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RunDirectoryError(f"{directory} cannot be made: {error.strerror}.") from error
+        lock = _lock(directory)
+        try:
+            database = _connect(directory)
+        except BaseException:
+            os.close(lock)
+            raise
+        try:
+            with _transaction(database):
+                if database.execute("SELECT 1 FROM sqlite_master").fetchone():
+                    raise RunDirectoryError(
+                        f"{directory} holds a run already: go on with `estimator resume "
+                        f"{directory}`, or give another --out."
+                    )
+                for statement in _SCHEMA.split(";\n"):
+                    database.execute(statement)
+                first = {
+                    "format": json.dumps(FORMAT),
+                    "settings": settings.model_dump_json(),
+                    "capabilities": json.dumps(capabilities.to_map()),
+                    "client_id": json.dumps(client_id),
+                    "connections": json.dumps(1),
+                }
+                database.executemany("INSERT INTO meta VALUES (?, ?)", first.items())
+            return cls(directory, database, lock)
+        except BaseException:
+            database.close()
+            os.close(lock)
+            raise
+
+    @classmethod
+    def open(cls, directory: Path, *, to_write: bool = True) -> Self:
+        """Opens a run; ``to_write`` keeps every other writer out until ``close``.
+
+        Raises:
+            RunDirectoryError: There is no run, its format is another version's, or another process
+                writes to it.
+        """
+        if not (directory / DATABASE).is_file():
+            raise RunDirectoryError(f"{directory} holds no run: there is no {DATABASE} in it.")
+        lock = _lock(directory) if to_write else None
+        database = None
+        try:
+            database = _connect(directory)
+            found = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
+            if json.loads(found[0]) != FORMAT:
+                raise RunDirectoryError(
+                    f"{directory} was written in run format {found[0]}, and this version reads "
+                    f"{FORMAT}: use the version of bodyschema that made it."
+                )
+            return cls(directory, database, lock)
+        except (sqlite3.Error, TypeError, ValueError) as error:
+            _close(database, lock)
+            raise RunDirectoryError(f"{directory / DATABASE} is not a run: {error}.") from error
+        except BaseException:
+            _close(database, lock)
+            raise
+
+    def close(self) -> None:
+        """Lets go of the directory; may be called twice."""
+        _close(self._database, self._lock)
+        self._lock = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- the robot --------------------------------------------------------------------------------
+
+    def new_connection(self) -> int:
+        """Counts a connection to the robot; returns the first request id it may use."""
+        with _transaction(self._database):
+            number = int(json.loads(self._meta("connections")))
+            self._database.execute(
+                "UPDATE meta SET value = ? WHERE key = 'connections'", (json.dumps(number + 1),)
+            )
+        return first_id(number)
+
+    def plan(self, number: int, program: Program) -> None:
+        """Commits the motor program of an interaction that is still to be performed."""
+        with _transaction(self._database):
+            self._database.execute(
+                "INSERT INTO interactions (number, program) VALUES (?, ?)",
+                (number, json.dumps(program)),
+            )
+
+    def ask(self, number: int, ticket: Ticket | None) -> None:
+        """Commits the id under which an interaction is about to be asked for; ``None``: no id."""
+        with _transaction(self._database):
+            self._database.execute(
+                "UPDATE interactions SET request_id = ?, session = ? WHERE number = ?",
+                (ticket and ticket.request_id, ticket and ticket.session, number),
+            )
+
+    def observe(self, number: int, observation: Observation) -> None:
+        """Commits what an interaction returned."""
+        with _transaction(self._database):
+            self._database.execute(
+                "UPDATE interactions SET observation = ? WHERE number = ?",
+                (observation.model_dump_json(), number),
+            )
+
+    def interactions(self) -> list[Interaction]:
+        """All interactions in order; only the last one can lack its observation."""
+        rows = self._database.execute(
+            "SELECT program, request_id, session, observation FROM interactions ORDER BY number"
+        )
+        return [Interaction(**_performed(*row)) for row in rows]
+
+    # --- the search -------------------------------------------------------------------------------
+
+    def save(self, generation: Generation, state: Mapping[str, Any]) -> None:
+        """Commits a generation's record together with the search's state after it."""
+        checkpoint = {"generation": generation.number, "state": state}
+        with _transaction(self._database):
+            self._database.execute(
+                "INSERT INTO generations VALUES (?, ?, ?, ?, ?)",
+                (
+                    generation.number,
+                    generation.iteration,
+                    json.dumps(generation.errors),
+                    json.dumps(generation.best),
+                    generation.counters.model_dump_json(),
+                ),
+            )
+            self._database.execute(
+                "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
+            )
+
+    def checkpoint(self) -> Checkpoint | None:
+        """The search's latest committed state."""
+        row = self._database.execute("SELECT value FROM checkpoint").fetchone()
+        return None if row is None else Checkpoint(**json.loads(row[0]))
+
+    def generations(self) -> list[Generation]:
+        """The records of all generations in order."""
+        rows = self._database.execute("SELECT * FROM generations ORDER BY number")
+        return [
+            Generation(
+                number=number,
+                iteration=iteration,
+                errors=tuple(json.loads(errors)),
+                best=tuple(json.loads(best)),
+                counters=Counters.model_validate_json(counters),
+            )
+            for number, iteration, errors, best, counters in rows
+        ]
+
+    # --- validation -------------------------------------------------------------------------------
+
+    def predict(self, predictions: list[Prediction]) -> int:
+        """Commits predictions of motor programs not yet performed; returns the validation's number.
+
+        They cannot be changed afterwards, so a prediction is never made with the outcome in view.
+        """
+        with _transaction(self._database):
+            (number,) = self._database.execute(
+                "SELECT COALESCE(MAX(validation) + 1, 0) FROM predictions"
+            ).fetchone()
+            self._database.executemany(
+                "INSERT INTO predictions (validation, number, program, readings) "
+                "VALUES (?, ?, ?, ?)",
+                [
+                    (number, index, json.dumps(item.program), json.dumps(item.readings))
+                    for index, item in enumerate(predictions)
+                ],
+            )
+        return int(number)
+
+    def ask_validation(self, validation: int, number: int, ticket: Ticket | None) -> None:
+        """Commits the id under which a predicted motor program is about to be performed."""
+        with _transaction(self._database):
+            self._database.execute(
+                "UPDATE predictions SET request_id = ?, session = ? "
+                "WHERE validation = ? AND number = ?",
+                (ticket and ticket.request_id, ticket and ticket.session, validation, number),
+            )
+
+    def observe_validation(self, validation: int, number: int, observation: Observation) -> None:
+        """Commits what a predicted motor program returned."""
+        with _transaction(self._database):
+            self._database.execute(
+                "UPDATE predictions SET observation = ? WHERE validation = ? AND number = ?",
+                (observation.model_dump_json(), validation, number),
+            )
+
+    def validations(self) -> list[list[Prediction]]:
+        """The predictions of each validation, with what came of them so far."""
+        rows = self._database.execute(
+            "SELECT validation, readings, program, request_id, session, observation "
+            "FROM predictions ORDER BY validation, number"
+        )
+        found: dict[int, list[Prediction]] = {}
+        for validation, readings, *performed in rows:
+            prediction = Prediction(readings=json.loads(readings), **_performed(*performed))
+            found.setdefault(validation, []).append(prediction)
+        return list(found.values())
+
+    def _meta(self, key: str) -> str:
+        row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        if row is None:
+            raise RunDirectoryError(f"{self.directory / DATABASE} lacks its {key}.")
+        return str(row[0])
+
+
+def first_id(connection: int) -> int:
+    """The first request id of a connection, by its number."""
+    return connection * IDS_PER_CONNECTION + 1
+
+
+def _performed(
+    program: str, request_id: int | None, session: str | None, observation: str | None
+) -> dict[str, Any]:
+    ticket = None
+    if request_id is not None and session is not None:
+        ticket = Ticket(request_id=request_id, session=session)
+    return {
+        "program": tuple(json.loads(program)),
+        "ticket": ticket,
+        "observation": observation and Observation.model_validate_json(observation),
+    }
+
+
+def _connect(directory: Path) -> sqlite3.Connection:
+    database = sqlite3.connect(directory / DATABASE, isolation_level=None, timeout=10.0)
+    database.execute("PRAGMA journal_mode = DELETE")
+    database.execute("PRAGMA synchronous = EXTRA")
+    return database
+
+
+def _lock(directory: Path) -> int:
+    """Takes the directory's lock, which the kernel frees when its holder dies."""
+    try:
+        lock = os.open(directory / "run.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        raise RunDirectoryError(
+            f"Another process works on {directory}: let it finish or end it first."
+        ) from None
+    return lock
+
+
+def _close(database: sqlite3.Connection | None, lock: int | None) -> None:
+    if database is not None:
+        database.close()
+    if lock is not None:
+        os.close(lock)
+
+
+@contextmanager
+def _transaction(database: sqlite3.Connection) -> Iterator[None]:
+    """Everything in the block is committed together, or not at all."""
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        database.execute("ROLLBACK")
+        raise
+    database.execute("COMMIT")

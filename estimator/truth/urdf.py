@@ -1,0 +1,186 @@
+"""The part of URDF that a scorer needs: links with simple shapes, fixed and revolute joints.
+
+Visuals, inertias, materials and anything else that does not shape a body are skipped.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Final, Literal, TypeAlias
+
+from pydantic import AfterValidator, Field, ValidationError
+from pydantic_xml import BaseXmlModel, ParsingError, attr, element
+
+from estimator.errors import TruthError
+
+
+def numbers(text: str) -> tuple[float, float, float]:
+    """The three numbers of an attribute such as ``xyz``."""
+    x, y, z = (float(word) for word in text.split())
+    return (x, y, z)
+
+
+def _finite(text: str) -> str:
+    if not all(math.isfinite(value) for value in numbers(text)):
+        raise ValueError("must be three finite numbers")
+    return text
+
+
+_Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Vector: TypeAlias = Annotated[str, AfterValidator(_finite)]  # pydantic-xml: no arrays in attributes
+
+_ZERO: Final = "0 0 0"
+
+
+class _Element(BaseXmlModel, search_mode="unordered"):
+    """Elements come in any order, and unknown ones are skipped."""
+
+
+class Origin(_Element, tag="origin"):
+    """A frame in its parent's: m, and fixed-axis roll, pitch, yaw in rad."""
+
+    xyz: Vector = attr(default=_ZERO)
+    rpy: Vector = attr(default=_ZERO)
+
+
+class Box(_Element, tag="box"):
+    """A box with its middle at the origin, m."""
+
+    size: Vector = attr()
+
+
+class Cylinder(_Element, tag="cylinder"):
+    """A cylinder about z with its middle at the origin, m."""
+
+    radius: _Positive = attr()
+    length: _Positive = attr()
+
+
+class Sphere(_Element, tag="sphere"):
+    """A sphere about the origin, m."""
+
+    radius: _Positive = attr()
+
+
+class Geometry(_Element, tag="geometry"):
+    """One shape."""
+
+    box: Box | None = element(default=None)
+    cylinder: Cylinder | None = element(default=None)
+    sphere: Sphere | None = element(default=None)
+
+    @property
+    def shape(self) -> Box | Cylinder | Sphere | None:
+        """The shape, or ``None`` when it is of an unsupported kind."""
+        return self.box or self.cylinder or self.sphere
+
+
+class Collision(_Element, tag="collision"):
+    """A shape in its link's frame."""
+
+    origin: Origin = element(default=Origin())
+    geometry: Geometry = element()
+
+
+class Link(_Element, tag="link"):
+    """A rigid body."""
+
+    name: str = attr(min_length=1)
+    collisions: list[Collision] = element(tag="collision", default=[])
+
+
+class Neighbour(_Element):
+    """The link that a joint names."""
+
+    link: str = attr()
+
+
+class Axis(_Element, tag="axis"):
+    """A joint's axis in the child's frame."""
+
+    xyz: Vector = attr(default="1 0 0")
+
+
+class Joint(_Element, tag="joint"):
+    """Holds a child link in its parent's frame; a revolute one turns it about ``axis``."""
+
+    name: str = attr(min_length=1)
+    kind: Literal["fixed", "revolute"] = attr(name="type")
+    parent: Neighbour = element(tag="parent")
+    child: Neighbour = element(tag="child")
+    origin: Origin = element(default=Origin())
+    axis: Axis = element(default=Axis())
+
+
+class Urdf(_Element, tag="robot"):
+    """A robot: links and the joints between them, in document order."""
+
+    name: str = attr(default="robot")
+    links: list[Link] = element(tag="link")
+    joints: list[Joint] = element(tag="joint", default=[])
+
+    @property
+    def root(self) -> str:
+        """Name of the link that is nobody's child."""
+        children = {joint.child.link for joint in self.joints}
+        return next(link.name for link in self.links if link.name not in children)
+
+
+def read_urdf(path: Path) -> Urdf:
+    """Reads a URDF file.
+
+    Raises:
+        TruthError: The file cannot be read, is no URDF of the supported subset, or its links form
+            no tree; the message names file, element and reason.
+    """
+    try:
+        urdf = Urdf.from_xml(path.read_bytes())
+    except OSError as error:
+        raise TruthError(f"{path} cannot be read: {error.strerror}.") from error
+    except SyntaxError as error:  # what lxml raises derives from it
+        raise TruthError(f"{path} is no XML file: {error}.") from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(step) for step in first["loc"])
+        raise TruthError(f"{path}: {where or 'robot'}: {first['msg']}.") from error
+    except ParsingError as error:
+        raise TruthError(f"{path} is no URDF file: {error}.") from error
+    _check_tree(path, urdf)
+    return urdf
+
+
+def _check_tree(path: Path, urdf: Urdf) -> None:
+    links = [link.name for link in urdf.links]
+    for name in {*links}:
+        if links.count(name) > 1:
+            raise TruthError(f"{path}: two links are named {name}.")
+    known = {next((name for name in links if name not in _children(urdf)), None)}
+    if None in known:
+        raise TruthError(f"{path}: every link is some joint's child, so there is no main body.")
+    for joint in urdf.joints:
+        if joint.parent.link not in known:
+            raise TruthError(
+                f"{path}: joint {joint.name}: its parent {joint.parent.link} is unknown here; "
+                "list a joint after the one that holds its parent."
+            )
+        if joint.child.link not in links or joint.child.link in known:
+            raise TruthError(
+                f"{path}: joint {joint.name}: its child {joint.child.link} must be a link that "
+                "no other joint holds."
+            )
+        if math.hypot(*numbers(joint.axis.xyz)) == 0:
+            raise TruthError(f"{path}: joint {joint.name}: its axis has no direction.")
+        known.add(joint.child.link)
+    loose = [name for name in links if name not in known]
+    if loose:
+        raise TruthError(f"{path}: no joint holds {', '.join(loose)}.")
+    for link in urdf.links:
+        if any(collision.geometry.shape is None for collision in link.collisions):
+            raise TruthError(
+                f"{path}: link {link.name}: a geometry must be a box, a cylinder or a sphere."
+            )
+
+
+def _children(urdf: Urdf) -> set[str]:
+    return {joint.child.link for joint in urdf.joints}

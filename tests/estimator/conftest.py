@@ -1,0 +1,58 @@
+"""Random bodies and one engine for the estimator's tests."""
+
+from collections.abc import Callable, Iterator
+from typing import TypeAlias
+
+import numpy as np
+import pytest
+
+from estimator.morphology import BASE, Base, Morphology, Part
+from estimator.physics.pybullet import PyBulletPhysics
+
+MakeBody: TypeAlias = Callable[[np.random.Generator], Morphology]
+BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+DENSITY = 1000.0
+
+
+@pytest.fixture(scope="session")
+def physics() -> Iterator[PyBulletPhysics]:
+    with PyBulletPhysics() as engine:
+        yield engine
+
+
+@pytest.fixture(scope="session")
+def random_quadruped() -> MakeBody:
+    def make(rng: np.random.Generator) -> Morphology:
+        upper = [
+            Part(parent=BASE, side=leg, hinge=2, length=length, radius=0.013, motor=leg)
+            for leg, length in enumerate(rng.uniform(0.01, 0.2, 4).tolist())
+        ]
+        lower = [
+            Part(parent=leg, side=1, hinge=2, length=length, radius=0.006, sensor=leg)
+            for leg, length in enumerate(rng.uniform(0.01, 0.2, 4).tolist())
+        ]
+        return Morphology(base=BODY, parts=(*upper, *lower), density=DENSITY)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def random_tree() -> MakeBody:
+    """Eight parts anywhere, with any hinges, about a third of them locked."""
+
+    def make(rng: np.random.Generator) -> Morphology:
+        parts = tuple(
+            Part(
+                parent=int(rng.integers(BASE, index)),
+                side=int(rng.integers(4)),
+                hinge=int(rng.integers(6)),
+                length=float(rng.uniform(0.005, 0.2)),
+                radius=float(rng.choice([0.006, 0.013])),
+                motor=index if rng.random() < 2 / 3 else None,
+                sensor=index - 4 if index >= 4 else None,
+            )
+            for index in range(8)
+        )
+        return Morphology(base=BODY, parts=parts, density=DENSITY)
+
+    return make

@@ -1,0 +1,183 @@
+"""A robot whose body is a model: it answers over a real wire, and its lengths are known."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from estimator.genome import Genome
+from estimator.morphology import Morphology
+from estimator.observation import in_motor_order
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.problem import Problem
+from estimator.run import Order
+from protocol.capabilities import Capabilities, Joint, Sensor
+from protocol.errors import RobotError
+from protocol.messages import ErrorReply, Observation, Ok, Perform
+from protocol.robot import Finished, RobotEvent, RobotRequest, Snapshot
+from protocol.server import Server
+from protocol.states import State
+
+JOINTS = ("left", "front", "right", "back")
+TRUE_LENGTHS = (0.17, 0.15, 0.18, 0.16)
+PROBLEM = (
+    """
+name = "legs"
+description = "Four legs of one part each."
+density = 1000.0
+motors = { driven = [1, 2, 3, 4], range_deg = [-30.0, 30.0], slew_deg_per_s = 60.0 }
+search = { population = 8, generations = 2, interactions = 2 }
+"""
+    + "".join(
+        f"""
+[[parts]]
+name = "{name}"
+parent = 0
+side = "{name}"
+hinge = "up"
+length = [0.05, 0.25]
+radius = 0.006
+motor = {number}
+sensor = {number}
+"""
+        for number, name in enumerate(JOINTS, 1)
+    )
+)
+
+
+def make_capabilities() -> Capabilities:
+    return Capabilities(
+        robot="model",
+        software="test",
+        config_hash="0",
+        base_size=(0.14, 0.14, 0.03),
+        base_mass=0.3,
+        part_radii=(0.006,) * 4,
+        joints=tuple(
+            Joint(name=name, lower=-1.0, upper=1.0, speed=1.0472, resolution=0.01)
+            for name in JOINTS
+        ),
+        sensors=(
+            Sensor(modality="touch", unit="bool", count=4, noise=0.0, rate=100.0),
+            Sensor(modality="tilt", unit="rad", count=2, noise=0.0, rate=100.0),
+            Sensor(modality="clearance", unit="m", count=1, noise=0.0, rate=20.0, upper=0.2),
+        ),
+        telemetry="unset",
+        telemetry_rate=1.0,
+    )
+
+
+def make_problem() -> Problem:
+    return Problem.parse(PROBLEM, "test")
+
+
+def true_body(problem: Problem, capabilities: Capabilities) -> Morphology:
+    genes = (np.array(TRUE_LENGTHS) - 0.05) / 0.2
+    return Genome(problem, problem.base(capabilities)).decode(genes)
+
+
+def make_order(folder: Path, robot: str, seed: int = 3) -> Order:
+    path = folder / "legs.toml"
+    path.write_text(PROBLEM)
+    return Order(robot=robot, problem=str(path), seed=seed)
+
+
+class ModelRobot:
+    """Feels what its model feels, at once or, when manual, when told to.
+
+    ``refusals`` are errors with which the next motions end; ``motions`` are all that were begun.
+    """
+
+    def __init__(self, *, manual: bool = False):
+        self.capabilities = make_capabilities()
+        self.manual = manual
+        self.motions: list[Perform] = []
+        self.begun = threading.Semaphore(0)
+        self.refusals: list[RobotError] = []
+        self._body = true_body(make_problem(), self.capabilities)
+        self._sequence = 0
+        self._under_way: list[tuple[int, Perform]] = []
+        self._events: list[RobotEvent] = []
+        self._lock = threading.Lock()
+        self._notify: Callable[[], None] = lambda: None
+
+    def submit(self, ticket: int, request: RobotRequest) -> None:
+        if not isinstance(request, Perform):
+            self._emit(Finished(ticket=ticket, reply=Ok(id=request.id, state="holding")))
+            return
+        self.motions.append(request)
+        self._under_way.append((ticket, request))
+        if not self.manual:
+            self.complete()
+        self.begun.release()
+
+    def silence(self) -> None:
+        """Goes on: how a motion ends in silence is the daemon's own affair."""
+
+    def controller_changed(self, client: str | None) -> None:
+        """Does not care."""
+
+    def snapshot(self) -> Snapshot:
+        state = State.MOVING if self._under_way else State.HOLDING
+        return Snapshot(state=state, robot_time=0.0, sequence=self._sequence, angles={})
+
+    def events(self) -> list[RobotEvent]:
+        with self._lock:
+            found, self._events = self._events, []
+        return found
+
+    def set_notify(self, notify: Callable[[], None]) -> None:
+        self._notify = notify
+
+    def complete(self) -> None:
+        """Ends what is under way."""
+        under_way, self._under_way = self._under_way, []
+        for ticket, request in under_way:
+            if self.refusals:
+                reply = ErrorReply.of(self.refusals.pop(0), request_id=request.id)
+                self._emit(Finished(ticket=ticket, reply=reply))
+            else:
+                self._emit(Finished(ticket=ticket, reply=self._observe(request)))
+
+    def _observe(self, request: Perform) -> Observation:
+        program = np.array(in_motor_order(request.targets, self.capabilities))
+        with PyBulletPhysics(make_problem().settings(self.capabilities)) as physics:
+            readings = physics.read([(self._body, program)])
+        self._sequence += 1
+        return Observation(
+            id=request.id,
+            sequence=self._sequence,
+            robot_time=float(self._sequence),
+            monotonic=0.0,
+            angles=request.targets,
+            saturated_joints=(),
+            touch=tuple(readings.touch[0].tolist()),
+            tilt=tuple(readings.tilt[0].tolist()),
+            clearance=float(readings.clearance[0]),
+            clearance_saturated=False,
+            settled=True,
+            settle_time=0.1,
+            samples=10,
+        )
+
+    def _emit(self, event: RobotEvent) -> None:
+        with self._lock:
+            self._events.append(event)
+        self._notify()
+
+
+@contextmanager
+def serving(robot: ModelRobot, bind: str = "tcp://127.0.0.1:*") -> Iterator[str]:
+    """Serves a robot in a thread; yields where. Leaving it is the death of the daemon."""
+    server = Server(robot, bind=bind)
+    thread = threading.Thread(target=server.run, name="server")
+    thread.start()
+    try:
+        yield server.endpoint
+    finally:
+        server.close()
+        thread.join()

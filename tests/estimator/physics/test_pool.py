@@ -1,0 +1,133 @@
+"""Worker processes: same results however many there are, and whatever happens to them."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import fields
+from functools import partial
+from multiprocessing import active_children
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.errors import PhysicsError, WorkerError
+from estimator.morphology import Morphology
+from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.pool import PhysicsPool
+from estimator.physics.pybullet import PyBulletPhysics
+
+MakeBody = Callable[[np.random.Generator], Morphology]
+MAKE = partial(PyBulletPhysics, Settings(steps=60))
+
+
+@pytest.fixture
+def pairs(random_tree: MakeBody) -> list[Pair]:
+    rng = np.random.default_rng(0)
+    return [(random_tree(rng), np.radians(rng.uniform(-30, 30, 8))) for _ in range(21)]
+
+
+def assert_same(one: Readings, two: Readings) -> None:
+    for item in fields(Readings):
+        assert np.array_equal(getattr(one, item.name), getattr(two, item.name)), item.name
+
+
+def test_the_number_of_workers_does_not_show(pairs: list[Pair]) -> None:
+    with MAKE() as here:
+        expected = here.read(pairs)
+    for jobs in (1, 3):
+        with PhysicsPool(MAKE, jobs) as pool:
+            assert_same(pool.read(pairs), expected)
+            assert_same(pool.read(pairs[:2]), expected[:2])
+            assert (pool.simulations, pool.steps) == (23, 23 * 60)
+            assert len(pool.read([])) == 0
+
+
+def test_a_dead_worker_costs_time_not_results(pairs: list[Pair]) -> None:
+    with PhysicsPool(MAKE, 2) as pool:
+        expected = pool.read(pairs)
+        victims = active_children()
+        assert victims
+        for victim in victims:
+            victim.kill()
+            victim.join()
+        assert_same(pool.read(pairs), expected)
+        assert pool.simulations == 42
+
+
+def test_workers_that_always_die_end_in_a_sentence(pairs: list[Pair]) -> None:
+    pool = PhysicsPool(partial(os._exit, 1), 2)
+    with pool, pytest.raises(WorkerError, match="died 3 times in a row"):
+        pool.read(pairs)
+
+
+def test_errors_come_back_from_workers(pairs: list[Pair]) -> None:
+    with PhysicsPool(MAKE, 2) as pool:
+        with pytest.raises(PhysicsError, match="must be finite"):
+            pool.read([*pairs[:3], (pairs[3][0], np.full(8, np.nan))])
+        assert len(pool.read(pairs[:1])) == 1  # and the pool is still of use
+
+
+def test_there_must_be_a_worker() -> None:
+    with pytest.raises(PhysicsError, match="at least one worker process, not 0"):
+        PhysicsPool(MAKE, 0)
+
+
+PROGRAM = """
+import os
+from functools import partial
+import numpy as np
+from estimator.morphology import Base, Morphology
+from estimator.physics.base import Settings
+from estimator.physics.pool import PhysicsPool
+from estimator.physics.pybullet import PyBulletPhysics
+
+if __name__ == "__main__":
+    body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
+    with PhysicsPool(partial(PyBulletPhysics, Settings(steps=3000)), 2) as pool:
+        try:
+            while True:
+                pool.read([(body, np.zeros(0))] * 20)
+                print("working", flush=True)
+        except KeyboardInterrupt:
+            print("interrupted", flush=True)
+"""
+
+
+def run_until_working(path: Path) -> subprocess.Popen[str]:
+    path.write_text(PROGRAM, "utf-8")
+    root = Path(__file__).parents[3]
+    program = subprocess.Popen(
+        [sys.executable, str(path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": str(root)},
+        start_new_session=True,
+    )
+    assert program.stdout is not None
+    assert program.stdout.readline() == "working\n"
+    return program
+
+
+def test_ctrl_c_ends_workers_quietly(tmp_path: Path) -> None:
+    """A terminal sends the interrupt to the whole process group."""
+    with run_until_working(tmp_path / "program.py") as program:
+        os.killpg(program.pid, signal.SIGINT)
+        out, err = program.communicate(timeout=20)  # returns when the last process is gone
+    assert (out.splitlines()[-1], err, program.returncode) == ("interrupted", "", 0)
+
+
+def test_workers_follow_a_killed_parent(tmp_path: Path) -> None:
+    with run_until_working(tmp_path / "program.py") as program:
+        program.kill()
+        program.communicate(timeout=20)  # workers that lived on would keep its stderr open
+
+
+def test_unused_pool_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ProcessPoolExecutor, "__init__", None)
+    with PhysicsPool(MAKE, 2) as pool:
+        assert pool.simulations == 0

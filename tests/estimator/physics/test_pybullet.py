@@ -1,0 +1,283 @@
+"""PyBullet against our own kinematics and against geometry that can be done by hand."""
+
+import math
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.errors import PhysicsError
+from estimator.genome import Genome
+from estimator.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.problem import Problem
+
+MakeBody = Callable[[np.random.Generator], Morphology]
+BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+BELLY = 0.085 / 2
+RIGHT_ANGLE = math.radians(90)
+
+
+def legs(length: float, *, radius: float = 0.006, pieces: int = 1, hinge: int = 2) -> Morphology:
+    """Four equal straight legs, each of one or two rigid pieces; the last piece feels touch."""
+    upper = [
+        Part(
+            parent=BASE,
+            side=leg,
+            hinge=hinge,
+            length=length / pieces,
+            radius=radius,
+            motor=leg,
+            sensor=leg if pieces == 1 else None,
+        )
+        for leg in range(4)
+    ]
+    lower = [
+        replace(part, parent=part.side, side=1, motor=None, sensor=part.side) for part in upper
+    ]
+    parts = tuple(upper) if pieces == 1 else (*upper, *lower)
+    return Morphology(base=BODY, parts=parts, density=1000.0)
+
+
+def read_one(physics: PyBulletPhysics, body: Morphology, *angles: float) -> Readings:
+    return physics.read([(body, np.array(angles))])
+
+
+def random_pairs(make: MakeBody, count: int, seed: int, motors: int = 8) -> list[Pair]:
+    rng = np.random.default_rng(seed)
+    pairs = []
+    for _ in range(count):
+        program = np.zeros(8)
+        program[:motors] = np.radians(rng.uniform(-30, 30, motors))
+        pairs.append((make(rng), program))
+    return pairs
+
+
+def test_kinematics_agree_link_by_link(physics: PyBulletPhysics, random_tree: MakeBody) -> None:
+    engine, client = physics._engine, physics._client
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        body = random_tree(rng)
+        angles = rng.uniform(-np.pi, np.pi, 8)
+        number = physics._build(body, body.part_angles(angles))
+        for link, angle in enumerate(body.part_angles(angles)):
+            engine.resetJointState(number, link, angle, physicsClientId=client)
+        base, _ = engine.getBasePositionAndOrientation(number, physicsClientId=client)
+        states = engine.getLinkStates(
+            number, range(8), computeForwardKinematics=True, physicsClientId=client
+        )
+        origins, rotations = part_frames(body, angles)
+        for link, state in enumerate(states):
+            matrix = np.reshape(engine.getMatrixFromQuaternion(state[5]), (3, 3))
+            assert np.array(state[4]) - base == pytest.approx(origins[link], abs=1e-5)
+            assert matrix == pytest.approx(rotations[link], abs=1e-5)
+
+
+def test_a_body_at_zero_lies_flat(physics: PyBulletPhysics) -> None:
+    found = read_one(physics, legs(0.22), 0, 0, 0, 0)
+    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-4)
+    assert found.clearance == pytest.approx([0.0], abs=1e-4)
+    assert not found.touch.any()
+    assert found.speed == pytest.approx([0.0], abs=1e-4)
+    assert found.valid.all()
+
+
+def test_thick_legs_carry_the_body_at_zero(physics: PyBulletPhysics) -> None:
+    found = read_one(physics, legs(0.22, radius=0.05), 0, 0, 0, 0)
+    assert found.clearance == pytest.approx([0.05 - BELLY], abs=1e-4)
+    assert found.touch.all()
+
+
+@pytest.mark.parametrize("radius", [0.006, 0.013])
+@pytest.mark.parametrize("pieces", [1, 2])
+@pytest.mark.parametrize("length", [0.08, 0.19])
+def test_standing_legs_lift_the_belly_by_their_length(
+    physics: PyBulletPhysics, radius: float, pieces: int, length: float
+) -> None:
+    """Whatever the radius: a leg is as long as the way from its joint to its tip."""
+    found = read_one(physics, legs(length, radius=radius, pieces=pieces), *[-RIGHT_ANGLE] * 4)
+    assert found.clearance == pytest.approx([length - BELLY], abs=2e-4)
+    assert found.touch.all()
+    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
+
+
+def test_clearance_is_capped(physics: PyBulletPhysics) -> None:
+    found = read_one(physics, legs(0.29), *[-RIGHT_ANGLE] * 4)
+    assert found.clearance == pytest.approx([0.2])
+    assert found.saturated.all()
+
+
+@pytest.mark.parametrize(("leg", "tilt"), [(0, (1, 0)), (1, (0, 1)), (2, (-1, 0)), (3, (0, -1))])
+def test_one_leg_pushes_its_side_up(
+    physics: PyBulletPhysics, leg: int, tilt: tuple[int, int]
+) -> None:
+    """The body rests on the leg's tip and on the opposite lower edge: plane geometry."""
+    program, length, radius, down = np.zeros(4), 0.1, 0.006, math.radians(60)
+    program[leg] = -down
+    found = read_one(physics, legs(length, radius=radius), *program)
+    along = 0.07 + (length - radius) * math.cos(down) + 0.07  # edge to centre of the tip's sphere
+    below = (length - radius) * math.sin(down) - BELLY
+    angle = math.atan2(below, along) + math.asin(radius / math.hypot(along, below))
+    assert found.tilt[0] == pytest.approx(angle * np.array(tilt), abs=1e-3)
+    assert found.clearance[0] == pytest.approx(0.07 * math.tan(angle), abs=2e-4)
+    assert found.touch[0].tolist() == [side == leg for side in range(4)]
+
+
+def sense(physics: PyBulletPhysics, height: float, turn: list[float]) -> Readings:
+    """Reads a body that hangs in the air, turned by a quaternion (x, y, z, w)."""
+    body, angles = legs(0.1), [0.0] * 4
+    number, engine = physics._build(body, angles), physics._engine
+    place = {"physicsClientId": physics._client}
+    engine.resetBasePositionAndOrientation(number, [0.3, -0.2, height], turn, **place)
+    readings = Readings.empty(1, 4)
+    physics._sense(number, body, angles, readings, 0)
+    return readings
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_sensors_follow_their_definitions(physics: PyBulletPhysics, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    turn = rng.normal(size=4)
+    turn /= np.linalg.norm(turn)
+    x, y, z, w = turn
+    rows = physics._engine.getMatrixFromQuaternion(turn.tolist())
+    to_world = np.reshape(rows, (3, 3))
+    up = to_world.T @ [0, 0, 1]  # world up, seen from the body
+    found = sense(physics, 0.12, [x, y, z, w])
+    assert np.sin(found.tilt[0]) == pytest.approx([up[1], up[0]], abs=1e-6)
+    belly, normal = [0, 0, 0.12] + to_world @ [0, 0, -BELLY], to_world @ [0, 0, -1]
+    away = -belly[2] / normal[2] if normal[2] else math.inf
+    assert found.clearance[0] == pytest.approx(away if 0 <= away < 0.2 else 0.2, abs=1e-6)
+
+
+def test_an_upside_down_body_sees_no_ground(physics: PyBulletPhysics) -> None:
+    found = sense(physics, 0.12, [1.0, 0.0, 0.0, 0.0])
+    assert found.clearance[0] == pytest.approx(0.2)
+    assert found.saturated[0]
+
+
+def test_a_body_that_flies_apart_is_invalid(physics: PyBulletPhysics) -> None:
+    body, angles = legs(0.1), [0.0] * 4
+    number, engine = physics._build(body, angles), physics._engine
+    engine.resetBaseVelocity(number, [math.nan] * 3, physicsClientId=physics._client)
+    readings = Readings.empty(1, 4)
+    physics._sense(number, body, angles, readings, 0)
+    assert not readings.valid[0]
+    assert readings.joint_miss[0] == math.inf
+
+
+def test_joints_hold_their_angles(
+    physics: PyBulletPhysics, random_quadruped: MakeBody, random_tree: MakeBody
+) -> None:
+    """With the true inertia of such light parts, joints miss by whole degrees."""
+    quadrupeds = physics.read(random_pairs(random_quadruped, 60, seed=1, motors=4))
+    trees = physics.read(random_pairs(random_tree, 60, seed=2))
+    for found in (quadrupeds, trees):
+        assert np.degrees(found.joint_miss).max() < 0.1
+        assert found.valid.all()
+        assert np.isfinite(found.tilt).all()
+
+
+def test_a_joint_that_misses_makes_the_reading_invalid(physics: PyBulletPhysics) -> None:
+    found = read_one(physics, legs(0.1, hinge=4), math.radians(310), 0, 0, 0)
+    assert not found.valid[0]  # 300 steps at 60 degrees per second are 300 degrees
+    assert np.degrees(found.joint_miss[0]) == pytest.approx(10, abs=1.1)
+
+
+def test_v_is_the_speed_of_a_body_that_is_not_at_rest() -> None:
+    with PyBulletPhysics(Settings(steps=40)) as short:
+        found = read_one(short, legs(0.2), *[-RIGHT_ANGLE] * 4)
+    assert found.speed[0] > 0.05
+    assert not found.valid[0]
+
+
+def test_touch_is_doubtful_just_above_the_ground(physics: PyBulletPhysics) -> None:
+    """Three legs stand; the fourth is shorter by a gap that a real gauge may or may not feel."""
+    for gap, touch, doubtful in ((0.0004, True, True), (0.0015, False, True), (0.01, False, False)):
+        body = legs(0.1)
+        short = replace(body.parts[0], length=0.1 - gap)
+        heavy_right = Part(parent=BASE, side=2, hinge=2, length=0.05, radius=0.02)
+        body = replace(body, parts=(short, *body.parts[1:], heavy_right))
+        found = read_one(physics, body, *[-RIGHT_ANGLE] * 4)
+        assert found.touch[0].tolist() == [touch, True, True, True]
+        assert found.touch_doubtful[0, 0] == doubtful
+
+
+def test_every_gene_changes_some_reading(physics: PyBulletPhysics) -> None:
+    genome = Genome(Problem.load("parametric"), BODY)
+    rng = np.random.default_rng(5)
+    programs = [np.concatenate([np.radians(rng.uniform(-30, 30, 4)), np.zeros(4)]) for _ in "1234"]
+    middle = np.full(genome.size, 0.6)
+
+    def readings(genes: Array) -> Array:
+        found = physics.read([(genome.decode(genes), program) for program in programs])
+        return np.column_stack([found.tilt, found.clearance])
+
+    before = readings(middle)
+    for gene in range(genome.size):
+        longer = middle.copy()
+        longer[gene] = 0.8
+        assert np.abs(readings(longer) - before).max() > 1e-3, genome.genes[gene]
+
+
+def test_a_reading_depends_on_its_own_pair_only(
+    physics: PyBulletPhysics, random_tree: MakeBody
+) -> None:
+    pairs = random_pairs(random_tree, 8, seed=4)
+    together, backwards = physics.read(pairs), physics.read(pairs[::-1])
+    with PyBulletPhysics() as other:
+        alone = Readings.concatenate(other.read([pair]) for pair in pairs)
+    for name in ("tilt", "clearance", "speed", "joint_miss", "touch"):
+        assert np.array_equal(getattr(together, name), getattr(backwards, name)[::-1])
+        assert np.array_equal(getattr(together, name), getattr(alone, name))
+
+
+def test_work_is_counted() -> None:
+    with PyBulletPhysics(Settings(steps=3)) as short:
+        short.read([(legs(0.1), np.zeros(4))] * 5)
+        assert (short.simulations, short.steps) == (5, 15)
+
+
+def test_bad_batches_are_refused(physics: PyBulletPhysics) -> None:
+    with pytest.raises(PhysicsError, match="must be finite"):
+        read_one(physics, legs(0.1), math.nan, 0, 0, 0)
+    blind = replace(legs(0.1), parts=())
+    with pytest.raises(PhysicsError, match=r"equally many touch sensors, not \[0, 4\]"):
+        physics.read([(legs(0.1), np.zeros(4)), (blind, np.zeros(4))])
+    crowded = replace(blind, parts=(Part(parent=BASE, side=0, hinge=0, length=1, radius=1),) * 101)
+    with pytest.raises(PhysicsError, match="at most 100 parts, not 101"):
+        read_one(physics, crowded)
+    closed = PyBulletPhysics()
+    closed.close()
+    closed.close()
+    with pytest.raises(PhysicsError, match="closed"):
+        closed.read([])
+
+
+def test_nothing_and_no_parts_can_be_read(physics: PyBulletPhysics) -> None:
+    assert len(physics.read([])) == 0
+    bare = Morphology(base=BODY, parts=(), density=1000.0)
+    found = read_one(physics, bare)
+    assert found.valid.all()
+    assert found.clearance == pytest.approx([0.0], abs=1e-4)
+
+
+def test_pybullets_chatter_stays_out_of_our_output() -> None:
+    program = """
+import numpy as np
+from estimator.morphology import Base, Morphology
+from estimator.physics.pybullet import PyBulletPhysics
+body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
+with PyBulletPhysics() as physics:
+    physics.read([(body, np.zeros(0))])
+print("ours")
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert found.stdout == "ours\n"
+    assert found.stderr == ""

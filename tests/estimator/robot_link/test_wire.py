@@ -1,0 +1,100 @@
+import pytest
+
+from estimator.errors import EstimatorError
+from estimator.records import Ticket
+from estimator.robot_link import open_robot
+from estimator.robot_link.wire import WireLink
+from protocol.errors import BodyschemaError, RobotRestartedError
+from tests.estimator.model_robot import ModelRobot, serving
+
+PROGRAM = (0.3, -0.2, 0.1, 0.4)
+
+
+def ignore(phase: str, fraction: float) -> None:
+    """Progress is of no interest."""
+
+
+def connect(uri: str, first_id: int = 1) -> WireLink:
+    return WireLink(uri, client_id="me", first_id=first_id)
+
+
+def test_an_observation_over_the_wire() -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        link = open_robot(uri, driven=(0,), client_id="me", first_id=70)
+        assert link.capabilities.robot == "model"
+        assert link.recorded is None
+        ticket = link.ticket()
+        assert ticket is not None
+        assert ticket.request_id > 70
+        found = link.perform(0, PROGRAM, ticket, ignore)
+        assert found.angles == PROGRAM
+        assert found.sequence == 1
+        assert len(found.touch) == 4
+        link.close()
+
+
+def test_a_later_connection_is_told_the_outcome_and_the_robot_moves_once() -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        first = connect(uri)
+        ticket = first.ticket()
+        assert ticket is not None
+        found = first.perform(0, PROGRAM, ticket, ignore)
+        first.close()
+        second = connect(uri, first_id=1000)
+        assert second.outcome(PROGRAM, ticket, ignore) == found
+        second.close()
+    assert len(robot.motions) == 1
+
+
+def test_a_request_that_never_arrived_has_no_outcome_and_moves_nothing() -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        first = connect(uri)
+        ticket = first.ticket()
+        assert ticket is not None
+        first.close()
+        second = connect(uri, first_id=1000)
+        assert second.outcome(PROGRAM, ticket, ignore) is None
+        assert not robot.motions
+        second.perform(0, PROGRAM, second.ticket(), ignore)
+        second.close()
+    assert len(robot.motions) == 1
+
+
+def test_after_a_restart_of_the_daemon_nobody_knows_the_outcome() -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        link = connect(uri)
+        with pytest.raises(RobotRestartedError):
+            link.outcome(PROGRAM, Ticket(request_id=1, session="another life"), ignore)
+        link.close()
+    assert not robot.motions
+
+
+def test_a_restart_between_two_requests_is_no_reason_to_stop() -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        link = connect(uri)
+        link.perform(0, PROGRAM, link.ticket(), ignore)
+    with serving(robot, bind=uri):
+        link.perform(0, PROGRAM, link.ticket(), ignore)
+        link.close()
+    assert len(robot.motions) == 2
+
+
+def test_a_second_controller_is_refused() -> None:
+    with serving(ModelRobot()) as uri:
+        first, second = connect(uri), WireLink(uri, client_id="other", first_id=1)
+        first.ticket()
+        with pytest.raises(BodyschemaError, match="holds the robot"):
+            second.ticket()
+        first.close()
+        second.close()
+
+
+@pytest.mark.parametrize("uri", ["", "robot", "http://localhost", "file:", "replay:", "tcp:5750"])
+def test_what_names_no_robot_is_refused(uri: str) -> None:
+    with pytest.raises(EstimatorError, match="names no robot: write tcp://"):
+        open_robot(uri, driven=(0,), client_id="me", first_id=1)

@@ -1,0 +1,190 @@
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from estimator.errors import RunDirectoryError
+from estimator.observation import Observation
+from estimator.records import Counters, Generation, Prediction, RunSettings, Ticket
+from estimator.store import DATABASE, RunStore, first_id
+from tests.estimator.model_robot import PROBLEM, make_capabilities
+
+SETTINGS = RunSettings(
+    robot="tcp://127.0.0.1:5750",
+    problem="legs",
+    problem_text=PROBLEM,
+    physics="pybullet",
+    modalities=("tilt",),
+    seed=1,
+    interactions=2,
+    population=4,
+    generations=1,
+)
+OBSERVATION = Observation(
+    angles=(0.1, -0.2, 0.3, 1 / 3), touch=(True, None, False, True), tilt=(0.1, None)
+)
+PROGRAM = (0.1, -0.2, 0.3, 1 / 3)
+
+
+def make_generation(number: int) -> Generation:
+    return Generation(
+        number=number,
+        iteration=0,
+        errors=(1.0, float("inf")),
+        best=(0.1, 0.2),
+        counters=Counters(simulations_requested=number),
+    )
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    RunStore.create(tmp_path / "run", SETTINGS, make_capabilities(), "me").close()
+    return tmp_path / "run"
+
+
+def test_what_was_stored_comes_back_exactly(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.ask(0, Ticket(request_id=7, session="s"))
+        store.observe(0, OBSERVATION)
+        store.plan(1, PROGRAM)
+        store.save(make_generation(0), {"population": [[1 / 3]], "random": 2**127 + 1})
+    with RunStore.open(directory, to_write=False) as store:
+        assert (store.settings, store.capabilities) == (SETTINGS, make_capabilities())
+        first, second = store.interactions()
+        assert first.observation == OBSERVATION
+        assert first.ticket == Ticket(request_id=7, session="s")
+        assert (second.program, second.ticket, second.observation) == (PROGRAM, None, None)
+        assert store.generations() == [make_generation(0)]
+        checkpoint = store.checkpoint()
+        assert checkpoint is not None
+        assert checkpoint.generation == 0
+        assert checkpoint.state == {"population": [[1 / 3]], "random": 2**127 + 1}
+
+
+def test_a_failed_request_leaves_no_ticket(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.ask(0, Ticket(request_id=7, session="s"))
+        store.ask(0, None)
+        assert store.interactions()[0].ticket is None
+
+
+def test_no_two_connections_share_a_request_id(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        firsts = [first_id(0), store.new_connection(), store.new_connection()]
+    with RunStore.open(directory) as store:
+        firsts.append(store.new_connection())
+    assert all(later - earlier > 10**6 for earlier, later in pairwise(firsts))
+
+
+def test_generation_and_checkpoint_are_one(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.save(make_generation(0), {"at": 0})
+        with pytest.raises(sqlite3.IntegrityError):
+            store.save(make_generation(0), {"at": 1})
+        checkpoint = store.checkpoint()
+        assert checkpoint is not None
+        assert checkpoint.state == {"at": 0}
+
+
+def test_predictions_stand_and_get_their_outcomes(directory: Path) -> None:
+    prediction = Prediction(program=PROGRAM, readings={"best": {"tilt": [[0.1, None]]}})
+    with RunStore.open(directory) as store:
+        assert store.predict([prediction, prediction]) == 0
+        store.ask_validation(0, 1, Ticket(request_id=9, session="s"))
+        store.observe_validation(0, 1, OBSERVATION)
+        assert store.predict([prediction]) == 1
+        first, second = store.validations()
+    assert first[0] == prediction
+    assert first[1].observation == OBSERVATION
+    assert first[1].readings == prediction.readings
+    assert second == [prediction]
+
+
+def test_a_run_is_never_overwritten(directory: Path) -> None:
+    with pytest.raises(RunDirectoryError, match=r"holds a run already.*estimator resume"):
+        RunStore.create(directory, SETTINGS, make_capabilities(), "me")
+
+
+def test_two_writers_at_once_are_refused(directory: Path) -> None:
+    with RunStore.open(directory):
+        with pytest.raises(RunDirectoryError, match="Another process works on"):
+            RunStore.open(directory)
+        RunStore.open(directory, to_write=False).close()
+    RunStore.open(directory).close()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (None, "holds no run"),
+        (b"", "is not a run"),
+        (b"these are not the bytes of a database" * 40, "is not a run"),
+    ],
+)
+def test_what_is_no_run_is_refused(tmp_path: Path, content: bytes | None, sentence: str) -> None:
+    if content is not None:
+        (tmp_path / DATABASE).write_bytes(content)
+    with pytest.raises(RunDirectoryError, match=sentence):
+        RunStore.open(tmp_path)
+
+
+def test_another_format_is_refused(directory: Path) -> None:
+    database = sqlite3.connect(directory / DATABASE)
+    database.execute("UPDATE meta SET value = '99' WHERE key = 'format'")
+    database.commit()
+    database.close()
+    with pytest.raises(RunDirectoryError, match="run format 99"):
+        RunStore.open(directory)
+
+
+def test_a_directory_that_cannot_be_made_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunDirectoryError, match="cannot be made"):
+        RunStore.create(tmp_path / "file" / "run", SETTINGS, make_capabilities(), "me")
+
+
+WRITER = """
+import sys
+from itertools import pairwise
+from pathlib import Path
+from estimator.store import RunStore
+from tests.estimator.test_store import make_generation
+with RunStore.open(Path(sys.argv[1])) as store:
+    for number in range(10**6):
+        store.save(make_generation(number), {"at": number, "ballast": "x" * 20_000})
+        print(number, flush=True)
+"""
+
+
+def test_kill_minus_9_loses_nothing_that_was_committed(directory: Path) -> None:
+    said = -1
+    for kills in range(5):
+        if kills:
+            with RunStore.open(directory) as store:
+                checkpoint, generations = store.checkpoint(), store.generations()
+                assert checkpoint is not None
+                assert [item.number for item in generations] == list(range(len(generations)))
+                assert checkpoint.state["at"] == checkpoint.generation == len(generations) - 1
+                assert said <= checkpoint.generation <= said + 1
+            database = sqlite3.connect(directory / DATABASE)
+            database.execute("DELETE FROM generations")
+            database.commit()
+            database.close()
+        writer = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(directory)], stdout=subprocess.PIPE, text=True
+        )
+        assert writer.stdout is not None
+        for _ in range(3 + 4 * kills):
+            said = int(writer.stdout.readline())
+        os.kill(writer.pid, signal.SIGKILL)
+        rest = writer.stdout.read().split()
+        said = int(rest[-1]) if rest else said
+        writer.stdout.close()
+        writer.wait()
