@@ -24,6 +24,7 @@ class RunSettings(BaseModel):
         interactions: Interactions to perform.
         population: Models in the population.
         generations: Generations after each interaction.
+        full_steps: Whether simulations go on after the body has come to rest.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -37,6 +38,7 @@ class RunSettings(BaseModel):
     interactions: Annotated[int, Field(ge=1)]
     population: Annotated[int, Field(ge=2, multiple_of=2)]
     generations: Annotated[int, Field(ge=1)]
+    full_steps: bool = False
 
 
 class Counters(BaseModel):

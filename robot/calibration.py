@@ -85,6 +85,15 @@ class DrivenJoint:
             raise ValueError("the calibration reaches no angle within the limits")
         return min(within), max(within)
 
+    def check_zero(self) -> None:
+        """Every interaction begins with all joints at zero.
+
+        Raises:
+            ValueError: Zero is not within the limits and the counts.
+        """
+        if not self.reachable[0] < 0 < self.reachable[1]:
+            raise ValueError("must reach the zero pose: 0° lies outside what it spans")
+
     def quantise(self, angle: float) -> tuple[int, bool]:
         """The reachable count that comes nearest to an angle, and whether it is the last one."""
         lower, upper = self.reachable

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import logging
 import sys
 from collections.abc import Sequence
 
 from protocol.errors import BodyschemaError
 from robot.commands import COMMANDS
+from robot.logs import complain, set_up_logging
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -28,13 +28,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return int(modules[options.command].run(options))
     except BodyschemaError as error:
-        print(f"robotd: {error}", file=sys.stderr)
+        complain("robotd", error)
         return 1
-
-
-def set_up_logging() -> None:
-    """Log lines go to standard error, with time and reason."""
-    logging.basicConfig(format="%(asctime)s %(name)s %(levelname)s: %(message)s", level="INFO")
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ and do not come here.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 
@@ -42,6 +43,26 @@ class WallClock:
 
     def charge(self, seconds: float) -> None:
         """Does nothing: the time has really passed."""
+
+
+class WatchedClock:
+    """A clock that tells somebody whenever it is slept on, which all code that gets on does often.
+
+    Args:
+        clock: The clock.
+        on_sleep: Called before each sleep, by the thread that sleeps.
+    """
+
+    def __init__(self, clock: Clock, on_sleep: Callable[[], None]):
+        self._clock = clock
+        self._on_sleep = on_sleep
+        self.now = clock.now
+        self.charge = clock.charge
+
+    def sleep(self, seconds: float) -> None:
+        """Tells, then lets ``seconds`` pass."""
+        self._on_sleep()
+        self._clock.sleep(seconds)
 
 
 class SteppedClock:

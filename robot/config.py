@@ -8,15 +8,27 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from robot.calibration import DrivenJoint, JointScale
+from robot.calibration import DrivenJoint
+from robot.calibration_file import Calibration, read_calibration
+from robot.drivers import ANALOGUE_DRIVERS
 from robot.drivers.dmm32 import RANGES
 from robot.errors import ConfigError
-from robot.sections import Section, read_toml
-from robot.sensing import Accelerometer, BellySensor
+from robot.sections import read_toml
+from robot.sensing import Accelerometer
 from robot.settling import RestCriterion
+from robot.tables import (
+    I2CConfig,
+    check_count,
+    read_accelerometer,
+    read_distance,
+    read_gauge,
+    read_joint,
+    read_settling,
+)
 from robot.touch import TouchGauge
 
 
@@ -40,19 +52,12 @@ class ServoBoardConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class DaqConfig:
-    """The data acquisition board: I/O base address and input range."""
+    """The data acquisition board: its driver, where it is (I/O base or device), input range."""
 
     base: int
     input_range: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class I2CConfig:
-    """Where the distance sensor sits, and its calibration."""
-
-    bus: int
-    address: int
-    sensor: BellySensor
+    driver: str = "dmm32"
+    device: str = "/dev/comedi0"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,15 +92,100 @@ class RobotConfig:
             raise ConfigError(f"two joints share an output: {outputs}.", key="joint")
         if len(set(names)) < len(names):
             raise ConfigError(f"two joints share a name: {names}.", key="joint")
+        gauges = [gauge.name for gauge in self.gauges]
+        if len(set(gauges)) < len(gauges):
+            raise ConfigError(f"two gauges share a name: {gauges}.", key="touch")
 
     @property
     def hash(self) -> str:
-        """Twelve hex digits that change whenever the configuration does."""
-        return hashlib.sha256(repr(self).encode()).hexdigest()[:12]
+        """Twelve hex digits that change whenever the configuration does.
+
+        The serial port's name does not count: a re-plugged adapter may have another one.
+        """
+        nameless = replace(self, servo_board=replace(self.servo_board, port=""))
+        return hashlib.sha256(repr(nameless).encode()).hexdigest()[:12]
 
 
 def load_config(path: Path) -> RobotConfig:
-    """Reads ``robot.toml``.
+    """Reads ``robot.toml`` and the calibration file that it names, whose values come first.
+
+    Raises:
+        ConfigError: Names file, key and reason.
+    """
+    config, calibration = read_config(path)
+    if calibration is None:
+        return config
+    if not calibration.exists():
+        raise ConfigError(
+            f"names {calibration}, which does not exist. Write it with robotd calibrate, or leave "
+            "[calibration] out.",
+            file=str(path),
+            key="calibration.file",
+        )
+    return apply_calibration(config, read_calibration(calibration), file=str(calibration))
+
+
+def apply_calibration(config: RobotConfig, found: Calibration, *, file: str) -> RobotConfig:
+    """A configuration with the values of a calibration in the place of its own.
+
+    Raises:
+        ConfigError: It is another robot's, or does not fit this one; names ``file`` and key.
+    """
+    if found.robot != config.name:
+        raise ConfigError(
+            f"was made for {found.robot!r}, and this robot is {config.name!r}.",
+            file=file,
+            key="robot",
+        )
+    _check_known("joint", found.joints, (joint.name for joint in config.joints), file)
+    _check_known("touch", found.gauges, (gauge.name for gauge in config.gauges), file)
+    joints = tuple(_calibrated(joint, found, file) for joint in config.joints)
+    gauges = tuple(
+        replace(gauge, **vars(found.gauges[gauge.name])) if gauge.name in found.gauges else gauge
+        for gauge in config.gauges
+    )
+    accelerometer, distance = config.accelerometer, config.distance
+    if found.accelerometer is not None:
+        accelerometer = replace(accelerometer, **vars(found.accelerometer))
+    if found.distance is not None:
+        if distance is None:
+            raise ConfigError(
+                "calibrates a sensor that robot.toml does not have. Remove it, or add it there.",
+                file=file,
+                key="distance",
+            )
+        distance = replace(distance, sensor=replace(distance.sensor, **vars(found.distance)))
+    return replace(
+        config, joints=joints, gauges=gauges, accelerometer=accelerometer, distance=distance
+    )
+
+
+def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str) -> None:
+    unknown = sorted(set(names) - set(known))
+    if unknown:
+        raise ConfigError(
+            f"the robot has no {unknown[0]!r}. Remove it here, or add it to robot.toml.",
+            file=file,
+            key=key,
+        )
+
+
+def _calibrated(joint: DrivenJoint, found: Calibration, file: str) -> DrivenJoint:
+    if joint.name not in found.joints:
+        return joint
+    changed = replace(joint, **vars(found.joints[joint.name]))
+    try:
+        changed.check_zero()
+    except ValueError as error:
+        raise ConfigError(f"{joint.name!r} {error}.", file=file, key="joint.calibration") from error
+    return changed
+
+
+def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
+    """Reads ``robot.toml`` alone.
+
+    Returns:
+        Its own values, and the calibration file that it names, if it does.
 
     Raises:
         ConfigError: Names file, key and reason.
@@ -103,9 +193,14 @@ def load_config(path: Path) -> RobotConfig:
     root = read_toml(path)
     head = root.table("robot")
     name = head.text("name")
-    _check_count(root, head, "joints", "joint", 1)
-    _check_count(root, head, "touch_sensors", "touch", 0)
+    check_count(root, head, "joints", "joint", 1)
+    check_count(root, head, "touch_sensors", "touch", 0)
     head.done()
+    calibration = None
+    if root.has("calibration"):
+        table = root.table("calibration")
+        calibration = path.parent / table.text("file")
+        table.done()
     body = root.table("body")
     board = root.table("servo_board")
     motion = root.table("motion")
@@ -125,16 +220,18 @@ def load_config(path: Path) -> RobotConfig:
                 board=board.integer("board", 0, 255, 1),
                 line_gap=board.number("line_gap_ms", 3, 1000, 3) / 1000,
             ),
-            joints=tuple(_joint(section) for section in root.tables("joint")),
+            joints=tuple(read_joint(section) for section in root.tables("joint")),
             speed=math.radians(motion.number("speed_deg_s", 1, 60, 60)),
             daq=DaqConfig(
                 base=daq.integer("base", 0x100, 0x3F0, 0x300),
                 input_range=daq.choice("input_range", tuple(RANGES), "±5V"),
+                driver=daq.choice("driver", tuple(ANALOGUE_DRIVERS), "dmm32"),
+                device=daq.text("device", "/dev/comedi0"),
             ),
-            accelerometer=_accelerometer(root.table("accelerometer")),
-            gauges=tuple(_gauge(s) for s in root.tables("touch")) if root.has("touch") else (),
-            distance=_distance(root.table("distance")) if root.has("distance") else None,
-            settling=_settling(settling),
+            accelerometer=read_accelerometer(root.table("accelerometer")),
+            gauges=tuple(read_gauge(s) for s in root.tables("touch")) if root.has("touch") else (),
+            distance=read_distance(root.table("distance")) if root.has("distance") else None,
+            settling=read_settling(settling),
             samples=settling.integer("samples", 1, 1000, 10),
             noise=NoiseConfig(
                 tilt=math.radians(noise.number("tilt_deg", 0, 90)),
@@ -145,94 +242,4 @@ def load_config(path: Path) -> RobotConfig:
         raise ConfigError(error.reason, file=str(path), key=error.key) from error
     for section in (body, board, motion, daq, settling, noise, root):
         section.done()
-    return config
-
-
-def _check_count(root: Section, head: Section, key: str, table: str, least: int) -> None:
-    """A file that lost its end would otherwise describe a smaller robot."""
-    said = head.integer(key, least, 32)
-    found = len(root.tables(table)) if root.has(table) else 0
-    if said != found:
-        raise head.refuse(key, f"says {said}, but {found} [[{table}]] tables follow; lost the end?")
-
-
-def _joint(section: Section) -> DrivenJoint:
-    lower, upper = section.numbers("limits_deg", 2, -180, 180)
-    if lower >= upper:
-        raise section.refuse("limits_deg", f"must rise, not {lower:g} to {upper:g}.")
-    pairs = section.pairs("calibration")
-    try:
-        joint = DrivenJoint(
-            name=section.text("name"),
-            output=section.integer("output", 1, 8),
-            lower_limit=math.radians(lower),
-            upper_limit=math.radians(upper),
-            part_radius=section.number("part_radius_mm", 0.1, 1000) / 1000,
-            scale=JointScale(tuple((count, math.radians(angle)) for count, angle in pairs)),
-        )
-        if not joint.reachable[0] < 0 < joint.reachable[1]:
-            raise ValueError("must reach the zero pose: 0° lies outside what it spans")
-    except ValueError as error:
-        raise section.refuse("calibration", f"{error}.") from error
-    section.done()
-    return joint
-
-
-def _accelerometer(section: Section) -> Accelerometer:
-    channels = section.numbers("channels", 3, 0, 31)
-    gains = section.numbers("volts_per_g", 3, -10, 10)
-    if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
-        raise section.refuse("channels", f"must be three different integers, not {channels}.")
-    if 0 in gains:
-        raise section.refuse("volts_per_g", "must not be 0.")
-    found = Accelerometer(
-        channels=tuple(int(channel) for channel in channels),
-        zero=section.numbers("zero_v", 3, -10, 10),
-        volts_per_g=gains,
-    )
-    section.done()
-    return found
-
-
-def _gauge(section: Section) -> TouchGauge:
-    on = section.number("on_n", 0, 1000, 0.1)
-    off = section.number("off_n", 0, 1000, on / 2)
-    gain = section.number("volts_per_newton", -100, 100)
-    if off > on:
-        raise section.refuse("off_n", f"must not exceed on_n ({on:g}), not {off:g}.")
-    if gain == 0:
-        raise section.refuse("volts_per_newton", "must not be 0.")
-    gauge = TouchGauge(
-        name=section.text("name"),
-        channel=section.integer("channel", 0, 31),
-        tare=section.number("tare_v", -10, 10),
-        volts_per_newton=gain,
-        on=on,
-        off=off,
-        debounce=section.integer("debounce", 1, 100, 3),
-    )
-    section.done()
-    return gauge
-
-
-def _distance(section: Section) -> I2CConfig:
-    found = I2CConfig(
-        bus=section.integer("bus", 0, 255),
-        address=section.integer("address", 0x08, 0x77, 0x29),
-        sensor=BellySensor(
-            zero=section.number("zero_mm", 0, 255) / 1000,
-            reach=section.number("range_mm", 1, 255) / 1000,
-        ),
-    )
-    section.done()
-    return found
-
-
-def _settling(section: Section) -> RestCriterion:
-    return RestCriterion(
-        window=section.number("window_s", 0.05, 60, 0.3),
-        swing=math.radians(section.number("swing_deg", 0, 90, 0.5)),
-        drift=math.radians(section.number("drift_deg", 0, 90, 0.1)),
-        timeout=section.number("timeout_s", 0.1, 600, 5),
-        rate=section.number("rate_hz", 1, 1000, 50),
-    )
+    return config, calibration

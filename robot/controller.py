@@ -4,6 +4,9 @@ The server's thread calls ``submit``, ``silence`` and ``snapshot``, which never 
 the control thread takes jobs from a queue and reports through ``events``. What a request may do in
 which state is ``protocol.states.TRANSITIONS``. Requests that end a motion (hold, relax, stop) and
 the controller's silence leave an *interrupt*, which the motion meets before its next serial line.
+
+A fault ends all that waits in the queue, too: after it the robot does nothing until a ``clear`` has
+found every device in order. Until then, and when it has not, the state remains ``fault``.
 """
 
 from __future__ import annotations
@@ -14,16 +17,18 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
 from protocol.capabilities import Capabilities
 from protocol.errors import RobotError
-from protocol.messages import ErrorReply, Observation, Ok, Perform
+from protocol.messages import ErrorReply, Observation, Ok, Perform, Read
 from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.states import REFUSALS, TRANSITIONS, Event, State
 from robot.errors import DeviceError
 from robot.interaction import Aborted, Interaction, Outcome
+from robot.notify import ServiceManager
 
 _INTERRUPTS = {
     Event.HOLD: "aborted_hold",
@@ -37,8 +42,14 @@ _SENTENCES = {
     "aborted_silent": "The controller was silent for too long; the robot holds its pose.",
     "shutting_down": "The daemon is shutting down.",
 }
+_STOPPED = "A client sent stop."
+_NEWS = {  # what a person wants to know afterwards: request → level, sentence about a client
+    Event.STOP: (logging.WARNING, "stopped by client {}; frozen until it is cleared"),
+    Event.RELAX: (logging.WARNING, "limp; relaxed by client {}"),
+    Event.CLEAR: (logging.INFO, "cleared by client {}"),
+}
 
-
+_RARELY = 86_400.0  # s; a wait that needs no end
 PROGRESS_PERIOD = 0.1  # s of robot time between progress messages of one phase
 
 
@@ -46,6 +57,8 @@ PROGRESS_PERIOD = 0.1  # s of robot time between progress messages of one phase
 class _Job:
     ticket: int
     request: RobotRequest
+    faults: int  # that had happened when it was submitted
+    stops: int  # likewise
     clears_fault: bool
     interrupt: str | None = None
     reported: tuple[str, float] = ("", 0.0)
@@ -59,6 +72,8 @@ class Controller:
         capabilities: What ``hello`` answers.
         housekeeping: Seconds between checks of the board while idle, or ``None`` for none (in
             virtual time, which stands still while the robot is idle).
+        log: Where to write what a person may want to know.
+        manager: Who is told that the control loop turns, and what became of the robot.
     """
 
     def __init__(
@@ -68,15 +83,20 @@ class Controller:
         capabilities: Capabilities,
         housekeeping: float | None,
         log: logging.Logger,
+        manager: ServiceManager | None = None,
     ):
         self.capabilities = capabilities
         self._interaction = interaction
         self._housekeeping = housekeeping
         self._log = log
+        self._manager = manager or ServiceManager({})
         self._lock = threading.Lock()
         self._state = State.RELAXED if interaction.limp else State.IDLE
         self._reason: str | None = None
         self._motion: _Job | None = None  # the last motion that was accepted and has not ended
+        self._faults = 0
+        self._stops = 0
+        self._leaving = False
         self._sequence = 0
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._events: deque[RobotEvent] = deque()
@@ -97,20 +117,41 @@ class Controller:
         """
         event = Event(request.TYPE)
         with self._lock:
+            if self._leaving:
+                self._submit_late(ticket, request)
+                return
+            before = self._state
             following = TRANSITIONS.get((self._state, event))
             if following is None:
                 raise self._refusal(event)
-            job = _Job(ticket, request, clears_fault=self._state is State.FAULT)
+            clears_fault = event is Event.CLEAR and before is State.FAULT
+            job = _Job(ticket, request, self._faults, self._stops, clears_fault)
             if event is Event.PERFORM:
                 self._motion = job
             elif self._motion is not None and event in _INTERRUPTS:
                 self._motion.interrupt = _INTERRUPTS[event]
-            if event is Event.STOP:
-                self._reason = self._reason or "A client sent stop."
+            if clears_fault:
+                following = before  # until the devices are found in order
+            elif event is Event.STOP:
+                self._reason = self._reason or _STOPPED
+                self._stops += 1
             elif event in (Event.CLEAR, Event.PERFORM):
                 self._reason = None
             self._state = following
             self._jobs.put(job)
+        if following is not before:
+            self._tell_news(request)
+
+    def _submit_late(self, ticket: int, request: RobotRequest) -> None:
+        """While the robot parks: only a stop is for it, and ends that motion, too."""
+        if request.TYPE != Event.STOP:
+            raise RobotError("shutting_down", _SENTENCES["shutting_down"])
+        self._state = TRANSITIONS[self._state, Event.STOP]
+        self._reason = _STOPPED
+        self._tell_news(request)
+        # Answered here: the control thread takes no more jobs, or has ended.
+        reply = Ok(id=request.id, state=self._state)
+        self._emit(Finished(ticket=ticket, reply=reply))
 
     def controller_changed(self, client: str | None) -> None:
         """The next zero pose is the new controller's reference for lying flat."""
@@ -148,11 +189,14 @@ class Controller:
     def shut_down(self, timeout: float = 5.0) -> bool:
         """Ends a motion, parks at zero where the state allows it, ends the control thread.
 
-        A stopped, faulty or limp robot is left as it is: parking would move it.
+        A stopped, faulty or limp robot is left as it is: parking would move it. From now on every
+        request but ``stop`` is refused, and that one ends the parking, too.
 
         Returns:
             Whether the thread ended in time.
         """
+        with self._lock:
+            self._leaving = True
         self._end_motion("shutting_down")
         self._jobs.put(None)
         self._thread.join(timeout)
@@ -161,16 +205,21 @@ class Controller:
     # --- the control thread -----------------------------------------------------------------------
 
     def _run(self) -> None:
-        while True:
-            try:
-                job = self._jobs.get(timeout=self._housekeeping)
-            except queue.Empty:
-                self._guarded(self._check_board)
-                continue
-            if job is None:
-                self._guarded(self._park)
-                return
+        while (job := self._next_job()) is not None:
             self._guarded(partial(self._carry_out, job), job)
+        self._guarded(self._park)
+
+    def _next_job(self) -> _Job | None:
+        """Waits for work; meanwhile looks after the board and shows that the loop turns."""
+        due = time.monotonic() + (self._housekeeping or _RARELY)
+        while True:
+            self._manager.alive()
+            patience = min(due - time.monotonic(), self._manager.period or _RARELY)
+            with suppress(queue.Empty):
+                return self._jobs.get(timeout=max(patience, 0.0))
+            if self._housekeeping is not None and time.monotonic() >= due:
+                self._guarded(self._check_board)
+                due = time.monotonic() + self._housekeeping
 
     def _guarded(self, action: Callable[[], None], job: _Job | None = None) -> None:
         try:
@@ -183,15 +232,24 @@ class Controller:
 
     def _carry_out(self, job: _Job) -> None:
         request = job.request
-        if isinstance(request, Perform):
+        with self._lock:
+            overtaken = job.faults != self._faults and request.TYPE != Event.STOP
+            sentence = f"The robot went down before this was done: {self._reason}"
+            too_late = self._leaving and isinstance(request, Perform | Read)
+        if overtaken:
+            self._finish(job, self._error(job, RobotError("fault", sentence)))
+        elif too_late:
+            error = RobotError("shutting_down", _SENTENCES["shutting_down"])
+            self._finish(job, self._error(job, error))
+        elif isinstance(request, Perform):
             self._finish(job, self._perform(job, request.targets))
         elif request.TYPE == Event.READ:
             self._finish(job, self._observation(job, self._interaction.read()))
         else:
             if request.TYPE == Event.RELAX:
                 self._interaction.relax()
-            elif request.TYPE == Event.CLEAR and job.clears_fault:
-                self._interaction.recover()
+            elif job.clears_fault:
+                self._recover(job)
             elif request.TYPE == Event.HOLD:
                 self._interaction.hold()
             self._finish(job, Ok(id=request.id, state=self.snapshot().state))
@@ -211,18 +269,29 @@ class Controller:
                     Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
                 )
 
+        reply: FinalReply
         try:
-            outcome = self._interaction.perform(targets, report)
+            reply = self._observation(job, self._interaction.perform(targets, report))
         except Aborted as error:
-            return self._error(job, RobotError(error.code, _SENTENCES[error.code]))
+            reply = self._error(job, RobotError(error.code, _SENTENCES[error.code]))
         except RobotError as error:
-            return self._error(job, error)
-        finally:
-            with self._lock:
-                if self._motion is job:
-                    self._motion = None
-                    self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
-        return self._observation(job, outcome)
+            reply = self._error(job, error)
+        with self._lock:
+            if self._motion is job:
+                self._motion = None
+                self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
+        return reply
+
+    def _recover(self, job: _Job) -> None:
+        with self._lock:
+            if self._state is not State.FAULT:  # an earlier clear did it
+                return
+        self._interaction.recover()
+        with self._lock:
+            stopped = job.stops != self._stops  # a stop that comes after a clear outlasts it
+            self._state = State.STOPPED if stopped else TRANSITIONS[self._state, Event.CLEAR]
+            self._reason = _STOPPED if stopped else None
+        self._tell_news(job.request)
 
     def _observation(self, job: _Job, outcome: Outcome) -> Observation:
         with self._lock:
@@ -254,8 +323,23 @@ class Controller:
     def _park(self) -> None:
         with self._lock:
             calm = self._state in (State.IDLE, State.HOLDING)
-        if calm:
-            self._interaction.park()
+            state = self._state
+        if not calm:
+            self._log.info("not parked: the robot is %s", state)
+            return
+
+        def unless_stopped(phase: str, fraction: float) -> None:
+            del phase, fraction
+            with self._lock:
+                if self._state is State.STOPPED:
+                    raise Aborted("aborted_stop")
+
+        try:
+            self._interaction.park(unless_stopped)
+        except Aborted:
+            self._log.warning("not parked: %s", _SENTENCES["aborted_stop"])
+        else:
+            self._log.info("parked")
 
     def _end_motion(self, code: str) -> None:
         with self._lock:
@@ -265,13 +349,23 @@ class Controller:
                 self._reason = _SENTENCES[code]
 
     def _fail(self, sentence: str, job: _Job | None) -> None:
-        self._log.error("fault: %s", sentence)
+        self._announce(logging.ERROR, f"fault: {sentence}")
         with self._lock:
             self._motion = None
+            self._faults += 1
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence[:500]
         if job is not None:
             self._finish(job, self._error(job, RobotError("fault", sentence)))
+
+    def _tell_news(self, request: RobotRequest) -> None:
+        if (news := _NEWS.get(Event(request.TYPE))) is not None:
+            level, sentence = news
+            self._announce(level, sentence.format(request.client))
+
+    def _announce(self, level: int, sentence: str) -> None:
+        self._log.log(level, "%s", sentence)
+        self._manager.status(sentence)
 
     def _refusal(self, event: Event) -> RobotError:
         reason = f" ({self._reason})" if self._reason else ""

@@ -6,12 +6,15 @@ simulated robot brings emulated ones, and everything above them is this same cod
 
 from __future__ import annotations
 
+import importlib
 import logging
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from types import FrameType
 
@@ -22,23 +25,32 @@ from protocol.server import Server
 from robot.clock import Clock
 from robot.config import RobotConfig
 from robot.controller import Controller
-from robot.drivers.dmm32 import DMM32
+from robot.drivers import ANALOGUE_DRIVERS
+from robot.drivers.dmm32 import RANGES
 from robot.drivers.i2c import I2CBus, open_i2c
 from robot.drivers.portio import PortIO, open_dev_port
 from robot.drivers.sv203 import SV203, open_serial
 from robot.drivers.vl6180x import VL6180X
-from robot.interaction import Attendant, Interaction
-from robot.sensing import Sensing
+from robot.errors import DeviceError
+from robot.interaction import Attendant, Interaction, ServoBus
+from robot.notify import ServiceManager
+from robot.sensing import AnalogueBoard, Senses, Sensing
+from robot.steady import SteadyClock
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
+TURN = 0.0005  # s that one thread may keep the other waiting
 
 
 @dataclass(frozen=True, kw_only=True)
 class Electronics:
-    """The seams between drivers and devices; ``i2c`` is ``None`` without a distance sensor."""
+    """The seams between drivers and devices.
+
+    ``ports`` is ``None`` where the analogue inputs are not reached by I/O ports, ``i2c`` where
+    there is no distance sensor.
+    """
 
     serial: serial.Serial
-    ports: PortIO
+    ports: PortIO | None
     i2c: I2CBus | None
 
 
@@ -47,7 +59,7 @@ class Devices:
     """The drivers of one robot, found and identified."""
 
     servos: SV203
-    adc: DMM32
+    adc: AnalogueBoard
     distance: VL6180X | None
 
     def close(self) -> None:
@@ -64,14 +76,27 @@ def open_electronics(config: RobotConfig) -> Electronics:
     Raises:
         DeviceMissingError: One of them cannot be opened; the sentence says which and why.
     """
-    line = open_serial(config.servo_board.port, config.servo_board.baud)
+    line = open_line(config)
     try:
-        ports = open_dev_port(config.daq.base)
-        bus = open_i2c(f"/dev/i2c-{config.distance.bus}") if config.distance else None
+        return Electronics(serial=line, ports=open_ports(config), i2c=open_bus(config))
     except BaseException:
         line.close()
         raise
-    return Electronics(serial=line, ports=ports, i2c=bus)
+
+
+def open_line(config: RobotConfig) -> serial.Serial:
+    """Opens the serial line to the servo board."""
+    return open_serial(config.servo_board.port, config.servo_board.baud)
+
+
+def open_ports(config: RobotConfig) -> PortIO | None:
+    """Opens the I/O ports of the data acquisition board, if its driver needs them."""
+    return open_dev_port(config.daq.base) if config.daq.driver == "dmm32" else None
+
+
+def open_bus(config: RobotConfig) -> I2CBus | None:
+    """Opens the distance sensor's bus, if there is such a sensor."""
+    return open_i2c(f"/dev/i2c-{config.distance.bus}") if config.distance else None
 
 
 def start_devices(config: RobotConfig, electronics: Electronics, clock: Clock) -> Devices:
@@ -80,15 +105,63 @@ def start_devices(config: RobotConfig, electronics: Electronics, clock: Clock) -
     Raises:
         DeviceError: One of them is not what it should be.
     """
+    return Devices(
+        servos=start_servos(config, electronics.serial, clock),
+        adc=start_adc(config, electronics.ports, clock),
+        distance=start_distance(config, electronics.i2c, clock),
+    )
+
+
+def start_servos(config: RobotConfig, line: serial.Serial, clock: Clock) -> SV203:
+    """The servo board's driver; the board is first heard of at the first query."""
     board = config.servo_board
-    servos = SV203(electronics.serial, board=board.board, clock=clock, line_gap=board.line_gap)
-    adc = DMM32(electronics.ports, base=config.daq.base, clock=clock, range_=config.daq.input_range)
+    return SV203(line, board=board.board, clock=clock, line_gap=board.line_gap)
+
+
+def start_adc(config: RobotConfig, ports: PortIO | None, clock: Clock) -> AnalogueBoard:
+    """The data acquisition board's driver, once the board was found.
+
+    Args:
+        config: What is connected where.
+        ports: Access to the I/O ports, or ``None`` for a driver that needs none.
+        clock: Measures deadlines.
+    """
+    daq = config.daq
+    module, name = ANALOGUE_DRIVERS[daq.driver]
+    driver = getattr(importlib.import_module(module), name)
+    if ports is None:
+        adc = driver(daq.device, range_=daq.input_range)
+    else:
+        adc = driver(ports, base=daq.base, clock=clock, range_=daq.input_range)
     adc.probe()
-    distance = None
-    if config.distance is not None and electronics.i2c is not None:
-        distance = VL6180X(electronics.i2c, address=config.distance.address, clock=clock)
-        distance.start()
-    return Devices(servos=servos, adc=adc, distance=distance)
+    found: AnalogueBoard = adc
+    return found
+
+
+def start_distance(config: RobotConfig, bus: I2CBus | None, clock: Clock) -> VL6180X | None:
+    """The distance sensor's driver, once the sensor was identified and set up."""
+    if config.distance is None or bus is None:
+        return None
+    sensor = VL6180X(bus, address=config.distance.address, clock=clock)
+    sensor.start()
+    return sensor
+
+
+def revive(config: RobotConfig, devices: Devices) -> None:
+    """Makes devices that failed work again, as far as that takes no person.
+
+    A serial line that no longer works is opened anew, under the name in the configuration.
+
+    Raises:
+        DeviceError: One of them still fails.
+    """
+    try:
+        devices.servos.read_counts([config.joints[0].output])
+    except DeviceError:
+        devices.servos.reopen(lambda: open_line(config))
+    devices.adc.probe()
+    if devices.distance is not None:
+        devices.distance.start()
 
 
 def build_controller(
@@ -99,6 +172,7 @@ def build_controller(
     attendant: Attendant | None,
     housekeeping: float | None,
     log: logging.Logger,
+    manager: ServiceManager | None = None,
 ) -> Controller:
     """The control loop of a robot, not yet started.
 
@@ -109,7 +183,10 @@ def build_controller(
         attendant: Who puts the robot back on its belly, or ``None``.
         housekeeping: Seconds between checks of the idle board, or ``None`` for none.
         log: Where to write what a person may want to know.
+        manager: Who is told that the control loop turns.
     """
+    steady = SteadyClock(clock)
+    inputs = RANGES[config.daq.input_range]
     belly = None
     if config.distance is not None and devices.distance is not None:
         belly = (devices.distance, config.distance.sensor)
@@ -118,25 +195,70 @@ def build_controller(
         belly=belly,
         accelerometer=config.accelerometer,
         gauges=config.gauges,
-        clock=clock,
+        clock=steady,
         rate=config.settling.rate,
+        rails=(inputs.low, inputs.high),
+        footprint=(config.body.size[0], config.body.size[1]),
     )
+    return assemble(
+        config,
+        servos=devices.servos,
+        sensing=sensing,
+        capabilities=describe(config),
+        clock=steady,
+        revive=partial(revive, config, devices),
+        attendant=attendant,
+        housekeeping=housekeeping,
+        log=log,
+        manager=manager,
+    )
+
+
+def assemble(
+    config: RobotConfig,
+    *,
+    servos: ServoBus,
+    sensing: Senses,
+    capabilities: Capabilities,
+    clock: SteadyClock,
+    attendant: Attendant | None,
+    housekeeping: float | None,
+    log: logging.Logger,
+    manager: ServiceManager | None,
+    revive: Callable[[], None] = lambda: None,
+) -> Controller:
+    """The control loop around given servos and sensors; arguments as in ``build_controller``.
+
+    ``revive`` makes the devices work again after a fault, or raises ``DeviceError``.
+    """
     interaction = Interaction(
         joints=config.joints,
-        servos=devices.servos,
+        servos=servos,
         sensing=sensing,
         clock=clock,
         speed=config.speed,
         rest=config.settling,
         samples=config.samples,
+        revive=revive,
         attendant=attendant,
     )
     return Controller(
         interaction,
-        capabilities=describe(config),
+        capabilities=capabilities,
         housekeeping=housekeeping,
         log=log,
+        manager=manager,
     )
+
+
+def report_devices(config: RobotConfig, log: logging.Logger) -> None:
+    """Logs what was found and identified where."""
+    board, daq, distance = config.servo_board, config.daq, config.distance
+    where = daq.device if daq.driver == "comedi" else f"0x{daq.base:x}"
+    log.info("found: servo board %d on %s, %d baud", board.board, board.port, board.baud)
+    log.info("found: analogue inputs (%s) at %s, %s", daq.driver, where, daq.input_range)
+    if distance is not None:
+        log.info("found: distance sensor at 0x%x on I²C bus %d", distance.address, distance.bus)
 
 
 def describe(config: RobotConfig) -> Capabilities:
@@ -183,31 +305,58 @@ def describe(config: RobotConfig) -> Capabilities:
     )
 
 
-def serve(controller: Controller, server: Server, log: logging.Logger) -> None:
+def serve(
+    controller: Controller,
+    server: Server,
+    log: logging.Logger,
+    *,
+    manager: ServiceManager | None = None,
+) -> None:
     """Serves until SIGTERM or SIGINT; then ends a motion, parks and returns."""
+    manager = manager or ServiceManager({})
 
-    def shut_down() -> None:
+    def shut_down(reason: signal.Signals) -> None:
+        log.info("%s: shutting down", reason.name)
+        manager.stopping("parking")
         if not controller.shut_down():
-            log.error("the control loop did not end in time")
+            log.error("the control loop did not end in time; the servos keep their last commands")
         server.request_stop()
 
-    with _on_signals(lambda: threading.Thread(target=shut_down, name="shutdown").start()):
+    with _quick_turns(), _on_signals(shut_down):
         controller.start()
-        log.info("serving %s on %s", controller.capabilities.robot, server.endpoint)
+        status = f"serving {controller.capabilities.robot} on {server.endpoint}"
+        log.info("%s, telemetry on %s", status, server.telemetry_endpoint)
+        manager.ready(status)
         with server:
             server.run()
+    log.info("shut down")
 
 
 @contextmanager
-def _on_signals(action: object) -> Iterator[None]:
+def _quick_turns() -> Iterator[None]:
+    """Lets the server have its turn soon while the control loop computes.
+
+    Python's threads hand over every 5 ms by default; an answer would wait for that long.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(TURN)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+@contextmanager
+def _on_signals(action: Callable[[signal.Signals], None]) -> Iterator[None]:
+    """Calls ``action`` in a thread of its own at the first signal; the next ones are ignored."""
     seen = threading.Event()
 
     def handler(number: int, frame: FrameType | None) -> None:
-        del number, frame
+        del frame
         if not seen.is_set():
             seen.set()
-            assert callable(action)
-            action()
+            reason = signal.Signals(number)
+            threading.Thread(target=action, args=(reason,), name="shutdown").start()
 
     kept = {number: signal.signal(number, handler) for number in (signal.SIGTERM, signal.SIGINT)}
     try:

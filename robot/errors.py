@@ -4,6 +4,7 @@ The tree::
 
     BodyschemaError
     ├── ConfigError (ValueError)     a file of the robot is wrong: robot.toml, calibration
+    ├── AbandonedError               somebody left a guided session before its end
     ├── CommandError (ValueError)    you asked a driver for what its device cannot do
     └── DeviceError                  a device failed; the robot freezes until a person clears it
         ├── DeviceMissingError       nothing answers: unplugged, unpowered, wrong address
@@ -33,6 +34,10 @@ class ConfigError(BodyschemaError, ValueError):
         self.key = key
         self.reason = reason
         super().__init__(": ".join(part for part in (file, key, reason) if part))
+
+
+class AbandonedError(BodyschemaError):
+    """Somebody left a guided session: the robot holds, and nothing was written."""
 
 
 class CommandError(BodyschemaError, ValueError):

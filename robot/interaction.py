@@ -3,6 +3,9 @@
 Return to zero, settle, see that the robot lies flat; slew every joint to its own target, settle,
 average, read. ``report(phase, fraction)`` is called before each serial line and each sample, and
 may raise ``Aborted`` there: the servos then stay at the last commanded counts.
+
+The servo board acknowledges nothing, so it is asked before a motion and after a reading whether it
+still has the counts that it was sent: what an observation calls commanded was, all along.
 """
 
 from __future__ import annotations
@@ -14,15 +17,17 @@ from typing import Final, Protocol
 
 from protocol.errors import RobotError
 from robot.calibration import DrivenJoint
-from robot.clock import Clock
 from robot.errors import DeviceDataError
 from robot.motion import Slew
-from robot.sensing import Reading, Sensing
+from robot.sensing import Reading, Senses
 from robot.settling import RestCriterion, RestDetector
+from robot.steady import MAX_GAP, SteadyClock
 
 SERVOS_PER_LINE: Final = 2
 FLAT_TILT: Final = math.radians(3)
 FLAT_CLEARANCE: Final = 0.005
+
+_SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 
 Report = Callable[[str, float], None]
 
@@ -89,6 +94,7 @@ class Interaction:
         speed: Top speed of every joint, rad/s.
         rest: What counts as rest.
         samples: Samples in an average.
+        revive: Makes the devices work again after a fault, or raises ``DeviceError``.
         attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
             pose is compared with the first one since a client took control, and a robot that does
             not lie flat is refused with ``not_planar``.
@@ -99,11 +105,12 @@ class Interaction:
         *,
         joints: Sequence[DrivenJoint],
         servos: ServoBus,
-        sensing: Sensing,
-        clock: Clock,
+        sensing: Senses,
+        clock: SteadyClock,
         speed: float,
         rest: RestCriterion,
         samples: int,
+        revive: Callable[[], None],
         attendant: Attendant | None,
     ):
         self._joints = tuple(joints)
@@ -113,10 +120,12 @@ class Interaction:
         self._speed = speed
         self._rest = rest
         self._samples = samples
+        self._revive = revive
         self._attendant = attendant
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
-        self._counts = self._servos.read_counts(self._outputs)
+        self._counts = self._board_counts()
+        self._released = False
         self._flat: Reading | None = None
 
     @property
@@ -129,8 +138,13 @@ class Interaction:
         return self._clock.now()
 
     def angles(self) -> dict[str, float]:
-        """The commanded angle of each joint, rad."""
-        return {joint.name: joint.scale.angle(self._counts[joint.output]) for joint in self._joints}
+        """The angle last commanded to each joint, rad; none for a joint that never was."""
+        counts = self._counts
+        return {
+            joint.name: joint.scale.angle(counts[joint.output])
+            for joint in self._joints
+            if counts[joint.output]
+        }
 
     def perform(self, targets: Mapping[str, float], report: Report) -> Outcome:
         """One interaction.
@@ -140,16 +154,18 @@ class Interaction:
             RobotError: ``not_planar``: the robot does not lie flat in its zero pose.
             DeviceError: A device failed.
         """
+        self._verify()
+        self._clock.watch()
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
         if self._attendant is not None:
             self._attendant.attend()
         self._settle(report)
         if self._attendant is None or not self._attendant.lays_down:
-            self._check_flat(self._sensing.average(self._samples))
+            self._check_flat(self._average())
         saturated = self._slew(targets, "moving", report)
         settled, settle_time = self._settle(report)
         report("sampling", 0.0)
-        reading = self._sensing.average(self._samples)
+        reading = self._average()
         self._verify()
         return Outcome(
             reading=reading,
@@ -159,9 +175,16 @@ class Interaction:
         )
 
     def read(self) -> Outcome:
-        """Averages the sensors in the present pose."""
+        """Averages the sensors in the present pose.
+
+        Raises:
+            DeviceError: A device failed.
+        """
+        self._clock.watch()
+        reading = self._average()
+        self._verify()
         return Outcome(
-            reading=self._sensing.average(self._samples),
+            reading=reading,
             saturated_joints=(),
             settled=True,
             settle_time=0.0,
@@ -179,15 +202,32 @@ class Interaction:
         }
         self._servos.forget()
         self._servos.set_counts(self._counts)
+        self._released = False
 
     def relax(self) -> None:
         """Lets every joint go limp."""
+        self._released = True
         self._servos.release(self._outputs)
 
     def recover(self) -> None:
-        """After a fault: continues from where the board stands."""
+        """After a fault: makes the devices work, tries all of them, goes on from where they stand.
+
+        A board that was reset keeps the counts that it has now. Joints that are limp are held, as
+        after ``hold``.
+
+        Raises:
+            DeviceError: Something still fails.
+        """
+        self._clock.watch()
+        self._revive()
         self._servos.forget()
-        self._counts = self._servos.read_counts(self._outputs)
+        board = self._board_counts()
+        self._counts = {output: board[output] or self._counts[output] for output in board}
+        self._released = False
+        if not all(board.values()):
+            self.hold()
+        self._average()
+        self._verify()
 
     def check_board(self) -> None:
         """Finds out whether the board was reset behind our back.
@@ -197,10 +237,16 @@ class Interaction:
         """
         self._verify()
 
-    def park(self) -> None:
-        """Slews to zero."""
+    def park(self, report: Report) -> None:
+        """Slews to zero.
+
+        Raises:
+            Aborted: ``report`` ended it.
+            DeviceError: A device failed.
+        """
+        self._clock.watch()
         zero = {joint.name: 0.0 for joint in self._joints}
-        self._slew(zero, "homing", lambda _phase, _fraction: None)
+        self._slew(zero, "homing", report)
 
     def forget_flat(self) -> None:
         """Takes the next zero pose as the reference for lying flat."""
@@ -217,6 +263,7 @@ class Interaction:
         )
         while not slew.arrived:
             report(phase, slew.fraction)
+            self._clock.check()
             now = self._clock.now()
             counts = slew.due(now, at_most=SERVOS_PER_LINE)
             if not counts:
@@ -232,6 +279,7 @@ class Interaction:
         detector = RestDetector(self._rest)
         start = self._clock.now()
         while True:
+            self._clock.check()
             now = self._clock.now()
             report("settling", min(1.0, (now - start) / self._rest.timeout))
             if detector.feed(now, self._sensing.tilt()):
@@ -250,7 +298,8 @@ class Interaction:
             time=0.0,
         )
         reference = self._flat or level
-        lean = max(abs(a - b) for a, b in zip(reading.tilt, reference.tilt, strict=True))
+        tilts = zip(reading.tilt or (0.0, 0.0), reference.tilt or (0.0, 0.0), strict=True)
+        lean = max(abs(a - b) for a, b in tilts)
         lift = abs((reading.clearance or 0.0) - (reference.clearance or 0.0))
         if lean > FLAT_TILT or lift > FLAT_CLEARANCE:
             raise RobotError(
@@ -260,12 +309,29 @@ class Interaction:
             )
         self._flat = reference if self._flat else reading
 
+    def _average(self) -> Reading:
+        self._clock.check()
+        reading = self._sensing.average(self._samples)
+        self._clock.check(MAX_GAP + self._samples * (1.0 / self._rest.rate + _SAMPLE_TIME))
+        return reading
+
+    def _board_counts(self) -> dict[int, int]:
+        """The board's counts, read twice: a motion that began elsewhere would leap."""
+        counts = self._servos.read_counts(self._outputs)
+        if self._servos.verify(counts):
+            raise DeviceDataError(
+                "Two readings of the servo board's counts differ.",
+                "Check the cable, the ground and the baud rate.",
+            )
+        return counts
+
     def _verify(self) -> None:
-        expected = {output: self._counts[output] for output in self._outputs}
-        lost = self._servos.verify(expected)
+        limp = dict.fromkeys(self._outputs, 0)
+        lost = self._servos.verify(limp if self._released else self._counts)
         if lost:
             names = [joint.name for joint in self._joints if joint.output in lost]
             raise DeviceDataError(
-                f"The servo board lost its commands for {', '.join(names)}: it was reset.",
-                "Probably the servo supply dropped: check it, then clear.",
+                f"The servo board does not have the commands for {', '.join(names)}: "
+                "it was reset, or bytes were lost on the line.",
+                "Check the servo supply, then the serial cable, then clear.",
             )

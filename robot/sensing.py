@@ -14,9 +14,12 @@ from typing import Protocol
 
 from robot.clock import Clock
 from robot.errors import DeviceDataError
+from robot.plausible import ChannelWatch, check_clearance
 from robot.touch import TouchDetector, TouchGauge
 
 PLAUSIBLE_G = (0.9, 1.1)
+
+_AXES = tuple(f"the accelerometer's {axis} axis" for axis in "xyz")
 
 
 class AnalogueInput(Protocol):
@@ -24,6 +27,16 @@ class AnalogueInput(Protocol):
 
     def scan(self, low: int, high: int) -> list[float]:
         """Volts of the channels ``low`` to ``high``."""
+
+
+class AnalogueBoard(AnalogueInput, Protocol):
+    """A data acquisition board, found."""
+
+    def probe(self) -> None:
+        """Makes sure that it is there, and as it should be."""
+
+    def close(self) -> None:
+        """Gives it back."""
 
 
 class RangeFinder(Protocol):
@@ -49,22 +62,43 @@ class Accelerometer:
 
 @dataclass(frozen=True, kw_only=True)
 class BellySensor:
-    """The distance sensor: what it reads with the belly on the ground, and how far it sees, m."""
+    """The distance sensor.
+
+    Attributes:
+        zero: What it reads with the belly on the ground, m.
+        reach: The largest clearance that it tells, m.
+        scale: Metres of clearance per metre that it reads; 1 for a sensor that reads true.
+    """
 
     zero: float
     reach: float
+    scale: float = 1.0
+
+    def clearance(self, millimetres: float) -> float:
+        """The clearance that a reading stands for, m."""
+        return (millimetres / 1000.0 - self.zero) * self.scale
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One average over a resting robot; angles in rad, clearance in m."""
+    """One average over a resting robot; angles in rad, clearance in m; ``None``: not measured."""
 
-    tilt: tuple[float, float]
+    tilt: tuple[float, float] | None
     touch: tuple[bool, ...] | None
     clearance: float | None
     clearance_saturated: bool
     samples: int
     time: float
+
+
+class Senses(Protocol):
+    """What an interaction needs of the sensors."""
+
+    def tilt(self) -> tuple[float, float]:
+        """One sample of both tilt angles, rad, while the robot may still move."""
+
+    def average(self, samples: int) -> Reading:
+        """Averages ``samples`` samples of everything."""
 
 
 class Sensing:
@@ -77,6 +111,9 @@ class Sensing:
         gauges: One per touch sensor, may be empty.
         clock: The robot clock.
         rate: Samples per second.
+        rails: The volts at the ends of the input range, or ``None`` not to look for railed inputs.
+        footprint: Length and width of the belly, m, or ``None`` not to hold the distance against
+            the tilt.
     """
 
     def __init__(
@@ -88,6 +125,8 @@ class Sensing:
         gauges: Sequence[TouchGauge],
         clock: Clock,
         rate: float,
+        rails: tuple[float, float] | None = None,
+        footprint: tuple[float, float] | None = None,
     ):
         self._adc = adc
         self._belly = belly
@@ -95,8 +134,11 @@ class Sensing:
         self._touch = [TouchDetector(gauge) for gauge in gauges]
         self._clock = clock
         self._period = 1.0 / rate
-        channels = [*accelerometer.channels, *(gauge.channel for gauge in gauges)]
-        self._low, self._high = min(channels), max(channels)
+        self._footprint = footprint
+        names = dict(zip(accelerometer.channels, _AXES, strict=True))
+        names |= {gauge.channel: f"the gauge of {gauge.name}" for gauge in gauges}
+        self._low, self._high = min(names), max(names)
+        self._watch = ChannelWatch(names, first=self._low, rails=rails)
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""
@@ -106,13 +148,17 @@ class Sensing:
         """Averages ``samples`` samples of everything.
 
         Raises:
-            DeviceDataError: The accelerometer's reading is not gravity.
+            DeviceDataError: The readings cannot be: what the accelerometer feels is not gravity, a
+                channel is stuck or at an end of its range, the distance contradicts the tilt.
             DeviceError: A device failed.
         """
         total = [0.0] * 3
         distances: list[float | None] = []
+        for detector in self._touch:
+            detector.reset()
         for _ in range(samples):
             volts = self._volts()
+            self._watch.check(volts)
             total = [a + b for a, b in zip(total, self._acceleration(volts), strict=True)]
             for detector in self._touch:
                 detector.feed(volts[detector.gauge.channel - self._low])
@@ -126,9 +172,12 @@ class Sensing:
                 f"The accelerometer reads {length:.2f} g at rest instead of 1 g.",
                 "Check its wiring, supply and calibration.",
             )
+        tilt = self._tilt(mean)
         clearance, saturated = self._clearance(distances)
+        if self._footprint is not None and clearance is not None and mean[2] > 0:
+            check_clearance(clearance, tilt, self._footprint)
         return Reading(
-            tilt=self._tilt(mean),
+            tilt=tilt,
             touch=tuple(detector.touching for detector in self._touch) or None,
             clearance=clearance,
             clearance_saturated=saturated,
@@ -137,7 +186,9 @@ class Sensing:
         )
 
     def _volts(self) -> list[float]:
-        return self._adc.scan(self._low, self._high)
+        volts = self._adc.scan(self._low, self._high)
+        self._watch.feed(volts)
+        return volts
 
     def _acceleration(self, volts: Sequence[float]) -> tuple[float, ...]:
         picked = [volts[channel - self._low] for channel in self._accelerometer.channels]
@@ -152,7 +203,7 @@ class Sensing:
     @staticmethod
     def _distance(finder: RangeFinder, sensor: BellySensor) -> float | None:
         millimetres = finder.range_mm()
-        return None if millimetres is None else millimetres / 1000.0 - sensor.zero
+        return None if millimetres is None else sensor.clearance(millimetres)
 
     def _clearance(self, distances: Sequence[float | None]) -> tuple[float | None, bool]:
         if self._belly is None:

@@ -37,6 +37,10 @@ class TouchDetector:
 
     def __init__(self, gauge: TouchGauge):
         self.gauge = gauge
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets: what a foot felt in an earlier pose says nothing about this one."""
         self.touching = False
         self._against = 0
 

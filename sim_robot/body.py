@@ -18,9 +18,38 @@ from sim_robot.urdf import Box, Cylinder, Joint, Limit, Link, Robot, Sphere, rea
 MAX_MOTORS = 8  # outputs of the servo board
 
 
+DEFAULT = "quadruped"
+
+
 def default_body_path() -> Path:
     """The quadruped of the paper's Table 1."""
-    return Path(str(resources.files("sim_robot") / "bodies" / "quadruped.urdf"))
+    return shipped_bodies()[DEFAULT]
+
+
+def shipped_bodies() -> dict[str, Path]:
+    """The bodies that come with the simulator, by name."""
+    folder = Path(str(resources.files("sim_robot") / "bodies"))
+    return {path.stem: path for path in sorted(folder.glob("*.urdf"))}
+
+
+def body_path(name_or_file: str) -> Path:
+    """The file of a body.
+
+    Args:
+        name_or_file: The name of a body that comes with the simulator, or a URDF file.
+
+    Raises:
+        BodyError: It is neither.
+    """
+    shipped = shipped_bodies()
+    if name_or_file in shipped:
+        return shipped[name_or_file]
+    path = Path(name_or_file)
+    if path.suffix != ".urdf" and not path.exists():
+        raise BodyError(
+            name_or_file, "", f"is neither a URDF file nor one of {', '.join(shipped)}."
+        )
+    return path
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,13 +3,24 @@
 Both wait, before they let time pass, until the emulated servo board has read every byte that was
 written to it: otherwise a command could take effect before or after it was due, by the luck of the
 operating system's scheduling.
+
+``HostClock`` is the clock of the computer that the daemon runs on: over one of these, and able to
+jump, which leaves the world and its electronics untouched.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import ClassVar
 
+from robot.clock import Clock
+from robot.drivers.sv203 import SV203
+from sim_robot.electronics.faults import FaultSwitch
+from sim_robot.electronics.sv203 import SV203Emulator
+
+SYNCHRONISE_TIMEOUT = 2.0  # s of real time for the emulated board to read what was written
 MAX_SLICE = 0.02  # s of real time between two advances of a real-time world
 
 
@@ -70,3 +81,55 @@ class RealTimeClock:
 
     def charge(self, seconds: float) -> None:
         """Does nothing: the time has really passed."""
+
+
+class Follower:
+    """Waits, when called, until an emulated board has read all that its driver wrote.
+
+    Args:
+        board: The board.
+        driver: Its driver.
+    """
+
+    def __init__(self, board: SV203Emulator, driver: SV203):
+        self._board = board
+        self._driver = driver
+        self._lost = 0
+
+    def __call__(self) -> None:
+        """Waits; bytes that never came are waited for only once."""
+        due = self._driver.bytes_written - self._lost
+        if not self._board.wait_until_read(due, SYNCHRONISE_TIMEOUT):
+            self._lost += due - self._board.bytes_read
+
+
+class HostClock(FaultSwitch):
+    """What the daemon takes for the time.
+
+    Args:
+        clock: The time in which the world goes on.
+    """
+
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"jump": "the robot clock jumps by n seconds, which may be negative"}
+    )
+
+    def __init__(self, clock: Clock):
+        super().__init__()
+        self._clock = clock
+        self._offset = 0
+
+    def now(self) -> float:
+        """Seconds on this clock."""
+        return self._clock.now() + self._offset
+
+    def sleep(self, seconds: float) -> None:
+        """Lets ``seconds`` pass."""
+        self._clock.sleep(seconds)
+
+    def charge(self, seconds: float) -> None:
+        """Accounts for the time of a device access."""
+        self._clock.charge(seconds)
+
+    def _happen(self, event: str, value: int) -> None:
+        self._offset += value

@@ -4,7 +4,8 @@ The tree::
 
     BodyschemaError
     ├── BodyError (ValueError)       a URDF file outside the subset
-    └── NoiseError (ValueError)      a noise file that cannot be
+    ├── NoiseError (ValueError)      a noise file that cannot be
+    └── FaultError (ValueError)      a fault that cannot be injected, or nobody to inject it
 """
 
 from __future__ import annotations
@@ -24,3 +25,7 @@ class BodyError(BodyschemaError, ValueError):
 
 class NoiseError(BodyschemaError, ValueError):
     """A noise file with unknown keys or impossible values."""
+
+
+class FaultError(BodyschemaError, ValueError):
+    """A fault that cannot be ordered as it was; the message says what to write instead."""

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_robot.electronics.dmm32 import Dither
 from sim_robot.errors import NoiseError
 
 
@@ -76,10 +77,12 @@ class Noise:
     def __init__(self, levels: NoiseLevels, seed: int):
         self._levels = levels
         self._seed = seed
+        self._dither = Dither()
         self.begin(0)
 
     def begin(self, interaction: int) -> None:
         """Draws the offsets of an interaction and restarts its white noise."""
+        self._dither.restart()
         self._random = np.random.default_rng([self._seed, interaction])
         levels = self._levels
         self._tilt = np.radians(levels.tilt_deg) * self._random.standard_normal(2)
@@ -99,3 +102,7 @@ class Noise:
     def load(self) -> float:
         """Error of one strain gauge sample, N."""
         return float(self._levels.load_sample_n * self._random.standard_normal())
+
+    def dither(self) -> float:
+        """Error of the converter in one scan, V; it is there without any level of noise, too."""
+        return self._dither.next_scan()

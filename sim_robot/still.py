@@ -9,18 +9,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 
-from robot.clock import Clock
+from robot.clock import Clock, WatchedClock
 from robot.config import RobotConfig, load_config
 from robot.controller import Controller
 from robot.daemon import Electronics, build_controller, start_devices
 from robot.drivers.sv203 import SV203, open_serial
-from sim_robot.electronics.dmm32 import DMM32Emulator
+from robot.notify import ServiceManager
+from sim_robot.clock import HostClock
+from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
+from sim_robot.faults import FaultPanel
 
 
 @dataclass(kw_only=True)
@@ -34,6 +37,23 @@ class StillWorld:
 
     volts: list[float]
     distance_mm: float | None
+    _dither: Dither = field(default_factory=Dither)
+    _error: float = 0.0
+
+    @classmethod
+    def around(cls, config: RobotConfig) -> StillWorld:
+        """What a robot feels that lies flat on its belly with its feet in the air."""
+        rest = [*config.accelerometer.zero[:2], config.accelerometer.zero[2] + 1.0]
+        return cls(
+            volts=rest + [gauge.tare for gauge in config.gauges],
+            distance_mm=config.distance.sensor.zero * 1000 if config.distance else None,
+        )
+
+    def input(self, channel: int) -> float:
+        """Volts at an analogue input; a scan begins at the first."""
+        if channel == 0:
+            self._error = self._dither.next_scan()
+        return self.volts[channel] + self._error if channel < len(self.volts) else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,9 +64,23 @@ class StillRobot:
     controller: Controller
     servos: SV203
     world: StillWorld
+    panel: FaultPanel
     servo_board: SV203Emulator
     daq: DMM32Emulator
     distance: VL6180XEmulator
+
+
+class Bystander:
+    """Counts interactions, and touches nothing."""
+
+    lays_down = False
+
+    def __init__(self, panel: FaultPanel):
+        self._panel = panel
+
+    def attend(self) -> None:
+        """Called at each interaction, once the joints are at zero."""
+        self._panel.begin_interaction()
 
 
 def example_config(port: str) -> RobotConfig:
@@ -57,38 +91,51 @@ def example_config(port: str) -> RobotConfig:
 
 @contextmanager
 def still_robot(
-    clock: Clock, *, housekeeping: float | None, log: logging.Logger
+    clock: Clock,
+    *,
+    housekeeping: float | None,
+    log: logging.Logger,
+    manager: ServiceManager | None = None,
 ) -> Iterator[StillRobot]:
     """Builds the robot of the documented configuration; its control loop is not yet started."""
     with ExitStack() as stack:
         board = SV203Emulator()
         stack.callback(board.close)
         config = example_config(board.port)
-        rest = [*config.accelerometer.zero[:2], config.accelerometer.zero[2] + 1.0]
-        world = StillWorld(
-            volts=rest + [gauge.tare for gauge in config.gauges],
-            distance_mm=config.distance.sensor.zero * 1000 if config.distance else None,
-        )
+        world = StillWorld.around(config)
 
-        def volts(channel: int) -> float:
-            return world.volts[channel] if channel < len(world.volts) else 0.0
-
-        daq = DMM32Emulator(volts, clock)
+        daq = DMM32Emulator(world.input, clock)
         distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+
+        def look() -> None:
+            panel.advance()
+
+        host = HostClock(WatchedClock(clock, look))
+        panel = FaultPanel(
+            {"servo_board": board, "daq": daq, "distance": distance, "clock": host}, host.now
+        )
+        stack.callback(panel.close)
         devices = start_devices(
             config,
             Electronics(serial=open_serial(board.port), ports=daq, i2c=distance),
-            clock,
+            host,
         )
         stack.callback(devices.close)
         controller = build_controller(
-            config, devices, clock=clock, attendant=None, housekeeping=housekeeping, log=log
+            config,
+            devices,
+            clock=host,
+            attendant=Bystander(panel),
+            housekeeping=housekeeping,
+            log=log,
+            manager=manager,
         )
         yield StillRobot(
             config=config,
             controller=controller,
             servos=devices.servos,
             world=world,
+            panel=panel,
             servo_board=board,
             daq=daq,
             distance=distance,

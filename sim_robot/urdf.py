@@ -217,6 +217,10 @@ def read_urdf(path: Path) -> Robot:
         parent = ignored.getparent()
         if parent is not None:
             parent.remove(ignored)
+    for parent in root.iter():
+        # The validator searches for elements by exchanging them with those that stand in their
+        # place, so joints between links would come out of document order.
+        parent[:] = sorted(parent, key=lambda child: child.tag in ("joint", "collision"))
     try:
         return Robot.from_xml_tree(root)  # type: ignore[arg-type]  # two sets of lxml types
     except ValidationError as error:

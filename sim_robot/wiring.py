@@ -14,13 +14,13 @@ from robot.calibration import DrivenJoint, JointScale
 from robot.config import (
     BodyConfig,
     DaqConfig,
-    I2CConfig,
     NoiseConfig,
     RobotConfig,
     ServoBoardConfig,
 )
 from robot.sensing import Accelerometer, BellySensor
 from robot.settling import RestCriterion
+from robot.tables import I2CConfig
 from robot.touch import TouchGauge
 from sim_robot.body import Body
 from sim_robot.noise import Noise, NoiseLevels
@@ -89,13 +89,22 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
 
 
 class Wiring:
-    """What the emulators ask the world, noise included."""
+    """What the emulators ask the world, noise included.
 
-    def __init__(self, body: Body, world: World, noise: Noise):
-        self._body = body
+    Args:
+        truth: How the electronics are really calibrated, whatever the daemon believes.
+        world: The world.
+        noise: The sensors' noise.
+    """
+
+    def __init__(self, truth: RobotConfig, world: World, noise: Noise):
+        assert truth.distance is not None
         self._world = world
         self._noise = noise
-        self._scales = [JointScale(((3, m.lower), (253, m.upper))) for m in body.motors]
+        self._scales = [joint.scale for joint in truth.joints]
+        self._axes = truth.accelerometer
+        self._bridges = truth.gauges
+        self._belly = truth.distance.sensor
         self._seen = -1
         self._volts: list[float] = []
 
@@ -112,7 +121,8 @@ class Wiring:
         """Volts at an analogue input; inputs with nothing on them read 0."""
         if channel == 0 or self._seen != self._world.steps:
             self._seen = self._world.steps
-            self._volts = [*self._acceleration(), *self._gauges()]
+            dither = self._noise.dither()
+            self._volts = [v + dither for v in (*self._acceleration(), *self._gauges())]
         return self._volts[channel] if channel < len(self._volts) else 0.0
 
     def distance_mm(self) -> float | None:
@@ -120,19 +130,21 @@ class Wiring:
         clearance = self._world.clearance()
         if clearance is None:
             return None
-        return (clearance + self._noise.clearance() + RECESS) * 1000
+        seen = (clearance + self._noise.clearance()) / self._belly.scale
+        return (seen + self._belly.zero) * 1000
 
     def _acceleration(self) -> list[float]:
         x, y, z = self._world.up()
         left_right, forward_back = self._noise.tilt()
         x, y = _turned(x, forward_back), _turned(y, left_right)
         z = math.copysign(math.sqrt(max(0.0, 1 - x * x - y * y)), z)
-        return [ZERO_VOLTS + VOLTS_PER_G * value for value in (x, y, z)]
+        axes = zip(self._axes.zero, self._axes.volts_per_g, (x, y, z), strict=True)
+        return [zero + gain * value for zero, gain, value in axes]
 
     def _gauges(self) -> list[float]:
         return [
-            TARE_VOLTS + VOLTS_PER_NEWTON * (load + self._noise.load())
-            for load in self._world.loads()
+            bridge.tare + bridge.volts_per_newton * (load + self._noise.load())
+            for bridge, load in zip(self._bridges, self._world.loads(), strict=True)
         ]
 
 

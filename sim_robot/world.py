@@ -52,6 +52,9 @@ class World:
         self._targets: list[float | None] = [0.0] * len(body.motors)
         self._steps = 0
         self._time = 0.0
+        self._held: tuple[tuple[float, float, float], tuple[float, float, float, float]] | None
+        self._held = None
+        self._pressed: dict[str, float] = {}
         self._build()
 
     def __enter__(self) -> World:
@@ -74,7 +77,23 @@ class World:
 
     def lay_down(self) -> None:
         """Puts the body down upright, joints at their targets, lowest point on the ground."""
+        self._held = None
         self._build()
+
+    def hold(self, height: float, up: Sequence[float] = (0.0, 0.0, 1.0)) -> None:
+        """Fixes the body in the air, as a stand or two hands do, until it is laid down again.
+
+        Args:
+            height: Of the belly's middle above the ground when the body is upright, m.
+            up: The direction in the body frame that points up, of length 1.
+        """
+        center = self._body.base_center[2] - self._body.base_size[2] / 2
+        self._held = (0.0, 0.0, height - center), _turn_up(up)
+        self._build()
+
+    def press(self, sensor: str, force: float) -> None:
+        """Loads a touch sensor with a force (N), as a weight does, until told otherwise."""
+        self._pressed[sensor] = force
 
     def set_targets(self, angles: Sequence[float | None]) -> None:
         """Commands the servos: an angle (rad) per motor, ``None`` for no pulses (limp)."""
@@ -112,8 +131,8 @@ class World:
         return height / rotation[8] if rotation[8] > 1e-9 else None
 
     def loads(self) -> tuple[float, ...]:
-        """Force of the ground on each touch sensor, N."""
-        forces = dict.fromkeys(self._body.touch, 0.0)
+        """Force of the ground, and of whoever presses, on each touch sensor, N."""
+        forces = dict.fromkeys(self._body.touch, 0.0) | self._pressed
         for contact in pybullet.getContactPoints(
             self._robot, self._ground, physicsClientId=self._client
         ):
@@ -132,12 +151,16 @@ class World:
                 found[name] = min(found[name], point[8])
         return tuple(found.values())
 
+    def angles(self) -> tuple[float, ...]:
+        """Where each motor's joint is, rad."""
+        states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
+        return tuple(state[0] for state in states)
+
     def largest_miss(self) -> float:
         """How far the worst servo is from its target, rad."""
-        states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
         misses = [
-            abs(state[0] - target)
-            for state, target in zip(states, self._targets, strict=True)
+            abs(angle - target)
+            for angle, target in zip(self.angles(), self._targets, strict=True)
             if target is not None
         ]
         return max(misses, default=0.0)
@@ -156,9 +179,13 @@ class World:
         pybullet.setTimeStep(STEP, physicsClientId=client)
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
         self._ground: int = pybullet.createMultiBody(0, plane, physicsClientId=client)
+        position, orientation = self._held or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
         with quiet():
             self._robot: int = pybullet.loadURDF(
                 self._file,
+                position,
+                orientation,
+                useFixedBase=self._held is not None,
                 flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER,
                 physicsClientId=client,
             )
@@ -198,6 +225,8 @@ class World:
             pybullet.resetJointState(
                 self._robot, joint, target or 0.0, physicsClientId=self._client
             )
+        if self._held is not None:
+            return
         lift = 10.0
         pybullet.resetBasePositionAndOrientation(
             self._robot, [0, 0, lift], self._upright, physicsClientId=self._client
@@ -249,3 +278,12 @@ class World:
 
     def _rotation(self) -> tuple[float, ...]:
         return pybullet.getMatrixFromQuaternion(self._base_pose()[1])  # type: ignore[no-any-return]
+
+
+def _turn_up(up: Sequence[float]) -> tuple[float, float, float, float]:
+    """The shortest turn, as a quaternion x, y, z, w, that brings a direction up."""
+    x, y, z = up
+    if z < -1 + 1e-9:
+        return 1.0, 0.0, 0.0, 0.0
+    length = math.sqrt(2 * (1 + z))
+    return y / length, -x / length, 0.0, length / 2

@@ -8,16 +8,12 @@ Workers are started fresh (``forkserver``), because forking a process with threa
 from __future__ import annotations
 
 import multiprocessing
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing import resource_tracker
 from typing import Final, Self, TypeAlias
 
+from estimator.child_process import end_with_parent, interrupts_blocked, silence_stdout
 from estimator.errors import PhysicsError, WorkerError
 from estimator.physics.base import Pair, Physics, Readings, sensor_count
 
@@ -110,7 +106,7 @@ class PhysicsPool:
 
     def _fetch(self, chunks: Sequence[Sequence[Pair]], done: dict[int, _Chunk]) -> None:
         """Has the missing chunks computed; keeps what was finished when a worker dies."""
-        with _interrupts_blocked():  # workers inherit it: Ctrl-C is for this process alone
+        with interrupts_blocked():
             if self._executor is None:
                 self._executor = ProcessPoolExecutor(
                     self._jobs,
@@ -138,22 +134,12 @@ _physics: Physics | PhysicsError | None = None  # the worker's own back-end
 
 def _start_worker(make: MakePhysics) -> None:
     global _physics  # noqa: PLW0603  a worker process is one engine
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 1)  # engines print to stdout, which is ours
-    os.close(nowhere)
-    threading.Thread(target=_follow_parent, daemon=True).start()
+    silence_stdout()
+    end_with_parent()
     try:
         _physics = make()
     except PhysicsError as error:
         _physics = error  # raised in an initializer it would look like a dead worker
-
-
-def _follow_parent() -> None:
-    """Ends this worker when its parent is killed; it would wait for work for ever."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 def _work(chunk: Sequence[Pair]) -> _Chunk:
@@ -164,13 +150,3 @@ def _work(chunk: Sequence[Pair]) -> _Chunk:
     simulations, steps = _physics.simulations, _physics.steps
     readings = _physics.read(chunk)
     return readings, _physics.simulations - simulations, _physics.steps - steps
-
-
-@contextmanager
-def _interrupts_blocked() -> Iterator[None]:
-    resource_tracker.ensure_running()  # its own start would unblock them
-    kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, kept)

@@ -10,5 +10,12 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import Final
 
-COMMANDS: Final = MappingProxyType({"run": "robot.commands.run"})
+COMMANDS: Final = MappingProxyType(
+    {
+        "run": "robot.commands.run",
+        "doctor": "robot.commands.doctor",
+        "calibrate": "robot.commands.calibrate",
+        "keys": "robot.commands.keys",
+    }
+)
 """Subcommand → module."""

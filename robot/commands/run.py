@@ -4,29 +4,47 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata, resources
 from pathlib import Path
+from typing import Final
 
 from protocol.endpoints import DEFAULT_BIND
 from protocol.server import Server
-from robot.clock import WallClock
-from robot.config import load_config
+from robot.clock import Clock, WallClock, WatchedClock
+from robot.config import RobotConfig, load_config
+from robot.controller import Controller
 from robot.daemon import (
     HOUSEKEEPING,
     build_controller,
     open_electronics,
+    report_devices,
     serve,
     start_devices,
 )
+from robot.dry import dry_config, dry_controller
+from robot.notify import ServiceManager
 
 HELP = "serve the robot until SIGTERM or Ctrl-C"
+EXAMPLE: Final = Path(str(resources.files("robot") / "robot.toml"))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declares the options."""
     parser.add_argument(
-        "--config", type=Path, required=True, metavar="FILE", help="the robot's robot.toml"
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="the robot's robot.toml; only a dry run can do without, and takes the example's",
+    )
+    parser.add_argument(
+        "--dry",
+        action="store_true",
+        help="touch no hardware: commanded angles come back, and there are no sensors",
     )
     add_server_arguments(parser)
+    parser.set_defaults(refuse=parser.error)
 
 
 def add_server_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,6 +56,12 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
         help="where to take requests (default %(default)s; telemetry on the next port)",
     )
     parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="let in only clients that this key directory knows (see robotd keys)",
+    )
+    parser.add_argument(
         "--insecure",
         action="store_true",
         help="allow an address that other computers can reach, without keys",
@@ -46,16 +70,54 @@ def add_server_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serves the robot that a configuration describes."""
+    if options.config is None and not options.dry:
+        options.refuse("give the robot's --config FILE, or say --dry")
+    path = options.config or EXAMPLE
+    config = load_config(path)
+    if options.dry:
+        config = dry_config(config)
     log = logging.getLogger("robotd")
-    config = load_config(options.config)
-    clock = WallClock()
+    log.info(
+        "bodyschema %s: robot %s, %s (configuration %s)",
+        metadata.version("bodyschema"),
+        config.name,
+        path,
+        config.hash,
+    )
+    manager = ServiceManager()
+    clock = WatchedClock(WallClock(), manager.alive)
+    with _controller(config, clock, log, manager, dry=options.dry) as controller:
+        server = Server(
+            controller,
+            bind=options.bind,
+            keys=options.keys,
+            insecure=options.insecure,
+            log=log,
+        )
+        serve(controller, server, log, manager=manager)
+    return 0
+
+
+@contextmanager
+def _controller(
+    config: RobotConfig, clock: Clock, log: logging.Logger, manager: ServiceManager, *, dry: bool
+) -> Iterator[Controller]:
+    if dry:
+        log.warning("dry run: no hardware is touched, and there are no sensors")
+        yield dry_controller(config, clock=clock, log=log, manager=manager)
+        return
     devices = start_devices(config, open_electronics(config), clock)
     try:
         controller = build_controller(
-            config, devices, clock=clock, attendant=None, housekeeping=HOUSEKEEPING, log=log
+            config,
+            devices,
+            clock=clock,
+            attendant=None,
+            housekeeping=HOUSEKEEPING,
+            log=log,
+            manager=manager,
         )
-        server = Server(controller, bind=options.bind, insecure=options.insecure, log=log)
-        serve(controller, server, log)
+        report_devices(config, log)
+        yield controller
     finally:
         devices.close()
-    return 0

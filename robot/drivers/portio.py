@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 from typing import Protocol
@@ -62,7 +63,8 @@ def open_dev_port(
     if owner is not None:
         raise DeviceMissingError(
             f"The ports 0x{base:x}-0x{base + length - 1:x} belong to the kernel driver {owner}.",
-            f"Unload it (modprobe -r {owner}), or correct the base address.",
+            f"Unload it (modprobe -r {owner}), read the board through it (daq.driver = comedi), or "
+            "correct the base address.",
         )
     try:
         return DevPort(path)
@@ -72,10 +74,10 @@ def open_dev_port(
             "Use a PC kernel with CONFIG_DEVPORT.",
         ) from error
     except OSError as error:
-        raise DeviceMissingError(
-            f"{path} cannot be opened: {error.strerror}.",
-            "Run with CAP_SYS_RAWIO and with Secure Boot off, which locks the ports.",
-        ) from error
+        advice = "Run with CAP_SYS_RAWIO and with Secure Boot off, which locks the ports."
+        if error.errno == errno.EACCES:  # the file's mode; a missing capability gives EPERM
+            advice = "Install the udev rule that lets the daemon's user write to it."
+        raise DeviceMissingError(f"{path} cannot be opened: {error.strerror}.", advice) from error
 
 
 def claimed_by(base: int, length: int, claims: str = "/proc/ioports") -> str | None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import errno
 import termios
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Final
 
@@ -95,6 +95,7 @@ class SV203:
     Attributes:
         bytes_written: Bytes handed to the serial line by this object, for a clock that must
             know when an emulated board has seen them all.
+        repeats: Queries that had to be asked again, because the answer was damaged or did not come.
     """
 
     def __init__(
@@ -109,15 +110,13 @@ class SV203:
         if not 0 <= board <= 255:
             raise CommandError(f"the board's number must lie in 0 to 255, not {board}")
         self.bytes_written = 0
-        self._port = serial_port
         self._select = f"BD{board}"
         self._clock = clock
         self._line_gap = line_gap
         self._reply_timeout = reply_timeout
-        self._byte_time = _BITS_PER_BYTE / serial_port.baudrate
         self._sent: dict[int, int] = {}
-        with self._link("setting it up"):
-            serial_port.timeout = reply_timeout
+        self.repeats = 0
+        self._take(serial_port)
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Sends the counts that differ from the last ones sent, and waits out the line.
@@ -201,6 +200,19 @@ class SV203:
         """Forgets what was sent, so that the next counts are all sent."""
         self._sent.clear()
 
+    def reopen(self, open_port: Callable[[], serial.Serial]) -> None:
+        """Gives the line up and takes a new one: an adapter that was re-plugged is another device.
+
+        Args:
+            open_port: Opens the new line.
+
+        Raises:
+            DeviceMissingError: It cannot be opened.
+        """
+        self.close()
+        self.forget()
+        self._take(open_port())
+
     def seconds_for(self, changed: int) -> float:
         """How long ``set_counts`` takes at most when so many counts changed, s."""
         pairs, single = divmod(changed, _SERVOS_PER_LINE)
@@ -211,8 +223,14 @@ class SV203:
 
     def close(self) -> None:
         """Closes the line; the board keeps the servos where they are."""
-        with suppress(OSError):  # the adapter may be gone, and with it the line
+        with suppress(OSError, termios.error):  # the adapter may be gone, and with it the line
             self._port.close()
+
+    def _take(self, port: serial.Serial) -> None:
+        self._port = port
+        self._byte_time = _BITS_PER_BYTE / port.baudrate
+        with self._link("setting it up"):
+            port.timeout = self._reply_timeout
 
     def _send(self, counts: Mapping[int, int]) -> None:
         changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
@@ -238,6 +256,7 @@ class SV203:
         for _ in range(_ATTEMPTS - 1):
             with suppress(DeviceTimeoutError, DeviceDataError):
                 return self._query_once(command)
+            self.repeats += 1
         return self._query_once(command)
 
     def _query_once(self, command: str) -> int:

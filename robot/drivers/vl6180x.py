@@ -3,8 +3,9 @@
 Registers have 16-bit addresses, highest byte first, so each access is a combined transfer.
 
 Source: ST application note AN4545 (mandatory and recommended settings, single-shot sequence) and
-the VL6180X data sheet (status and error codes). How long a measurement takes depends on the
-target; the deadline below covers the longest convergence time that the chip is left with.
+the VL6180X data sheet (status and error codes, result registers). How long a measurement takes
+depends on the target; the deadline below covers the longest convergence time that the chip is left
+with.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ _RANGE_START: Final = 0x018
 _RANGE_STATUS: Final = 0x04D
 _INTERRUPT_STATUS: Final = 0x04F
 _RANGE_VALUE: Final = 0x062
+_COUNTS: Final = 0x06C  # photons and convergence times of the last measurement, six of 32 bits
+_COUNTS_SIZE: Final = 24
 
 _MODEL: Final = 0xB4
 _READY: Final = 0x01  # range status: idle, a measurement can be started
@@ -32,6 +35,7 @@ _SAMPLE_READY: Final = 4  # interrupt status, low three bits
 _FIRST_LOOK: Final = 6e-3  # no measurement is faster
 _LOOK_INTERVAL: Final = 2e-3
 _DEADLINE: Final = 0.1
+_FROZEN_AFTER: Final = 10  # measurements that count exactly the same photons; no live one does
 
 # Private registers; the note gives the values and no meanings.
 _MANDATORY: Final = (
@@ -83,6 +87,8 @@ class VL6180X:
         self._bus = bus
         self._address = address
         self._clock = clock
+        self._counts = b""
+        self._repeats = 0
 
     def start(self) -> None:
         """Identifies the sensor and loads its settings.
@@ -90,19 +96,21 @@ class VL6180X:
         Raises:
             DeviceError: Nothing, or something else, answers, or the sensor is never ready.
         """
-        model = self._read(_MODEL_ID)
+        ((model,),) = self._read((_MODEL_ID, 1))
         if model != _MODEL:
             raise DeviceMissingError(
                 f"The device at I²C address 0x{self._address:x} is no VL6180X: it calls itself "
                 f"0x{model:02x} instead of 0x{_MODEL:02x}.",
                 "Check which sensor is fitted, and the address in the configuration.",
             )
-        if self._read(_FRESH_OUT_OF_RESET) == 1:
+        ((fresh,),) = self._read((_FRESH_OUT_OF_RESET, 1))
+        if fresh == 1:
             for register, value in _MANDATORY:
                 self._write(register, value)
             self._write(_FRESH_OUT_OF_RESET, 0)
         for register, value in _RECOMMENDED:
             self._write(register, value)
+        self._counts, self._repeats = b"", 0
 
     def range_mm(self) -> int | None:
         """Measures once; takes about 10 ms, and up to 0.1 s without a target.
@@ -112,16 +120,20 @@ class VL6180X:
             target within reach.
 
         Raises:
-            DeviceError: The sensor is gone, was reset, hangs or reports an error of its own.
+            DeviceError: The sensor is gone, was reset, hangs, repeats itself or reports an error
+                of its own.
         """
         self._await_ready()
         self._write(_INTERRUPT_CLEAR, 0x07)  # of the last measurement, maybe an abandoned one
         self._write(_RANGE_START, 0x01)
         self._clock.sleep(_FIRST_LOOK)
         self._await_sample()
-        status, value = self._read_both(_RANGE_STATUS, _RANGE_VALUE)
+        (status,), (value,), counts = self._read(
+            (_RANGE_STATUS, 1), (_RANGE_VALUE, 1), (_COUNTS, _COUNTS_SIZE)
+        )
         error = status >> 4
         if error == 0:
+            self._look_for_life(counts)
             return value
         if error in _NO_TARGET:
             return None
@@ -137,9 +149,20 @@ class VL6180X:
         """Closes the bus."""
         self._bus.close()
 
+    def _look_for_life(self, counts: bytes) -> None:
+        same = counts == self._counts and any(counts)
+        self._repeats = self._repeats + 1 if same else 1
+        self._counts = counts
+        if self._repeats >= _FROZEN_AFTER:
+            raise DeviceDataError(
+                f"The VL6180X is frozen: {self._repeats} measurements counted exactly the same "
+                "photons.",
+                "Switch it off and on.",
+            )
+
     def _await_ready(self) -> None:
         for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
-            fresh, status = self._read_both(_FRESH_OUT_OF_RESET, _RANGE_STATUS)
+            (fresh,), (status,) = self._read((_FRESH_OUT_OF_RESET, 1), (_RANGE_STATUS, 1))
             if fresh != 0:
                 raise DeviceDataError(
                     "The VL6180X has been reset and lost its settings.",
@@ -152,7 +175,7 @@ class VL6180X:
 
     def _await_sample(self) -> None:
         for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
-            status = self._read(_INTERRUPT_STATUS)
+            ((status,),) = self._read((_INTERRUPT_STATUS, 1))
             if status >> 6:
                 kind = "laser safety" if status >> 6 == 1 else "clock"
                 raise DeviceDataError(
@@ -168,15 +191,12 @@ class VL6180X:
             f"The VL6180X was not {what} within {_DEADLINE:g} s.", "Switch it off and on."
         )
 
-    def _read(self, register: int) -> int:
-        data = i2c_msg.read(self._address, 1)
-        self._transfer(self._index(register), data)
-        return bytes(data)[0]
-
-    def _read_both(self, first: int, second: int) -> tuple[int, int]:
-        data = i2c_msg.read(self._address, 1), i2c_msg.read(self._address, 1)
-        self._transfer(self._index(first), data[0], self._index(second), data[1])
-        return bytes(data[0])[0], bytes(data[1])[0]
+    def _read(self, *blocks: tuple[int, int]) -> list[bytes]:
+        """Blocks of registers, each given by its first register and its length, in one transfer."""
+        data = [i2c_msg.read(self._address, length) for _, length in blocks]
+        indices = [self._index(register) for register, _ in blocks]
+        self._transfer(*(message for pair in zip(indices, data, strict=True) for message in pair))
+        return [bytes(message) for message in data]
 
     def _write(self, register: int, value: int) -> None:
         message = i2c_msg.write(self._address, (register >> 8, register & 0xFF, value))

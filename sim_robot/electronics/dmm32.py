@@ -26,6 +26,29 @@ _GAINS: Final = (1.0, 2.0, 4.0, 8.0)
 _CODES_PER_SIDE: Final = 32768
 
 
+class Dither:
+    """The noise of a converter itself, which is never quite still, as volts to add to its inputs.
+
+    From scan to scan the codes are off by 0, +1, 0, -1.
+
+    Args:
+        full_scale: Of the bipolar range in use, V.
+    """
+
+    def __init__(self, full_scale: float = 5.0):
+        self._code = full_scale / _CODES_PER_SIDE
+        self.restart()
+
+    def restart(self) -> None:
+        """Begins anew, so that what is done again reads the same."""
+        self._scans = 0
+
+    def next_scan(self) -> float:
+        """Volts to add to every input in the next scan."""
+        self._scans += 1
+        return (0.0, self._code, 0.0, -self._code)[self._scans % 4]
+
+
 class DMM32Emulator(FaultSwitch):
     """The board, as an object to give to the driver in place of ``/dev/port``.
 
@@ -34,19 +57,18 @@ class DMM32Emulator(FaultSwitch):
         clock: Is charged 1 µs per access and times settling and conversion.
         base: Base address.
         fifo_depth: Samples that the FIFO holds.
-
-    Attributes:
-        present: Whether the board sits on the bus; without it every port reads 0xFF.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
+            "absent": "no board answers: every port reads 0xFF",
             "stuck_wait": "WAIT never falls",
             "stuck_busy": "STS never falls",
             "overflow": "every conversion overflows the FIFO",
             "lost_sample": "every conversion loses its last sample",
             "stuck_channel": "channel n keeps the code that it has when the fault begins",
             "railed_channel": "channel n reads the top of the range",
+            "swapped_channels": "the wires of channels n and n+1 are exchanged",
         }
     )
 
@@ -59,7 +81,6 @@ class DMM32Emulator(FaultSwitch):
         fifo_depth: int = 1024,
     ):
         super().__init__()
-        self.present = True
         self._volts = volts
         self._clock = clock
         self._base = base
@@ -82,6 +103,18 @@ class DMM32Emulator(FaultSwitch):
             lambda now: self._counters,
             self._read_analogue_status,
         )
+
+    @property
+    def present(self) -> bool:
+        """Whether the board sits on the bus; without it every port reads 0xFF."""
+        return "absent" not in self._faults
+
+    @present.setter
+    def present(self, there: bool) -> None:
+        if there:
+            self.mend("absent")
+        else:
+            self.inject("absent")
 
     def read(self, port: int, n: int = 1) -> bytes:
         """Reads ``n`` successive ports, lowest first."""
@@ -109,7 +142,8 @@ class DMM32Emulator(FaultSwitch):
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them; a stuck channel moves again."""
         super().mend(fault)
-        self._stuck.clear()
+        if fault in (None, "stuck_channel"):
+            self._stuck.clear()
 
     def _reset(self) -> None:
         self._low = self._high = self._channel = 0
@@ -203,6 +237,9 @@ class DMM32Emulator(FaultSwitch):
 
     def _code(self, channel: int) -> int:
         full_scale = (10.0 if self._analogue & 0x08 else 5.0) / _GAINS[self._analogue & 0x03]
+        swapped = self._faults.get("swapped_channels")
+        if swapped is not None and channel in (swapped, swapped + 1):
+            channel = 2 * swapped + 1 - channel
         volts = self._volts(channel)
         if self._analogue & 0x04:  # unipolar: the same codes over 0 V to full scale
             volts, full_scale = volts - full_scale / 2, full_scale / 2

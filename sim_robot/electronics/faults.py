@@ -10,13 +10,15 @@ from robot.errors import CommandError
 
 
 class FaultSwitch:
-    """Base of the emulators: named faults, each with a number where it needs one.
+    """Base of what can fail: named faults, each with a number where it needs one.
 
     Attributes:
-        FAULTS: What each fault does, by name; subclasses fill it in.
+        FAULTS: What each lasting fault does, by name; subclasses fill it in.
+        EVENTS: What happens once and is over, by name, likewise.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __init__(self) -> None:
         self._faults: dict[str, int] = {}
@@ -27,14 +29,18 @@ class FaultSwitch:
         return dict(self._faults)
 
     def inject(self, fault: str, value: int = 0) -> None:
-        """Switches a fault on; may be called from any thread.
+        """Switches a fault on, or makes an event happen; may be called from any thread.
 
         Raises:
             CommandError: There is no such fault here.
         """
-        if fault not in self.FAULTS:
-            raise CommandError(f"the faults here are {', '.join(self.FAULTS)}, not {fault!r}")
-        self._faults[fault] = value
+        if fault in self.EVENTS:
+            self._happen(fault, value)
+        elif fault in self.FAULTS:
+            self._faults[fault] = value
+        else:
+            known = ", ".join([*self.FAULTS, *self.EVENTS])
+            raise CommandError(f"the faults here are {known}, not {fault!r}")
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them."""
@@ -42,3 +48,6 @@ class FaultSwitch:
             self._faults.clear()
         else:
             self._faults.pop(fault, None)
+
+    def _happen(self, event: str, value: int) -> None:
+        """Makes an event happen; called with a key of ``EVENTS``."""

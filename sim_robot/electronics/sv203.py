@@ -34,16 +34,20 @@ class SV203Emulator(FaultSwitch):
 
     Attributes:
         port: Name of the serial port.
-        bytes_read: Bytes consumed, and acted upon, since the line was last plugged in.
+        bytes_read: Bytes consumed and acted upon, or swallowed by a cable that was pulled.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
+            "unplugged": "the serial cable is out of the host, and the port is gone",
             "drop": "every n-th byte from the host is lost",
             "corrupt": "every n-th byte from the host arrives with bit 0 flipped",
             "mute": "the board answers no queries",
             "garbage": "every n-th answer has its first digit replaced by '~'",
         }
+    )
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"brown_out": "the supply dips: servos jump to neutral, the board is deselected"}
     )
 
     def __init__(self, *, board: int = 1):
@@ -70,7 +74,7 @@ class SV203Emulator(FaultSwitch):
         """Waits until ``bytes_read`` has reached ``count``.
 
         Args:
-            count: Bytes written by the driver since the line was last plugged in.
+            count: Bytes written by the driver.
             timeout: Longest wait, s of real time.
 
         Returns:
@@ -84,6 +88,18 @@ class SV203Emulator(FaultSwitch):
                 lambda: self.bytes_read >= count or self._link is None, timeout
             )
 
+    def inject(self, fault: str, value: int = 0) -> None:
+        """Switches a fault on, or makes an event happen; may be called from any thread."""
+        super().inject(fault, value)
+        if fault == "unplugged":
+            self.unplug()
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them; the cable comes back."""
+        super().mend(fault)
+        if fault in (None, "unplugged"):
+            self.replug()
+
     def power_cycle(self) -> None:
         """A brown-out: the board forgets its selection and its servos jump to neutral."""
         with self._changed:
@@ -95,13 +111,12 @@ class SV203Emulator(FaultSwitch):
             link, self._link = self._link, None
             self._changed.notify_all()
         if link is not None:
-            link.close()
+            self.bytes_read += link.close()
             os.unlink(self.port)
 
     def replug(self) -> None:
         """Plugs the cable in again."""
         if self._link is None:
-            self.bytes_read = 0
             self._link = _Link(self._consume)
             os.symlink(self._link.name, self.port)
 
@@ -109,6 +124,9 @@ class SV203Emulator(FaultSwitch):
         """Ends the thread and removes the port."""
         self.unplug()
         shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _happen(self, event: str, value: int) -> None:
+        self.power_cycle()
 
     def _consume(self, data: bytes) -> bytes:
         """Acts on bytes from the host and returns the answer."""
@@ -158,11 +176,17 @@ class _Link:
         self._thread = threading.Thread(target=self._run, name="sv203-emulator", daemon=True)
         self._thread.start()
 
-    def close(self) -> None:
+    def close(self) -> int:
+        """Ends the thread; returns how many bytes were still on their way."""
         os.write(self._wake_write, b"x")
         self._thread.join()
+        swallowed = 0
+        with suppress(BlockingIOError):
+            while data := os.read(self._master, _CHUNK):
+                swallowed += len(data)
         for fd in (self._master, self._slave, self._wake_read, self._wake_write):
             os.close(fd)
+        return swallowed
 
     def _run(self) -> None:
         poll = select.poll()

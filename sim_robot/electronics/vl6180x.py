@@ -1,8 +1,8 @@
 """An emulated VL6180X distance sensor, alone on its I²C bus.
 
 Source: ST application note AN4545 and the VL6180X data sheet. Assumed, for want of figures: how
-long convergence takes, and that a chip without its mandatory settings fails with error 4 (the
-real one measures wrongly, which would pass unnoticed).
+long convergence takes, how photon counts scatter, and that a chip without its mandatory settings
+fails with error 4 (the real one measures wrongly, which would pass unnoticed).
 """
 
 from __future__ import annotations
@@ -28,6 +28,10 @@ _HUNG_BUS_TIME: Final = 0.1
 _OVERHEAD_TIME: Final = 7.5e-3  # preparation and read-out
 _NEAR_TIME: Final = 1e-3  # convergence at no distance
 _LONGEST_CONVERGENCE: Final = 49e-3  # as the chip leaves reset
+
+_COUNTS: Final = 0x06C
+_COUNTS_SIZE: Final = 24
+_READ_ONLY: Final = frozenset({0x000, 0x04D, 0x04F, 0x062, *range(_COUNTS, _COUNTS + _COUNTS_SIZE)})
 
 _NO_CONVERGENCE: Final = 7
 _UNDERFLOW: Final = 12
@@ -63,9 +67,12 @@ class VL6180XEmulator(FaultSwitch):
             "nak": "the sensor acknowledges nothing",
             "hang": "the bus hangs until the kernel gives up",
             "busy": "no measurement ever ends",
-            "frozen": "every measurement repeats the distance of the first",
+            "frozen": "every measurement repeats the first one's result, photon counts included",
             "error": "every measurement ends with error n",
         }
+    )
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"reset": "the supply dips: the sensor forgets its settings"}
     )
 
     def __init__(
@@ -79,7 +86,8 @@ class VL6180XEmulator(FaultSwitch):
         self._reach = reach_mm
         self._distance = distance_mm
         self._clock = clock
-        self._frozen: tuple[int, int] | None = None
+        self._frozen: tuple[int, int, bytes] | None = None
+        self._measurements = 0
         self.power_cycle()
 
     def power_cycle(self) -> None:
@@ -91,12 +99,13 @@ class VL6180XEmulator(FaultSwitch):
         self._registers[0x04D] = 0x01
         self._index = 0
         self._done_at: float | None = None
-        self._result = (0, 0)
+        self._result = (0, 0, bytes(_COUNTS_SIZE))
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them; a frozen distance thaws."""
         super().mend(fault)
-        self._frozen = None
+        if fault in (None, "frozen"):
+            self._frozen = None
 
     def i2c_rdwr(self, *messages: i2c_msg) -> None:
         """Carries out messages as one transfer; reads are filled in place."""
@@ -116,6 +125,9 @@ class VL6180XEmulator(FaultSwitch):
 
     def close(self) -> None:
         """Nothing to close."""
+
+    def _happen(self, event: str, value: int) -> None:
+        self.power_cycle()
 
     def _read(self) -> int:
         value = self._registers[self._index]
@@ -138,7 +150,7 @@ class VL6180XEmulator(FaultSwitch):
                 self._start()
         elif register == 0x212:
             self.address = value & 0x7F
-        elif register not in (0x000, 0x04D, 0x04F, 0x062):
+        elif register not in _READ_ONLY:
             self._registers[register] = value
 
     def _start(self) -> None:
@@ -153,29 +165,39 @@ class VL6180XEmulator(FaultSwitch):
         self._result = self._measure(distance)
         self._registers[0x04D] = 0x00
 
-    def _measure(self, distance: float | None) -> tuple[int, int]:
-        """Error code and value of a measurement."""
-        if "error" in self._faults:
-            return self._faults["error"] & 0x0F, 255
-        if any(self._registers[register] != value for register, value in _MANDATORY.items()):
-            return _UNSETTLED, 255
+    def _measure(self, distance: float | None) -> tuple[int, int, bytes]:
+        """Error code, value and photon counts of a measurement."""
+        self._measurements += 1
         if "frozen" in self._faults and self._frozen is not None:
             return self._frozen
-        if distance is None or distance > self._reach:
-            found = _NO_CONVERGENCE, 255
-        elif distance < -0.5:
-            found = _UNDERFLOW, 0
-        else:
-            found = 0, round(distance)
+        found = (*self._see(distance), self._count())
         if "frozen" in self._faults:
             self._frozen = found
         return found
 
+    def _see(self, distance: float | None) -> tuple[int, int]:
+        if "error" in self._faults:
+            return self._faults["error"] & 0x0F, 255
+        if any(self._registers[register] != value for register, value in _MANDATORY.items()):
+            return _UNSETTLED, 255
+        if distance is None or distance > self._reach:
+            return _NO_CONVERGENCE, 255
+        if distance < -0.5:
+            return _UNDERFLOW, 0
+        return 0, round(distance)
+
+    def _count(self) -> bytes:
+        """Photons, which never come in the same number twice; only that they differ is modelled."""
+        scatter = self._measurements * 2654435761 % 2**32
+        counts = (12_000 + (scatter >> shift) % 256 for shift in range(0, 24, 4))
+        return b"".join(count.to_bytes(4, "big") for count in counts)
+
     def _finish(self) -> None:
         if self._done_at is None or self._clock.now() < self._done_at or "busy" in self._faults:
             return
-        error, value = self._result
+        error, value, counts = self._result
         self._done_at = None
+        self._registers[_COUNTS : _COUNTS + _COUNTS_SIZE] = counts
         self._registers[0x062] = value
         self._registers[0x04D] = error << 4 | 0x01
         self._registers[0x04F] = self._registers[0x04F] & ~0x07 | 0x04

@@ -2,54 +2,104 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 
 class Simulator:
-    """A running ``sim-robotd``.
+    """A running ``sim-robotd``, or another daemon that logs where it serves.
+
+    Args:
+        options: On the command line.
+        bind: Where it takes requests.
+        module: The daemon.
+        environment: Variables on top of ours.
 
     Attributes:
         uri: Where it takes requests.
+        control: Where faults can be injected, if it was asked for.
         log: What it wrote to standard error so far.
     """
 
-    def __init__(self, *options: str, bind: str = "tcp://127.0.0.1:*"):
+    def __init__(
+        self,
+        *options: str,
+        bind: str = "tcp://127.0.0.1:*",
+        module: str = "sim_robot.cli",
+        environment: Mapping[str, str] | None = None,
+    ):
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "sim_robot.cli", "--bind", bind, *options],
+            [sys.executable, "-m", module, "--bind", bind, *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
+            env={**os.environ, **(environment or {})},
         )
         self.log: list[str] = []
+        self.control = ""
         assert self._process.stderr is not None
         for line in self._process.stderr:
             self.log.append(line)
-            if found := re.search(r"serving .* on (tcp://\S+)", line):
+            if found := re.search(r"injected at (\S+)", line):
+                self.control = found[1]
+            if found := re.search(r"serving .*? on (tcp://[^\s,]+)", line):
                 self.uri = found[1]
+                # Somebody must read on, or the daemon blocks once the pipe is full.
+                self._reader = threading.Thread(target=self._read_on, daemon=True)
+                self._reader.start()
                 return
-        raise AssertionError("sim-robotd did not start: " + "".join(self.log))
+        self._process.communicate()
+        raise AssertionError("the daemon did not start: " + "".join(self.log))
+
+    @property
+    def pid(self) -> int:
+        """The process."""
+        return self._process.pid
+
+    def _read_on(self) -> None:
+        assert self._process.stderr is not None
+        self.log.extend(self._process.stderr)
+
+    def send(self, number: signal.Signals) -> None:
+        """Sends a signal."""
+        self._process.send_signal(number)
 
     def kill(self) -> None:
         """SIGKILL, as a power cut."""
         self._process.kill()
-        self._process.communicate()
+        self._end(timeout=10)
 
     def terminate(self, timeout: float = 10) -> tuple[int, str]:
         """SIGTERM, as a service manager; returns exit code and standard output."""
         self._process.terminate()
-        output, log = self._process.communicate(timeout=timeout)
-        self.log += log.splitlines()
-        return self._process.returncode, output
+        return self._end(timeout)
+
+    def _end(self, timeout: float) -> tuple[int, str]:
+        code = self._process.wait(timeout)
+        self._reader.join(timeout)
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        output = "" if self._process.stdout.closed else self._process.stdout.read()
+        self._process.stdout.close()
+        self._process.stderr.close()
+        return code, output
 
 
 @contextmanager
-def simulator(*options: str, bind: str = "tcp://127.0.0.1:*") -> Iterator[Simulator]:
-    """A ``sim-robotd`` that is gone afterwards."""
-    found = Simulator(*options, bind=bind)
+def simulator(
+    *options: str,
+    bind: str = "tcp://127.0.0.1:*",
+    module: str = "sim_robot.cli",
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[Simulator]:
+    """A ``sim-robotd`` that is gone afterwards; arguments as in ``Simulator``."""
+    found = Simulator(*options, bind=bind, module=module, environment=environment)
     try:
         yield found
     finally:

@@ -51,6 +51,7 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         ("speed_deg_s = 60", "speed_deg_s = 90", ["motion.speed_deg_s", "60"]),
         ("speed_deg_s = 60", "speed_deg_s = nan", ["motion.speed_deg_s"]),
         ("base = 0x300", "base = 0x20", ["daq.base"]),
+        ('driver = "dmm32"', 'driver = "dsc"', ["daq.driver", "dmm32, comedi"]),
         ('input_range = "±5V"', 'input_range = "5V"', ["daq.input_range", "±5V"]),
         ("channels = [0, 1, 2]", "channels = [0, 1, 1]", ["accelerometer.channels"]),
         ("off_n = 0.05", "off_n = 0.5", ["touch[0].off_n", "on_n"]),

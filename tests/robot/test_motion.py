@@ -64,3 +64,22 @@ def test_joints_do_not_finish_together() -> None:
     first = slew.due(0.1, at_most=2)
     assert first[1] == 130
     assert 128 < first[2] < 200
+
+
+@given(st.floats(0.5, 1e4), st.floats(math.radians(1), SPEED))
+def test_a_delay_never_ends_in_a_leap(delay: float, speed: float) -> None:
+    driven = joints(1)
+    slew = Slew(driven, start={1: 10}, targets={1: 250}, speed=speed, now=0.0)
+    scale = driven[0].scale
+    moved = scale.angle(slew.due(delay, at_most=2).get(1, 10)) - scale.angle(10)
+    assert moved <= max(0.4 * speed, scale.resolution) + 1e-9
+
+
+def test_the_slowest_joint_arrives() -> None:
+    driven = joints(1)
+    slew = Slew(driven, start={1: 10}, targets={1: 13}, speed=math.radians(1), now=0.0)
+    now = 0.0
+    while not slew.arrived:
+        now += 0.05
+        slew.sent(slew.due(now, at_most=2), now)
+        assert now < 10  # three counts of 0.7°

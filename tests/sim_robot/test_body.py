@@ -114,6 +114,16 @@ def test_a_child_joint_before_its_parent_is_refused(tmp_path: Path) -> None:
     assert "list parents first" in refused(tmp_path, robot(BASE, LEG, foot, knee, joint()))
 
 
+def test_motors_are_in_document_order_whatever_stands_between_the_joints(tmp_path: Path) -> None:
+    file = tmp_path / "body.urdf"
+    limbs = [
+        f'<link name="leg{n}">{INERTIAL}</link>{joint(f"hip{n}", child=f"leg{n}")}'
+        for n in range(8)
+    ]
+    file.write_text(robot(BASE, *limbs))
+    assert [motor.name for motor in load_body(file).motors] == [f"hip{n}" for n in range(8)]
+
+
 def test_nine_motors_are_too_many(tmp_path: Path) -> None:
     legs = [f'<link name="leg{n}">{INERTIAL}</link>' for n in range(9)]
     joints = [joint(f"hip{n}", child=f"leg{n}") for n in range(9)]

@@ -25,7 +25,8 @@ def test_the_same_interaction_feels_the_same_again() -> None:
 
 def test_offsets_have_the_announced_size() -> None:
     noise = Noise(NoiseLevels(tilt_sample_deg=0, clearance_sample_mm=0), 1)
-    tilts, clearances = [], []
+    tilts: list[float] = []
+    clearances: list[float] = []
     for interaction in range(2000):
         noise.begin(interaction)
         tilts += noise.tilt()

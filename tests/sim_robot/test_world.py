@@ -66,7 +66,7 @@ def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
     expected = (0.095 + 0.119) * math.sin(math.radians(down)) + 0.006 - 0.0425
     assert world.clearance() == pytest.approx(expected, abs=1e-3)
     assert world.up() == pytest.approx((0, 0, 1), abs=2e-3)
-    weight = (0.6 + 4 * 0.13) * 9.81
+    weight = (0.6 + 4 * 0.09) * 9.81
     assert sum(world.loads()) == pytest.approx(weight, rel=0.02)
     assert max(world.gaps()) < 1e-3
 
@@ -91,3 +91,35 @@ def test_a_weak_servo_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixtu
     with World(load_body(file), log=LOG) as world:
         rest(world, [-30.0] * 4 + [0.0] * 4)
     assert "too weak" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "up", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, 0.8)]
+)
+def test_a_held_body_stays_as_it_is_held(world: World, up: tuple[float, float, float]) -> None:
+    world.set_targets([math.radians(40)] * 4 + [math.radians(-70)] * 4)
+    world.hold(2.0, up)
+    world.advance_to(1.0)
+    assert world.up() == pytest.approx(up, abs=1e-6)
+    assert not any(world.loads())
+    angles = [math.degrees(angle) for angle in world.angles()]
+    assert angles == pytest.approx([40] * 4 + [-70] * 4, abs=0.1)  # the legs still move freely
+
+
+def test_a_body_held_upright_is_as_high_as_said_and_falls_when_laid_down(world: World) -> None:
+    world.hold(0.12)
+    world.advance_to(0.5)
+    assert world.clearance() == pytest.approx(0.12, abs=1e-6)
+    world.lay_down()
+    world.advance_to(1.0)
+    assert world.clearance() == pytest.approx(0, abs=1e-3)
+
+
+def test_a_pressed_sensor_feels_it_besides_the_ground(world: World) -> None:
+    rest(world, [-30.0] * 4 + [0.0] * 4)
+    before = world.loads()
+    assert min(before) > 0.1
+    world.press("lower_front", 2.5)
+    assert world.loads() == pytest.approx([load + 2.5 * (n == 1) for n, load in enumerate(before)])
+    world.press("lower_front", 0.0)
+    assert world.loads() == before

@@ -38,11 +38,13 @@ def assert_same(one: Readings, two: Readings) -> None:
 def test_the_number_of_workers_does_not_show(pairs: list[Pair]) -> None:
     with MAKE() as here:
         expected = here.read(pairs)
+        here.read(pairs[:2])
+        work = (here.simulations, here.steps)
     for jobs in (1, 3):
         with PhysicsPool(MAKE, jobs) as pool:
             assert_same(pool.read(pairs), expected)
             assert_same(pool.read(pairs[:2]), expected[:2])
-            assert (pool.simulations, pool.steps) == (23, 23 * 60)
+            assert (pool.simulations, pool.steps) == work
             assert len(pool.read([])) == 0
 
 
@@ -62,6 +64,16 @@ def test_workers_that_always_die_end_in_a_sentence(pairs: list[Pair]) -> None:
     pool = PhysicsPool(partial(os._exit, 1), 2)
     with pool, pytest.raises(WorkerError, match="died 3 times in a row"):
         pool.read(pairs)
+
+
+def test_workers_leave_an_interrupt_to_their_parent(pairs: list[Pair]) -> None:
+    with PhysicsPool(MAKE, 2) as pool:
+        expected = pool.read(pairs)
+        workers = {worker.pid for worker in active_children() if worker.pid}
+        for worker in workers:
+            os.kill(worker, signal.SIGINT)
+        assert_same(pool.read(pairs), expected)
+        assert {worker.pid for worker in active_children()} == workers
 
 
 def test_errors_come_back_from_workers(pairs: list[Pair]) -> None:

@@ -102,6 +102,7 @@ def test_standing_legs_lift_the_belly_by_their_length(
     found = read_one(physics, legs(length, radius=radius, pieces=pieces), *[-RIGHT_ANGLE] * 4)
     assert found.clearance == pytest.approx([length - BELLY], abs=2e-4)
     assert found.touch.all()
+    assert not found.touch_doubtful.any()
     assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
 
 
@@ -281,3 +282,34 @@ print("ours")
     )
     assert found.stdout == "ours\n"
     assert found.stderr == ""
+
+
+def test_stopping_at_rest_reads_what_all_steps_read(
+    physics: PyBulletPhysics, random_tree: MakeBody
+) -> None:
+    pairs = random_pairs(random_tree, 120, seed=21)
+    quick = physics.read(pairs)
+    with PyBulletPhysics(Settings(full_steps=True)) as reference:
+        full = reference.read(pairs)
+        assert reference.steps == 120 * 300
+    both = quick.valid & full.valid
+    assert both.sum() >= 118
+    tilt = np.degrees(np.abs(quick.tilt - full.tilt)).max(axis=1)
+    clearance = 1000 * np.abs(quick.clearance - full.clearance)
+    same = (tilt < 0.05) & (clearance < 0.2)
+    assert same[both].mean() >= 0.99
+    assert (quick.touch == full.touch)[both].mean() >= 0.995
+    assert physics.steps < 0.6 * reference.steps
+
+
+def test_a_body_reads_the_same_in_a_used_world(random_tree: MakeBody) -> None:
+    pairs = random_pairs(random_tree, 40, seed=22)
+    with PyBulletPhysics() as used:
+        used.read(pairs)
+        again = used.read(pairs[::-1])
+    for row, pair in enumerate(pairs[::-1]):
+        if row % 8 == 0:
+            with PyBulletPhysics() as fresh:
+                alone = fresh.read([pair])
+            assert alone.tilt.tobytes() == again.tilt[row : row + 1].tobytes()
+            assert alone.clearance.tobytes() == again.clearance[row : row + 1].tobytes()

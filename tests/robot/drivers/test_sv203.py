@@ -363,3 +363,22 @@ def test_a_second_program_is_told_that_the_port_is_taken(
     assert servos.bytes_written == 0
     with pytest.raises(DeviceMissingError, match="other program"):
         open_serial(servo_board.port)
+
+
+def test_a_line_that_is_another_device_now_is_opened_anew(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    servos.set_counts({1: 90})
+    before = servos.bytes_written
+    assert servo_board.wait_until_read(before, 5.0)
+    servo_board.unplug()
+    with pytest.raises(DeviceMissingError, match="by-id"):
+        servos.reopen(lambda: open_serial(servo_board.port))
+    with pytest.raises(DeviceMissingError, match="plugged in"):
+        servos.read_counts([1])
+    servo_board.replug()
+    servos.reopen(lambda: open_serial(servo_board.port))
+    assert servos.read_counts([1]) == {1: 90}
+    servos.set_counts({1: 90})  # what the old line carried is not taken for granted
+    assert servos.bytes_written == before + len("BD1RR51\r" + "BD1SV1M90\r")
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)

@@ -193,3 +193,15 @@ def test_noise_on_the_bus_ends_in_a_reading_or_an_error(data: bytes) -> None:
         found = None
     assert found is None or 0 <= found <= 255
     assert clock.now() < 1.0
+
+
+def test_a_sensor_that_counts_the_same_photons_again_and_again_is_frozen(
+    sensor: VL6180X, chip: VL6180XEmulator
+) -> None:
+    assert [sensor.range_mm() for _ in range(30)] == [50] * 30  # a steady target is no fault
+    chip.inject("frozen")
+    with pytest.raises(DeviceDataError, match="frozen: 10 measurements"):
+        for _ in range(11):
+            sensor.range_mm()
+    chip.mend()
+    assert sensor.range_mm() == 50

@@ -172,7 +172,7 @@ def test_the_name_survives_unplugging_and_the_pose_too(emulator: SV203Emulator) 
     assert not Path(emulator.port).exists()
     emulator.replug()
     emulator.replug()
-    assert emulator.bytes_read == 0
+    assert emulator.bytes_read == 10
     with serial.Serial(emulator.port, timeout=5.0) as line:
         line.write(b"BD1RR51\r")
         assert line.read_until(b"\r") == b"20\r"

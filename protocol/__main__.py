@@ -1,0 +1,43 @@
+"""``python -m protocol URI status|stop|clear|hold|relax``: a robot by hand, from a terminal.
+
+``stop`` needs no control of the robot; clear, hold and relax acquire it, and give it back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from protocol.client import RobotClient
+from protocol.errors import BodyschemaError
+
+COMMANDS = ("status", "stop", "clear", "hold", "relax")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Sends one request; returns 0, or 1 after a sentence on standard error."""
+    parser = argparse.ArgumentParser(
+        prog="python -m protocol", description="Asks a robot for its status, or stops it by hand."
+    )
+    parser.add_argument("uri", metavar="URI", help="where the robot is, tcp://host:port")
+    parser.add_argument("command", choices=COMMANDS)
+    parser.add_argument("--keys", metavar="DIR", help="key directory, where the robot asks for one")
+    options = parser.parse_args(arguments)
+    try:
+        with RobotClient(options.uri, timeout=5.0, keys=options.keys) as robot:
+            if options.command == "stop":
+                robot.stop()
+            elif options.command != "status":
+                robot.acquire()
+                getattr(robot, options.command)()
+            status = robot.status()
+    except BodyschemaError as error:
+        print(f"protocol: {error}", file=sys.stderr)
+        return 1
+    print(f"{status.state}{f': {status.reason}' if status.reason else ''}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,100 @@
+"""Questions and answers on a terminal.
+
+Every question can be answered with ``q``; that, Ctrl-C and the end of input all leave the session.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol, TypeVar
+
+from robot.errors import AbandonedError, ConfigError, DeviceError
+
+T = TypeVar("T")
+
+
+class Terminal(Protocol):
+    """Who sits there: a person, or a test that plays one."""
+
+    def say(self, text: str) -> None:
+        """Shows some lines."""
+
+    def ask(self, prompt: str) -> str:
+        """Shows a prompt and returns the line that is typed.
+
+        Raises:
+            EOFError: Nobody will type any more.
+        """
+
+
+class Console:
+    """Standard input and output."""
+
+    def say(self, text: str) -> None:
+        """Prints."""
+        print(text, flush=True)
+
+    def ask(self, prompt: str) -> str:
+        """Reads a line."""
+        return input(f"{prompt} > ")
+
+
+class Dialogue:
+    """Asks until an answer makes sense."""
+
+    def __init__(self, terminal: Terminal):
+        self._terminal = terminal
+
+    def say(self, text: str) -> None:
+        """Shows some lines."""
+        self._terminal.say(text)
+
+    def ask(self, prompt: str) -> str:
+        """The answer, lower case, without blanks around it.
+
+        Raises:
+            AbandonedError: The answer was ``q``, or there will be none.
+        """
+        try:
+            answer = self._terminal.ask(prompt).strip().lower()
+        except EOFError:
+            raise AbandonedError("The input ended.") from None
+        if answer in ("q", "quit"):
+            raise AbandonedError("You left the session.")
+        return answer
+
+    def choose(self, prompt: str, *choices: str) -> str:
+        """One of some words, or the beginning of one; the empty word stands for Enter alone."""
+        words = [choice or "Enter" for choice in choices]
+        while True:
+            answer = self.ask(prompt)
+            fitting = [c for c in choices if c.startswith(answer)] if answer else [""]
+            if len(fitting) == 1 and fitting[0] in choices:
+                return fitting[0]
+            self.say(f"Answer {', '.join(words)}, or q to leave.")
+
+    def number(self, prompt: str, least: float, most: float) -> float:
+        """A number from ``least`` to ``most``."""
+        while True:
+            found = number(self.ask(prompt))
+            if found is not None and least <= found <= most:
+                return found
+            self.say(f"Answer a number from {least:g} to {most:g}, or q to leave.")
+
+    def attempt(self, action: Callable[[], T]) -> T:
+        """Does something with a device or a file, until it succeeds or somebody leaves."""
+        while True:
+            try:
+                return action()
+            except (DeviceError, ConfigError) as error:
+                self.say(f"! {error}")
+                self.choose("Enter tries again", "")
+
+
+def number(text: str) -> float | None:
+    """A decimal number with point or comma, or ``None``; ``nan`` and ``inf`` are none."""
+    try:
+        found = float(text.replace(",", "."))
+    except ValueError:
+        return None
+    return found if abs(found) < 1e12 else None

@@ -1,0 +1,148 @@
+"""The servo board, its line, and each joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, Protocol
+
+from robot.calibrating.joints import Mover
+from robot.calibration import DrivenJoint
+from robot.clock import Clock
+from robot.diagnosis.findings import Finding, bad, failed, look, ok
+from robot.errors import DeviceError
+from robot.interaction import ServoBus
+
+QUERIES: Final = 24
+NEUTRAL: Final = 128
+MOVE: Final = math.radians(5)
+_REST: Final = 0.3  # s between there and back
+_BESIDE: Final = math.radians(1)  # a joint may stand this far outside its limits, by quantisation
+_USUAL: Final = (math.radians(0.3), math.radians(1.5))  # of one count
+
+
+class CountingServos(ServoBus, Protocol):
+    """A servo board that counts the queries that went wrong."""
+
+    repeats: int
+
+
+def check_board(
+    servos: CountingServos, outputs: Sequence[int], clock: Clock
+) -> tuple[list[Finding], dict[int, int]]:
+    """Asks the board for its counts, again and again.
+
+    Returns:
+        What was found, and the counts by output; empty when the board did not answer.
+    """
+    subject = "servo board"
+    before, start = servos.repeats, clock.now()
+    counts: dict[int, int] = {}
+    try:
+        for query in range(QUERIES):
+            counts |= servos.read_counts([outputs[query % len(outputs)]])
+    except DeviceError as error:
+        return [failed(subject, error)], {}
+    took = (clock.now() - start) / QUERIES
+    repeated = servos.repeats - before
+    if repeated:
+        return [
+            bad(
+                subject,
+                f"{repeated} of {QUERIES + repeated} queries had to be repeated: bytes are lost or "
+                "damaged on the line.",
+                "Check cable, ground and baud rate; keep the line away from the motors' wires.",
+            )
+        ], counts
+    found = [ok(subject, f"answers; {QUERIES} of {QUERIES} queries, {took * 1000:.0f} ms each")]
+    if set(counts.values()) == {NEUTRAL}:
+        found.append(
+            look(
+                subject,
+                f"Every servo stands at count {NEUTRAL}, as after switching on.",
+                "Nothing, if it was just switched on; else its supply drops: check it under load.",
+            )
+        )
+    return found, counts
+
+
+def check_joints(joints: Sequence[DrivenJoint], counts: Mapping[int, int]) -> Iterator[Finding]:
+    """What each joint's calibration makes of the count that it stands at."""
+    for joint in joints:
+        yield _check_joint(joint, counts[joint.output])
+
+
+def _check_joint(joint: DrivenJoint, count: int) -> Finding:
+    subject = f"joint {joint.name}"
+    low, high = (math.degrees(angle) for angle in joint.reachable)
+    size = math.degrees(joint.scale.resolution)
+    reach = f"reaches {low:.1f}° to {high:.1f}°, {size:.2f}° a count"
+    if not count:
+        return look(
+            subject, f"output {joint.output} is limp; {reach}", "A hold request makes it stiff."
+        )
+    angle = joint.scale.angle(count)
+    here = f"output {joint.output} at count {count}, {math.degrees(angle):.1f}°; {reach}"
+    if not joint.lower_limit - _BESIDE <= angle <= joint.upper_limit + _BESIDE:
+        limits = math.degrees(joint.lower_limit), math.degrees(joint.upper_limit)
+        return bad(
+            subject,
+            f"{here}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
+            f"Look where it really stands, then: robotd calibrate --only {joint.name}",
+        )
+    if not _USUAL[0] <= joint.scale.resolution <= _USUAL[1]:
+        return look(
+            subject,
+            f"{here}. A servo usually turns by 0.7° a count.",
+            f"If its range is not as it should be: robotd calibrate --only {joint.name}",
+        )
+    return ok(subject, here)
+
+
+def move_joints(
+    joints: Sequence[DrivenJoint], counts: Mapping[int, int], servos: ServoBus, clock: Clock
+) -> Iterator[Finding]:
+    """Moves each joint a little, one after another, and back to where it was.
+
+    Ends with the first failure: after a reset the board no longer stands where it is thought to.
+
+    Args:
+        joints: The joints.
+        counts: Where they stand, by output.
+        servos: The servo board.
+        clock: Paces the counts.
+    """
+    for joint in joints:
+        subject = f"move {joint.name}"
+        count = counts[joint.output]
+        target = _aside(joint, count) if count else None
+        if target is None:
+            yield look(subject, "not moved: it is limp or outside its limits.", "See its joint.")
+            continue
+        try:
+            mover = Mover(servos, joint.output, clock)
+            mover.go(target)
+            clock.sleep(_REST)
+            mover.go(count)
+            lost = servos.verify(counts)
+        except DeviceError as error:
+            yield failed(subject, error)
+            return
+        if lost:
+            yield bad(
+                subject,
+                f"The board lost the counts of outputs {', '.join(map(str, lost))} meanwhile.",
+                "The servos' supply drops when one moves: measure it, use shorter, thicker wires.",
+            )
+            return
+        way = math.degrees(joint.scale.angle(target) - joint.scale.angle(count))
+        yield ok(subject, f"sent by {way:+.1f}° and back. You should have seen it: no servo tells.")
+
+
+def _aside(joint: DrivenJoint, count: int) -> int | None:
+    """A count some degrees away within the joint's reach, upwards if there is room."""
+    low, high = joint.reachable
+    angle = joint.scale.angle(count)
+    if not low - _BESIDE <= angle <= high + _BESIDE:
+        return None
+    return joint.scale.count(angle + MOVE if angle + MOVE <= high else max(low, angle - MOVE))

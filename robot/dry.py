@@ -1,0 +1,107 @@
+"""A robot without any hardware, for trying out a network, a client or an installation.
+
+Commanded angles come back, quantised and in the time that they would take. There is nothing to
+feel, and nothing is made up: the robot's name ends in "(dry run)", ``hello`` lists no sensors,
+observations carry no touch, tilt or clearance, and no motion is ever said to have come to rest.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from robot.clock import Clock
+from robot.config import RobotConfig
+from robot.controller import Controller
+from robot.daemon import HOUSEKEEPING, assemble, describe
+from robot.notify import ServiceManager
+from robot.sensing import Reading
+from robot.steady import SteadyClock
+
+SUFFIX: Final = " (dry run)"
+_LONGEST_NAME: Final = 64
+_NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
+
+
+class NullServos:
+    """A servo board that is not there; it remembers what it was sent."""
+
+    def __init__(self, counts: Mapping[int, int]):
+        self._counts = dict(counts)
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Remembers counts."""
+        self._counts.update(counts)
+
+    def read_counts(self, outputs: Iterable[int]) -> dict[int, int]:
+        """Gives them back."""
+        return {output: self._counts[output] for output in outputs}
+
+    def release(self, outputs: Iterable[int]) -> None:
+        """Remembers that nothing is commanded."""
+        self._counts.update(dict.fromkeys(outputs, 0))
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Compares what it remembers."""
+        return [output for output, count in expected.items() if self._counts[output] != count]
+
+    def forget(self) -> None:
+        """Does nothing: everything is sent every time."""
+
+
+class NoSensors:
+    """What a robot without sensors feels."""
+
+    def __init__(self, clock: Clock):
+        self._clock = clock
+
+    def tilt(self) -> tuple[float, float]:
+        """Keeps the control loop going; it is shown to nobody."""
+        return 0.0, 0.0
+
+    def average(self, samples: int) -> Reading:
+        """A reading that holds nothing; messages demand that it counts for one sample."""
+        del samples
+        return Reading(
+            tilt=None,
+            touch=None,
+            clearance=None,
+            clearance_saturated=False,
+            samples=1,
+            time=self._clock.now(),
+        )
+
+
+def dry_config(config: RobotConfig) -> RobotConfig:
+    """The configuration, under a name that says what it is."""
+    return replace(
+        config,
+        name=config.name[: _LONGEST_NAME - len(SUFFIX)] + SUFFIX,
+        settling=replace(config.settling, timeout=_NO_WAIT),
+    )
+
+
+def dry_controller(
+    config: RobotConfig, *, clock: Clock, log: logging.Logger, manager: ServiceManager
+) -> Controller:
+    """The control loop of a robot that is not there, not yet started; it begins at zero.
+
+    Args:
+        config: From ``dry_config``.
+        clock: The robot clock.
+        log: Where to write what a person may want to know.
+        manager: Who is told that the control loop turns.
+    """
+    return assemble(
+        config,
+        servos=NullServos({joint.output: joint.quantise(0.0)[0] for joint in config.joints}),
+        sensing=NoSensors(clock),
+        capabilities=replace(describe(config), sensors=()),
+        clock=SteadyClock(clock),
+        attendant=None,
+        housekeeping=HOUSEKEEPING,
+        log=log,
+        manager=manager,
+    )

@@ -1,0 +1,78 @@
+"""Robots of all shapes go through the whole path: identified, validated and scored alike."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from estimator.listener import Listener
+from estimator.physics.base import Physics, Settings
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
+from estimator.run import Order, identify, problem_of, reconnect
+from estimator.score import Score, score
+from estimator.store import RunStore
+from estimator.validate import validate
+from sim_robot.body import body_path
+from tests.processes.simulator import simulator
+
+
+def here(name: str, settings: Settings) -> Physics:
+    return PyBulletPhysics(settings)
+
+
+def whole_path(folder: Path, body: str, problem: str) -> Score:
+    """A run on the smallest of budgets, its validation and its score."""
+    with simulator("--body", body, "--seed", "1") as robot:
+        order = Order(
+            robot=robot.uri, problem=problem, seed=7, interactions=2, population=4, generations=1
+        )
+        result = identify(folder / "run", order, here, Listener())
+        assert result.complete
+        assert len(result.best_models[0].leg_lengths_m) == len(result.legs)
+        with RunStore.open(folder / "run") as store:
+            asked = problem_of(store)
+            with (
+                closing(here("pybullet", asked.settings(store.capabilities))) as physics,
+                closing(reconnect(store, asked, robot.uri, Listener())) as link,
+            ):
+                found = validate(store, asked, physics, link, programs=2, listener=Listener())
+                assert found.programs == 2
+                assert found.random_models.tilt_deg is not None
+            with StaticsPhysics(asked.settings(store.capabilities)) as exact:
+                return score(store, asked, body_path(body), exact)
+
+
+@dataclass(frozen=True)
+class Case:
+    body: str
+    problem: str
+    lengths: tuple[float, ...]
+    configurations: int
+    unsayable: str = ""
+
+
+CASES = (
+    Case("unequal_legs", "parametric", (0.22, 0.18, 0.25, 0.155), 12),
+    Case("damaged_leg", "topological-20", (0.22, 0.22, 0.13, 0.22), 20),
+    Case("three_legs", "topological", (0.2,) * 3, 9),
+    Case("leg_on_leg", "topological", (0.2, 0.18, 0.2, 0.2, 0.12), 15),
+    Case("twisted_hinge", "topological", (0.19,) * 4, 12, "hip_back has its axis 30 degrees"),
+)
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.body)
+def test_any_body_is_identified_validated_and_scored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: Case
+) -> None:
+    monkeypatch.setattr("estimator.validate.RANDOM_MODELS", 4)
+    found = whole_path(tmp_path, case.body, case.problem)
+    assert found.true_lengths_m == pytest.approx(case.lengths, abs=1e-6)
+    assert found.configurations_total == case.configurations
+    assert 0 < found.configurations_right <= found.configurations_right_up_to_equivalence
+    assert [text.startswith(case.unsayable) for text in found.not_representable] == (
+        [True] if case.unsayable else []
+    )

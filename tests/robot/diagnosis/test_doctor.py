@@ -1,0 +1,138 @@
+"""Every fault of the emulated electronics is found and named, and hides no other."""
+
+from __future__ import annotations
+
+import logging
+import re
+
+import pytest
+import serial
+
+from robot.daemon import open_line
+from robot.diagnosis.doctor import Access, Doctor
+from robot.diagnosis.findings import Verdict
+from sim_robot.body import default_body_path, load_body
+from sim_robot.daemon import emulation
+from sim_robot.noise import NoiseLevels
+from tests.robot.diagnosis.clinic import Clinic
+
+ALL = {
+    "servo board",
+    *(f"joint {name}_{side}" for name in ("hip", "knee") for side in
+      ("left", "front", "right", "back")),
+    "analogue inputs",
+    "accelerometer",
+    *(f"touch lower_{side}" for side in ("left", "front", "right", "back")),
+    "distance",
+}  # fmt: skip
+
+
+def test_a_sound_robot_is_found_sound_part_by_part(clinic: Clinic) -> None:
+    found = clinic.examine()
+    assert {one.subject for one in found} == ALL
+    assert not any(one.verdict is Verdict.BAD for one in found)
+
+
+@pytest.mark.parametrize(
+    ("injected", "subject", "words"),
+    [
+        (("servo_board", "mute", 0), "servo board", "did not answer"),
+        (("servo_board", "garbage", 3), "servo board", "repeated"),
+        (("servo_board", "drop", 40), "servo board", "repeated"),
+        (("servo_board", "corrupt", 40), "servo board", "repeated"),
+        (("daq", "stuck_wait", 0), "analogue inputs", "DMM-32"),
+        (("daq", "stuck_busy", 0), "analogue inputs", "DMM-32"),
+        (("daq", "overflow", 0), "analogue inputs", "overflow"),
+        (("daq", "lost_sample", 0), "analogue inputs", "fewer samples"),
+        (("daq", "stuck_channel", 1), "accelerometer", "axis y, is stuck"),
+        (("daq", "railed_channel", 2), "accelerometer", "axis z, is at the end"),
+        (("daq", "stuck_channel", 5), "touch lower_right", "is stuck"),
+        (("daq", "railed_channel", 3), "touch lower_left", "at the end"),
+        (("distance", "nak", 0), "distance", "acknowledges"),
+        (("distance", "hang", 0), "distance", "hangs"),
+        (("distance", "busy", 0), "distance", "within"),
+        (("distance", "frozen", 0), "distance", "frozen"),
+        (("distance", "error", 3), "distance", "laser watchdog"),
+    ],
+)
+def test_a_fault_is_found_where_it_is_and_nowhere_else(
+    clinic: Clinic, injected: tuple[str, str, int], subject: str, words: str
+) -> None:
+    part, fault, value = injected
+    emulator = getattr(clinic.robot, part)
+    emulator.inject(fault, value)
+    found = clinic.bad()
+    assert list(found) == [subject]
+    assert words in found[subject].text, found[subject].text
+    emulator.mend()
+    assert not clinic.bad()
+
+
+def test_several_faults_are_all_found(clinic: Clinic) -> None:
+    clinic.robot.servo_board.inject("mute")
+    clinic.robot.daq.present = False
+    clinic.robot.distance.inject("nak")
+    assert list(clinic.bad()) == ["servo board", "analogue inputs", "distance"]
+
+
+def test_an_unplugged_adapter_is_found(clinic: Clinic) -> None:
+    clinic.robot.servo_board.unplug()
+    found = clinic.bad()
+    assert list(found) == ["servo board"]
+    assert "cannot be opened" in found["servo board"].text
+
+
+def test_a_robot_that_another_program_drives_is_left_alone(clinic: Clinic) -> None:
+    before = clinic.clock.now()
+    with open_line(clinic.config):
+        found = clinic.examine(move=True)
+    assert [one.verdict for one in found] == [Verdict.BAD, Verdict.LOOK]
+    assert "other program" in found[0].advice
+    assert clinic.clock.now() == before  # every access to a device would have taken time
+
+
+def test_nothing_moves_unless_it_is_told_to(
+    clinic: Clinic, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: list[bytes] = []
+    write = serial.Serial.write
+
+    def record(port: serial.Serial, data: bytes) -> int | None:
+        written.append(data)
+        return write(port, data)
+
+    monkeypatch.setattr(serial.Serial, "write", record)
+    clinic.examine()
+    assert written
+    assert all(re.fullmatch(rb"BD1RR5[1-8]\r", line) for line in written)
+    clinic.examine(move=True)
+    assert any(b"M" in line for line in written)
+
+
+def test_a_noisy_simulated_robot_is_sound_and_a_miscalibrated_one_is_not() -> None:
+    body = load_body(default_body_path())
+    worst = {}
+    for wrong in (None, 2):
+        with emulation(
+            body,
+            seed=1,
+            levels=NoiseLevels(),
+            real_time=False,
+            log=logging.getLogger("test"),
+            wrong=wrong,
+        ) as parts:
+            access = Access(
+                servos=lambda: parts.devices.servos,
+                adc=lambda: parts.devices.adc,
+                distance=lambda: parts.devices.distance,
+            )
+            doctor = Doctor(parts.config, access, parts.clock, move=True)
+            worst[wrong] = [one for one in doctor.examine() if one.verdict is Verdict.BAD]
+    assert not worst[None]
+    assert any("calibrate" in one.advice for one in worst[2])
+
+
+def test_an_examination_takes_seconds(clinic: Clinic) -> None:
+    before = clinic.clock.now()
+    clinic.examine()
+    assert 2 < clinic.clock.now() - before < 10

@@ -1,0 +1,23 @@
+"""Findings as a person reads them."""
+
+from __future__ import annotations
+
+from robot.diagnosis.findings import Verdict, bad, failed, look, ok
+from robot.errors import DeviceTimeoutError
+
+
+def test_a_finding_that_is_well_is_one_line() -> None:
+    (line,) = ok("servo board", "answers").lines()
+    assert line.split() == ["ok", "servo", "board", "answers"]
+
+
+def test_whatever_is_wrong_says_what_to_check() -> None:
+    for finding in (bad("touch", "is dead", "Look."), look("touch", "is odd", "Look.")):
+        first, second = finding.lines()
+        assert first.startswith(finding.verdict)
+        assert second.strip() == "-> Look."
+
+
+def test_a_device_error_becomes_a_bad_finding_with_its_advice() -> None:
+    finding = failed("distance", DeviceTimeoutError("It is late.", "Wait."))
+    assert (finding.verdict, finding.text, finding.advice) == (Verdict.BAD, "It is late.", "Wait.")

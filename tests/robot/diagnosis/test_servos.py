@@ -1,0 +1,107 @@
+"""The board and the joints: what they stand at, and what a small move does to the supply."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from robot.calibration import JointScale
+from robot.diagnosis.findings import Finding, Verdict
+from robot.diagnosis.servos import check_joints, move_joints
+from tests.robot.calibrating.desk import Board
+from tests.robot.diagnosis.clinic import Clinic
+
+
+def joint(clinic: Clinic, count: int) -> Finding:
+    (found,) = check_joints(clinic.config.joints[:1], {1: count})
+    return found
+
+
+def test_a_joint_shows_where_it_stands_and_how_far_it_goes(clinic: Clinic) -> None:
+    found = joint(clinic, 144)
+    assert found.verdict is Verdict.OK
+    for words in ("count 144", "-0.1°", "-96.0° to 74.0°", "0.68° a count"):
+        assert words in found.text
+
+
+def test_a_limp_joint_is_no_fault(clinic: Clinic) -> None:
+    assert joint(clinic, 0).verdict is Verdict.LOOK
+
+
+def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:
+    narrow = replace(clinic.config.joints[0], upper_limit=0.1)
+    (found,) = check_joints([narrow], {1: 200})
+    assert found.verdict is Verdict.BAD
+    assert "--only hip_left" in found.advice
+
+
+def test_an_unusual_scale_is_mentioned(clinic: Clinic) -> None:
+    flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5))))
+    (found,) = check_joints([flat], {1: 128})
+    assert found.verdict is Verdict.LOOK
+
+
+def test_a_board_at_neutral_was_just_switched_on(clinic: Clinic) -> None:
+    def boards() -> list[str]:
+        return [one.text for one in clinic.examine() if one.subject == "servo board"]
+
+    assert any("switching on" in text for text in boards())
+    clinic.robot.servo_board.power_cycle()
+    port = clinic.access().servos()
+    port.set_counts({1: 100})
+    port.close()
+    assert not any("switching on" in text for text in boards())
+
+
+def test_moves_are_small_slow_one_after_another_and_back(clinic: Clinic) -> None:
+    board = Board()
+    before = dict(board.counts)
+    found = list(move_joints(clinic.config.joints, board.counts | {}, board, board.clock))
+    assert [one.verdict for one in found] == [Verdict.OK] * 8
+    assert board.counts == before
+    outputs = [output for _, output, _ in board.sent]
+    assert outputs == sorted(outputs)
+    for output in range(1, 9):
+        counts = [128, *(count for _, at, count in board.sent if at == output)]
+        assert max(counts) - min(counts) == 7  # 5° of 0.68° or 0.76°
+        assert {abs(b - a) for a, b in zip(counts[1:], counts, strict=False)} == {1}
+
+
+def test_a_joint_at_its_upper_end_is_moved_down(clinic: Clinic) -> None:
+    board = Board(counts={1: 253})
+    list(move_joints(clinic.config.joints[:1], {1: 253}, board, board.clock))
+    assert min(count for _, _, count in board.sent) < 253
+    assert max(count for _, _, count in board.sent) == 253
+
+
+@pytest.mark.parametrize("count", [0, 255])
+def test_a_joint_that_is_limp_or_outside_is_not_moved(clinic: Clinic, count: int) -> None:
+    narrow = replace(clinic.config.joints[0], upper_limit=0.1)
+    board = Board(counts={1: count})
+    (found,) = move_joints([narrow], {1: count}, board, board.clock)
+    assert found.verdict is Verdict.LOOK
+    assert not board.sent
+
+
+def test_a_supply_that_drops_under_load_is_found_and_ends_the_moves(clinic: Clinic) -> None:
+    class Weak(Board):
+        def set_counts(self, counts: object) -> None:
+            super().set_counts(counts)  # type: ignore[arg-type]
+            if self.counts[3] > 132:
+                self.counts = dict.fromkeys(self.counts, 128)
+
+    board = Weak()
+    before = board.counts | {1: 100}
+    board.counts[1] = 100
+    found = list(move_joints(clinic.config.joints, before, board, board.clock))
+    assert [one.verdict for one in found] == [Verdict.OK, Verdict.OK, Verdict.BAD]
+    assert "supply" in found[-1].advice
+
+
+def test_nothing_moves_over_a_line_that_loses_bytes(clinic: Clinic) -> None:
+    clinic.robot.servo_board.inject("garbage", 3)
+    found = clinic.examine(move=True)
+    assert not any(one.subject.startswith("move ") for one in found)
+    assert "moves" in {one.subject for one in found}
+    assert clinic.robot.servo_board.pulses() == (128,) * 8
