@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import threading
 import time
 import uuid
@@ -15,7 +16,13 @@ import zmq
 from protocol.capabilities import Capabilities
 from protocol.dialogue import FIRST_LOOSE_ID, Call, Dialogue
 from protocol.endpoints import Endpoint
-from protocol.errors import BodyschemaError, RemoteProtocolError, RobotRestartedError
+from protocol.errors import (
+    BodyschemaError,
+    RemoteProtocolError,
+    RobotRestartedError,
+    RobotUnreachableError,
+)
+from protocol.keys import ClientKeys, KeyDirectory
 from protocol.link import Link
 from protocol.messages import (
     FINAL_REPLIES,
@@ -39,11 +46,13 @@ from protocol.messages import (
     Stop,
     Welcome,
 )
+from protocol.probe import probe
 
 OnProgress: TypeAlias = Callable[[Progress], None]
 R = TypeVar("R", bound=Message)
 
 _FAREWELL: Final = 1.0  # s that close waits for its release to be answered
+_LOOK_CLOSER: Final = 1.0  # s in which to find out why nobody answers
 
 
 class RobotClient:
@@ -67,14 +76,16 @@ class RobotClient:
         resume_session: The session that earlier requests were made in, to learn whether the robot
             still knows them (``restarted``).
         software: Name and version of the program, for people.
+        keys: The key directory, where the robot asks for keys: see ``protocol.keys``.
         on_progress: Called in the waiting thread with each progress of a motion.
         context: ZeroMQ context; default: its own.
         clock: The transport clock, s.
 
     Raises:
         EndpointError: ``uri`` is no address.
-        RobotUnreachableError: Nothing answers there.
-        RobotError: ``unsupported_version`` or ``too_many_clients``.
+        KeysError: The key directory cannot be used.
+        RobotUnreachableError: Nothing answers there, or the keys do not fit; it says which.
+        RobotError: ``unsupported_version``, ``too_many_clients`` or ``unauthorised``.
     """
 
     def __init__(
@@ -86,6 +97,7 @@ class RobotClient:
         next_id: int = 1,
         resume_session: str | None = None,
         software: str = "bodyschema",
+        keys: str | os.PathLike[str] | None = None,
         on_progress: OnProgress | None = None,
         context: zmq.Context[zmq.Socket[bytes]] | None = None,
         clock: Callable[[], float] = time.monotonic,
@@ -103,9 +115,10 @@ class RobotClient:
         self._restarted = False
         self._holding = False
         self._dialogue = Dialogue(self._client, peer=self._uri, now=clock())
-        self._link = Link(self._uri, self._dialogue, context=context, clock=clock)
+        found = KeyDirectory(keys).client_keys() if keys is not None else None
+        self._link = Link(self._uri, self._dialogue, keys=found, context=context, clock=clock)
         try:
-            self.hello()
+            self._meet(found)
         except BaseException:
             self._link.close()
             raise
@@ -197,6 +210,13 @@ class RobotClient:
         self._session = welcome.session
         self._capabilities = welcome.capabilities
         return welcome
+
+    def _meet(self, keys: ClientKeys | None) -> None:
+        try:
+            self.hello()
+        except RobotUnreachableError as error:
+            found = probe(self._uri, keys, patience=min(_LOOK_CLOSER, self._timeout))
+            raise RobotUnreachableError(str(error) if found.fine else found.sentence) from None
 
     def acquire(self) -> Ok:
         """Takes control; ``held`` tells who has it."""

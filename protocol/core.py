@@ -10,14 +10,14 @@ from __future__ import annotations
 import itertools
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from protocol.capabilities import Capabilities
 from protocol.checks import MAX_TEXT
 from protocol.codec import decode, encode
 from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
-from protocol.lease import Lapse, Lease
+from protocol.lease import EXPIRY, Lapse, Lease
 from protocol.messages import (
     PROTOCOL_VERSION,
     Accepted,
@@ -44,6 +44,7 @@ from protocol.messages import (
 )
 from protocol.outcomes import Client, Clients, Outcome
 from protocol.robot import Finished, Progressed, RobotRequest, Snapshot
+from protocol.roles import Role
 from protocol.targets import check_targets
 
 
@@ -70,13 +71,20 @@ class Silence:
 
 @dataclass(frozen=True, slots=True)
 class ControllerChanged:
-    """Tell the robot who controls it now."""
+    """Tell the robot who controls it now; ``reason``, for the log, says how that came about."""
 
     client: str | None
+    reason: str = field(default="", compare=False)
 
 
 Action: TypeAlias = Send | Submit | Silence | ControllerChanged
 Authorise: TypeAlias = Callable[[str | None, Request], None]
+OnRefusal: TypeAlias = Callable[[Request, RobotError], None]
+
+RoleOf: TypeAlias = Callable[[str | None], Role | None]
+
+MAX_READS: Final = 8
+"""Reads that the clients of one key may have under way without control of the robot."""
 
 NEEDS_LEASE: Final = (Perform, Hold, Relax, Clear, Release)
 """Requests that only the controller may make."""
@@ -88,6 +96,10 @@ def allow_all(user: str | None, request: Request) -> None:
     """The authorisation of a server without keys: who can connect may do everything."""
 
 
+def ignore_refusal(request: Request, error: RobotError) -> None:
+    """What becomes of refusals that nobody wants to hear of."""
+
+
 class ServerCore:
     """Sessions, ids, lease and silence.
 
@@ -97,6 +109,8 @@ class ServerCore:
         token: Makes a new session's name, which nobody can guess.
         authorise: Called with user and request before anything else is done; raises
             ``RobotError('unauthorised')`` to refuse.
+        on_refusal: Called for each request that is refused here, with the error it is answered
+            with; a retry is no new request.
 
     Attributes:
         garbage: Frames that were no valid request.
@@ -109,11 +123,13 @@ class ServerCore:
         view: Callable[[], Snapshot],
         token: Callable[[], str] = secrets.token_hex,
         authorise: Authorise = allow_all,
+        on_refusal: OnRefusal = ignore_refusal,
     ):
         self.garbage = 0
         self._capabilities = capabilities
         self._view = view
         self._authorise = authorise
+        self._on_refusal = on_refusal
         self._clients = Clients(token)
         self._lease = Lease()
         self._tickets = itertools.count(1)
@@ -159,6 +175,7 @@ class ServerCore:
                 return [_send(peer, self._status(request))]
             return self._numbered(client, peer, request, now)
         except RobotError as error:
+            self._on_refusal(request, error)
             return [_send(peer, ErrorReply.of(error, request_id=request.id))]
 
     def complain(self, peer: bytes, error: RemoteProtocolError) -> Send:
@@ -177,8 +194,29 @@ class ServerCore:
     def tick(self, now: float) -> list[Action]:
         """Deals with the passing of time, given on the transport clock, s."""
         actions: list[Action] = []
+        holder = self._lease.holder or ""
         for lapse in self._lease.lapse(now):
-            actions.append(Silence() if lapse is Lapse.SILENT else ControllerChanged(None))
+            if lapse is Lapse.SILENT:
+                actions.append(Silence())
+            else:
+                reason = f"{self._clients.name_of(holder)} was silent for {EXPIRY:g} s"
+                actions.append(ControllerChanged(None, reason))
+        return actions
+
+    def review(self, role_of: RoleOf) -> list[Action]:
+        """Takes from clients what their users may no longer have; for when that has changed.
+
+        Args:
+            role_of: The role of a user now; ``None``: it is nobody any more.
+        """
+        actions: list[Action] = []
+        for client in self._clients:
+            role = role_of(client.user)
+            if client.name == self._lease.holder and role is not Role.CONTROLLER:
+                reason = f"the key of {self._clients.name_of(client.name)} may no longer control it"
+                actions += self._let_go(reason)
+            if role is None:
+                self._clients.forget(client)
         return actions
 
     # --- from the robot ---------------------------------------------------------------------------
@@ -190,7 +228,7 @@ class ServerCore:
         assert request is not None
         outcome.progress = encode(Accepted(id=request.id).to_map())
         told = isinstance(request, _TAKES_LONG)
-        return [Send(outcome.peer, outcome.progress)] if told else []
+        return _to(outcome, outcome.progress) if told else []
 
     def progress(self, event: Progressed) -> list[Send]:
         """A motion went on."""
@@ -204,7 +242,7 @@ class ServerCore:
             robot_time=event.robot_time,
         )
         outcome.progress = encode(message.to_map())
-        return [Send(outcome.peer, outcome.progress)]
+        return _to(outcome, outcome.progress)
 
     def finish(self, event: Finished) -> list[Send]:
         """A request ended, well or not.
@@ -218,7 +256,7 @@ class ServerCore:
         if event.reply.id != request.id:
             raise ValueError(f"request {request.id} was answered with id {event.reply.id}")
         del self._in_flight[event.ticket]
-        return [_end(outcome, event.reply)]
+        return _end(outcome, event.reply)
 
     def publication(self) -> bytes:
         """The telemetry frame of this moment."""
@@ -278,6 +316,8 @@ class ServerCore:
         try:
             if isinstance(request, NEEDS_LEASE):
                 self._needs_lease(client)
+            if isinstance(request, Read):
+                self._needs_room(client)
             if isinstance(request, Perform):
                 check_targets(self._capabilities.joints, request.targets)
             if isinstance(request, Acquire):
@@ -287,7 +327,15 @@ class ServerCore:
             assert isinstance(request, Perform | Read | Hold | Relax | Clear)
             return [self._submit(request, outcome)]
         except RobotError as error:
-            return [_end(outcome, ErrorReply.of(error, request_id=request.id))]
+            self._on_refusal(request, error)
+            return [*_end(outcome, ErrorReply.of(error, request_id=request.id))]
+
+    def _needs_room(self, client: Client) -> None:
+        """Keeps those who only watch from making the controller wait for long."""
+        if client.user is None or client.name == self._lease.holder:
+            return
+        if self._clients.under_way(client.user) > MAX_READS:  # this one counts already
+            raise RobotError("busy", f"{MAX_READS} requests with this key are under way already.")
 
     def _needs_lease(self, client: Client) -> None:
         if self._lease.holder == client.name:
@@ -304,14 +352,20 @@ class ServerCore:
         if holder not in (None, client.name):
             raise RobotError("held", f"{self._clients.name_of(holder)} holds the robot.")
         self._lease.take(client.name, now)
-        changed: list[Action] = [ControllerChanged(client.name)] if holder is None else []
-        return [*changed, _end(outcome, self._ok(outcome))]
+        reason = f"{self._clients.name_of(client.name)} acquired it"
+        changed: list[Action] = [ControllerChanged(client.name, reason)] if holder is None else []
+        return [*changed, *_end(outcome, self._ok(outcome))]
 
     def _release(self, outcome: Outcome) -> list[Action]:
+        assert outcome.request is not None
+        reason = f"{self._clients.name_of(outcome.request.client)} released it"
+        return [*self._let_go(reason), *_end(outcome, self._ok(outcome))]
+
+    def _let_go(self, reason: str) -> list[Action]:
         moving = any(isinstance(other.request, Perform) for other in self._in_flight.values())
         self._lease.free()
         unsteered: list[Action] = [Silence()] if moving else []
-        return [*unsteered, ControllerChanged(None), _end(outcome, self._ok(outcome))]
+        return [*unsteered, ControllerChanged(None, reason)]
 
     def _ok(self, outcome: Outcome) -> Ok:
         assert outcome.request is not None
@@ -327,7 +381,11 @@ def _send(peer: bytes, message: Message) -> Send:
     return Send(peer, encode(message.to_map()))
 
 
-def _end(outcome: Outcome, reply: Message) -> Send:
+def _end(outcome: Outcome, reply: Message) -> list[Send]:
     frame = encode(reply.to_map())
     outcome.end(frame)
-    return Send(outcome.peer, frame)
+    return _to(outcome, frame)
+
+
+def _to(outcome: Outcome, frame: bytes) -> list[Send]:
+    return [Send(outcome.peer, frame)] if outcome.peer is not None else []

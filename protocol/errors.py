@@ -8,6 +8,7 @@ The tree::
     │   └── RemoteProtocolError               the peer sent an illegal frame
     ├── RobotError                            the robot answered a request with an error
     ├── EndpointError (ValueError)            an address that cannot be bound or connected to
+    ├── KeysError (ValueError)                a key directory that cannot be used
     ├── RobotUnreachableError (TimeoutError)  nothing answered in time
     └── RobotRestartedError                   the daemon restarted; a move's fate is unknown
 
@@ -52,18 +53,20 @@ class RobotError(BodyschemaError):
     """The robot answered a request with an error.
 
     Attributes:
-        code: A key of ``ERROR_CODES``.
+        code: A key of ``ERROR_CODES``, or one that a later version of the protocol added.
         message: What happened, one sentence.
         advice: What to do about it, one sentence.
         retryable: Whether the same request may succeed later without a person's help.
     """
 
-    def __init__(self, code: str, message: str, *, advice: str | None = None):
-        kind = ERROR_CODES[code]
+    def __init__(
+        self, code: str, message: str, *, advice: str | None = None, retryable: bool | None = None
+    ):
+        kind = ERROR_CODES.get(code, _UNKNOWN)
         self.code = code
         self.message = message
         self.advice = advice if advice is not None else kind.advice
-        self.retryable = kind.retryable
+        self.retryable = retryable if retryable is not None else kind.retryable
         super().__init__(f"{message} {self.advice}".strip())
 
 
@@ -71,8 +74,12 @@ class EndpointError(BodyschemaError, ValueError):
     """An address is no address, is in use, or may not be used without keys."""
 
 
+class KeysError(BodyschemaError, ValueError):
+    """A key or a file of a key directory is missing, wrong, or open to others."""
+
+
 class RobotUnreachableError(BodyschemaError, TimeoutError):
-    """Nothing answered in time: nothing listens there, or the link is cut."""
+    """Nothing answered in time: nothing listens there, keys do not fit, or the link is cut."""
 
 
 class RobotRestartedError(BodyschemaError):
@@ -95,6 +102,8 @@ class ErrorKind:
 def _kind(retryable: bool, meaning: str, advice: str) -> ErrorKind:
     return ErrorKind(retryable=retryable, meaning=meaning, advice=advice)
 
+
+_UNKNOWN: Final = _kind(False, "A later version of the protocol knows.", "See its SPEC.md.")
 
 ERROR_CODES: Final = MappingProxyType(
     {

@@ -11,9 +11,9 @@ from typing import TypeAlias
 
 import zmq
 
-from protocol.codec import MAX_MESSAGE
 from protocol.dialogue import LOOK, Call, Dialogue
-from protocol.errors import EndpointError
+from protocol.keys import ClientKeys
+from protocol.sockets import connected
 from protocol.waker import Waker
 
 _Order: TypeAlias = Callable[[float], None]  # something to do in the thread, given the time
@@ -25,6 +25,7 @@ class Link:
     Args:
         uri: Where the robot is, ``tcp://host:port``.
         dialogue: What to say; from here on it belongs to the link's thread.
+        keys: Who connects, and to which robot; ``None``: to one without keys.
         context: ZeroMQ context; default: its own.
         clock: The transport clock, s.
 
@@ -37,11 +38,13 @@ class Link:
         uri: str,
         dialogue: Dialogue,
         *,
+        keys: ClientKeys | None = None,
         context: zmq.Context[zmq.Socket[bytes]] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
         self._uri = uri
         self._dialogue = dialogue
+        self._keys = keys
         self._clock = clock
         self._own_context = context is None
         self._context = context if context is not None else zmq.Context()
@@ -142,17 +145,8 @@ class Link:
     # --- sockets ----------------------------------------------------------------------------------
 
     def _connected(self) -> zmq.Socket[bytes]:
-        made: zmq.Socket[bytes] = self._context.socket(zmq.DEALER)
-        made.setsockopt(zmq.LINGER, 0)
-        made.setsockopt(zmq.IMMEDIATE, 1)  # nothing queues for a robot that is not there
-        made.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
-        made.setsockopt(zmq.IPV6, int("[" in self._uri))
-        try:
-            made.connect(self._uri)
-        except zmq.ZMQError as error:
-            made.close()
-            raise EndpointError(f"Cannot connect to {self._uri}: {error.strerror}.") from None
-        return made
+        # IMMEDIATE: nothing queues for a robot that is not there.
+        return connected(self._context, zmq.DEALER, self._uri, self._keys, {zmq.IMMEDIATE: 1})
 
     def _dispose(self) -> None:
         self._closed = True

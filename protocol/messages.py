@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Final, TypeVar, cast
 
 from protocol import checks
 from protocol.capabilities import Capabilities
-from protocol.errors import ERROR_CODES, LocalProtocolError, RemoteProtocolError, RobotError
+from protocol.errors import LocalProtocolError, RemoteProtocolError, RobotError
 from protocol.states import State
 
 PROTOCOL_VERSION: Final = 1
@@ -270,7 +270,7 @@ class ErrorReply(Message):
 
     TYPE: ClassVar[str] = "error"
     id: int | None = _checked_optional(_natural)
-    code: str = _checked(partial(checks.one_of, choices=ERROR_CODES))
+    code: str = _checked(_name)  # a later version of the protocol may send others than ours
     message: str = _checked(checks.text)
     advice: str = _checked(checks.text)
     retryable: bool = _checked(checks.boolean)
@@ -288,7 +288,7 @@ class ErrorReply(Message):
 
     def to_error(self) -> RobotError:
         """The error that the reply carries."""
-        return RobotError(self.code, self.message, advice=self.advice)
+        return RobotError(self.code, self.message, advice=self.advice, retryable=self.retryable)
 
 
 @dataclass(frozen=True, kw_only=True)

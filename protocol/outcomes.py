@@ -9,8 +9,8 @@ session with the book, so that requests of that time are answered ``restarted``.
 from __future__ import annotations
 
 import hashlib
-from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -31,14 +31,14 @@ class Outcome:
     Attributes:
         request: The request, until its end.
         fingerprint: Tells whether another request with the same id is the same request.
-        peer: Where the answers go: whoever asked last.
+        peer: Where the answers go: whoever asked last; ``None``: nobody may hear them any more.
         progress: The latest frame sent before the end.
         reply: The frame that ended it; ``None`` while in flight.
     """
 
     request: Request | None
     fingerprint: bytes
-    peer: bytes
+    peer: bytes | None
     progress: bytes | None = None
     reply: bytes | None = None
 
@@ -127,6 +127,9 @@ class Clients:
     def __len__(self) -> int:
         return len(self._clients)
 
+    def __iter__(self) -> Iterator[Client]:
+        return iter(tuple(self._clients.values()))
+
     def welcome(
         self, name: str, *, user: str | None, software: str | None, keep: str | None
     ) -> Client:
@@ -149,15 +152,17 @@ class Clients:
             self._clients.move_to_end(name)
             return known
         if len(self._clients) >= MAX_CLIENTS:
-            idle = (
-                other.name
+            idle = [
+                other
                 for other in self._clients.values()
                 if other.name != keep and not other.in_flight
-            )
-            longest = next(idle, None)
-            if longest is None:
+            ]
+            if not idle:
                 raise RobotError("too_many_clients", f"All {MAX_CLIENTS} clients are active.")
-            del self._clients[longest]
+            places = Counter(other.user for other in self._clients.values())
+            most = max(places[other.user] for other in idle)  # nobody can crowd the others out
+            longest = next(other for other in idle if places[other.user] == most)
+            del self._clients[longest.name]
         client = Client(name, self._token(), user, software)
         self._clients[name] = client
         return client
@@ -179,11 +184,26 @@ class Clients:
         self._clients.move_to_end(name)
         return client
 
+    def forget(self, client: Client) -> None:
+        """Ends a client's session; nobody hears what becomes of its requests under way."""
+        for outcome in client.outcomes.values():
+            outcome.peer = None
+        del self._clients[client.name]
+
+    def under_way(self, user: str | None) -> int:
+        """Requests under way of all clients of a user."""
+        return sum(
+            outcome.reply is None
+            for client in self._clients.values()
+            if client.user == user
+            for outcome in client.outcomes.values()
+        )
+
     def name_of(self, name: str) -> str:
         """How to speak of a client to another: its software, if it told, and its id."""
         client = self._clients.get(name)
         software = client.software if client is not None else None
-        return f"{software} (client {name})" if software else f"client {name}"
+        return _printable(f"{software} (client {name})" if software else f"client {name}")
 
     @staticmethod
     def _same_user(client: Client, user: str | None) -> None:
@@ -201,3 +221,8 @@ def _fingerprint(request: Request) -> bytes:
 
 def _sorted(found: Mapping[str, Any]) -> dict[str, Any]:
     return dict(sorted(found.items()))
+
+
+def _printable(text: str) -> str:
+    """The text without what could play tricks on the terminal of whoever reads it."""
+    return "".join(char if char.isprintable() else "?" for char in text)

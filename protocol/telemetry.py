@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable
 from types import TracebackType
@@ -10,12 +11,13 @@ from typing import Final, Self
 
 import zmq
 
-from protocol.codec import MAX_MESSAGE, decode
+from protocol.codec import decode
 from protocol.endpoints import Endpoint
-from protocol.errors import EndpointError, RemoteProtocolError, RobotUnreachableError
+from protocol.errors import RemoteProtocolError, RobotUnreachableError
+from protocol.keys import KeyDirectory
 from protocol.messages import Telemetry, parse_telemetry
-
-TOPIC: Final = b"telemetry"
+from protocol.publisher import TOPIC
+from protocol.sockets import connected
 
 _QUEUE: Final = 16
 
@@ -27,6 +29,7 @@ class TelemetrySubscriber:
 
     Args:
         endpoint: ``RobotClient.telemetry_endpoint``.
+        keys: The key directory, where the robot asks for keys.
         context: ZeroMQ context; default: its own.
         clock: The transport clock, s.
 
@@ -35,32 +38,34 @@ class TelemetrySubscriber:
 
     Raises:
         EndpointError: The address cannot be connected to.
+        KeysError: The key directory cannot be used.
     """
 
     def __init__(
         self,
         endpoint: str,
         *,
+        keys: str | os.PathLike[str] | None = None,
         context: zmq.Context[zmq.Socket[bytes]] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        place = Endpoint.parse(endpoint)
         self.garbage = 0
-        self._endpoint = str(place)
+        self._endpoint = str(Endpoint.parse(endpoint))
         self._clock = clock
+        found = KeyDirectory(keys).client_keys() if keys is not None else None
         self._own_context = context is None
         self._context = context if context is not None else zmq.Context()
-        self._socket: zmq.Socket[bytes] = self._context.socket(zmq.SUB)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.RCVHWM, _QUEUE)
-        self._socket.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
-        self._socket.setsockopt(zmq.IPV6, int(place.is_ipv6))
-        self._socket.setsockopt(zmq.SUBSCRIBE, TOPIC)
         try:
-            self._socket.connect(self._endpoint)
-        except zmq.ZMQError as error:
-            self.close()
-            raise EndpointError(f"Cannot subscribe to {endpoint}: {error.strerror}.") from None
+            self._socket = connected(
+                self._context,
+                zmq.SUB,
+                self._endpoint,
+                found,
+                {zmq.RCVHWM: _QUEUE, zmq.SUBSCRIBE: TOPIC},
+            )
+        except BaseException:
+            self._dispose()
+            raise
 
     def next(self, timeout: float) -> Telemetry:
         """The newest publication not yet returned; waits up to ``timeout`` s for one.
@@ -82,8 +87,7 @@ class TelemetrySubscriber:
     def close(self) -> None:
         """Closes the connection; idempotent."""
         self._socket.close()
-        if self._own_context:
-            self._context.destroy(linger=0)
+        self._dispose()
 
     def __enter__(self) -> Self:
         return self
@@ -107,3 +111,7 @@ class TelemetrySubscriber:
                 newest = parse_telemetry(decode(frames[-1]))
             except RemoteProtocolError:
                 self.garbage += 1
+
+    def _dispose(self) -> None:
+        if self._own_context:
+            self._context.destroy(linger=0)

@@ -6,12 +6,14 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import pytest
 
 from protocol.capabilities import Capabilities, Joint, Sensor
 from protocol.errors import RobotError
+from protocol.keys import ROBOT, KeyDirectory, Known, read_public
 from protocol.messages import ErrorReply, Observation, Ok, Perform, Read, Stop
 from protocol.robot import Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.server import Server
@@ -166,6 +168,35 @@ class FakeRobot:
         self._notify()
 
 
+class Keyring:
+    """Key directories of one robot and of those whom it knows."""
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+        self.robot = folder / "robot"
+        self._public = KeyDirectory(self.robot).create("robot")
+
+    def stranger(self, name: str) -> Path:
+        """A client that knows the robot, but not the other way round."""
+        keys = KeyDirectory(self._folder / name)
+        keys.create(name)
+        keys.add(Known(name="robot", public=read_public(self._public)[1], role=ROBOT))
+        return keys.path
+
+    def client(self, name: str, role: str) -> Path:
+        """A client that the robot knows."""
+        path = self.stranger(name)
+        self.add(name, role)
+        return path
+
+    def add(self, name: str, role: str) -> None:
+        public = KeyDirectory(self._folder / name).pair().public
+        KeyDirectory(self.robot).add(Known(name=name, public=public, role=role))
+
+    def remove(self, name: str) -> None:
+        KeyDirectory(self.robot).remove(name)
+
+
 Serve: TypeAlias = Callable[..., Server]
 
 
@@ -187,6 +218,11 @@ def robot() -> FakeRobot:
 @pytest.fixture
 def slow_robot() -> FakeRobot:
     return FakeRobot(manual=True)
+
+
+@pytest.fixture
+def keyring(tmp_path: Path) -> Keyring:
+    return Keyring(tmp_path)
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import msgpack
@@ -12,11 +12,20 @@ from hypothesis import strategies as st
 
 from protocol.capabilities import Capabilities
 from protocol.codec import decode, encode
-from protocol.core import Action, ControllerChanged, Send, ServerCore, Silence, Submit
+from protocol.core import (
+    MAX_READS,
+    Action,
+    ControllerChanged,
+    Send,
+    ServerCore,
+    Silence,
+    Submit,
+)
 from protocol.errors import RobotError
 from protocol.messages import ErrorReply, Observation, Ok, Perform, Request
 from protocol.outcomes import MAX_CLIENTS, MAX_OUTCOMES
 from protocol.robot import Finished, Progressed, Snapshot
+from protocol.roles import Role
 from protocol.states import State
 
 A = TypeVar("A")
@@ -168,6 +177,71 @@ def test_every_request_is_authorised_replays_too(capabilities: Capabilities) -> 
     for kind, fields in (("perform", {"targets": TARGETS}), ("stop", {}), ("heartbeat", {})):
         reply = bench.reply(bench.send("c", kind, 2, **fields))
         assert (reply["code"], reply["message"]) == ("unauthorised", f"None may not {kind}.")
+
+
+def test_a_user_who_crowds_in_pushes_out_nobody_else(bench: Bench) -> None:
+    bench.hello("bob", user="bob")  # not heard of for longest
+    for number in range(MAX_CLIENTS + 10):
+        assert bench.hello(f"eve-{number}", user="eve")["type"] == "welcome"
+    assert bench.reply(bench.send("bob", "heartbeat", 0, user="bob"))["type"] == "status"
+    gone = bench.reply(bench.send("eve-0", "heartbeat", 0, user="eve"))
+    assert gone["code"] == "restarted"
+
+
+def test_a_user_who_watches_has_few_reads_under_way(bench: Bench) -> None:
+    bench.hello("bob", user="bob")
+    bench.hello("bob2", user="bob")
+    bench.hello("ann", user="ann")
+    bench.send("ann", "acquire", 1, user="ann")
+    for number in range(MAX_READS):
+        one(Submit, bench.send("bob", "read", number, user="bob"))
+    for client in ("bob", "bob2"):
+        refused = bench.reply(bench.send(client, "read", 100, user="bob"))
+        assert (refused["code"], refused["retryable"]) == ("busy", True)
+    for number in range(2, 2 + 2 * MAX_READS):  # the controller is not bounded by that
+        one(Submit, bench.send("ann", "read", number, user="ann"))
+    bench.core.finish(Finished(ticket=1, reply=observation(0)))
+    one(Submit, bench.send("bob2", "read", 101, user="bob"))
+
+
+def roles(**found: Role) -> Callable[[str | None], Role | None]:
+    return lambda user: found.get(user or "")
+
+
+def test_a_user_who_may_no_longer_control_loses_control(bench: Bench) -> None:
+    bench.hello("c", user="ann")
+    bench.send("c", "acquire", 1, user="ann")
+    assert bench.core.review(roles(ann=Role.CONTROLLER)) == []
+    assert bench.core.controller == "c"
+    assert bench.core.review(roles(ann=Role.VIEWER)) == [ControllerChanged(None)]
+    assert bench.core.controller is None
+    assert bench.reply(bench.send("c", "heartbeat", 0, user="ann"))["type"] == "status"
+    assert bench.core.review(roles(ann=Role.VIEWER)) == []
+
+
+def test_a_user_who_is_gone_is_forgotten_in_mid_motion(bench: Bench) -> None:
+    bench.hello("c", user="ann")
+    bench.hello("d", user="bob")
+    bench.send("c", "acquire", 1, user="ann")
+    perform = bench.send("c", "perform", 2, user="ann", targets=TARGETS)
+    ticket = one(Submit, perform).ticket
+    bench.core.accept(ticket)
+    actions = bench.core.review(roles(bob=Role.VIEWER))
+    assert actions == [Silence(), ControllerChanged(None)]
+    event = Progressed(ticket=ticket, phase="moving", fraction=0.5, robot_time=1.0)
+    assert bench.core.progress(event) == []  # nobody hears it any more
+    assert bench.core.finish(Finished(ticket=ticket, reply=observation(2))) == []
+    forgotten = bench.reply(bench.send("c", "read", 3, user="ann"))
+    assert forgotten["code"] == "restarted"
+    assert bench.reply(bench.send("d", "heartbeat", 0, user="bob"))["type"] == "status"
+
+
+def test_names_cannot_play_tricks_on_a_terminal(bench: Bench) -> None:
+    bench.hello("c\x1b[2J", software="evil\r\n1")
+    bench.send("c\x1b[2J", "acquire", 1)
+    bench.hello("d")
+    sentence = bench.reply(bench.send("d", "acquire", 1))["message"]
+    assert sentence == "evil??1 (client c?[2J) holds the robot."
 
 
 # --- ids ------------------------------------------------------------------------------------------

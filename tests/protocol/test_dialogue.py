@@ -289,6 +289,18 @@ def test_errors_come_as_exceptions(opened: Bench) -> None:
     assert error.retryable
 
 
+@pytest.mark.parametrize("retryable", [True, False])
+def test_an_error_code_of_a_later_version_is_taken_by_its_retryable(
+    opened: Bench, retryable: bool
+) -> None:
+    call = opened.ask(Read(id=1, client="c", session="s"))
+    reply = ErrorReply(id=1, code="overheated", message="Hot.", advice="Wait.", retryable=retryable)
+    opened.answer(reply)
+    error = call.words.get_nowait()
+    assert isinstance(error, RobotError)
+    assert (error.code, str(error), error.retryable) == ("overheated", "Hot. Wait.", retryable)
+
+
 def test_answers_nobody_waits_for_and_garbage_change_nothing(opened: Bench) -> None:
     call = opened.ask(perform(1))
     opened.answer(observation(99, 1))

@@ -17,8 +17,9 @@ from protocol.client import RobotClient
 from protocol.codec import MAX_FRAME, MAX_MESSAGE, decode, encode
 from protocol.endpoints import Endpoint
 from protocol.errors import EndpointError, RobotError, RobotUnreachableError
+from protocol.publisher import TOPIC
 from protocol.server import Server
-from protocol.telemetry import TOPIC, TelemetrySubscriber
+from protocol.telemetry import TelemetrySubscriber
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, HandClock, Serve

@@ -1,0 +1,75 @@
+"""``python -m protocol.conformance URI``: does a robot speak the protocol?"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Sequence
+
+from protocol.conformance.bench import Settings
+from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, run
+from protocol.errors import BodyschemaError
+from protocol.keys import KeyDirectory
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Prints a table; returns 0 when everything that was tried holds, else 1."""
+    options = _parser().parse_args(arguments)
+    try:
+        settings = Settings(
+            uri=options.uri,
+            keys=KeyDirectory(options.keys).client_keys() if options.keys else None,
+            move=options.move,
+            slow=options.slow,
+        )
+        results = run(settings, only=options.only, on_result=_print)
+    except (BodyschemaError, ValueError) as error:
+        print(f"conformance: {error}", file=sys.stderr)
+        return 1
+    verdicts = Counter(result.verdict for result in results)
+    print(
+        f"\n{verdicts[Verdict.HOLDS]} checks hold, {verdicts[Verdict.BROKEN]} are broken, "
+        f"{verdicts[Verdict.UNTRIED]} were not tried. Clauses that no check can try: "
+        f"{', '.join(NOT_CHECKED)}."
+    )
+    return 1 if verdicts[Verdict.BROKEN] else 0
+
+
+def _print(result: Result) -> None:
+    where = ", ".join(result.check.clauses)
+    print(f"{where:<12}{result.verdict.value:<11}{result.check.title}", flush=True)
+    if result.sentence:
+        print(f"{'':<23}{result.sentence}", flush=True)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m protocol.conformance",
+        description="Tries a robot against SPEC.md, clause by clause, and prints what holds. "
+        "By default it takes control of a robot at rest for moments, stops it and clears the stop, "
+        "and never moves it.",
+    )
+    parser.add_argument("uri", metavar="URI", help="where the robot is, tcp://host:port")
+    parser.add_argument("--keys", metavar="DIR", help="key directory, where the robot asks for one")
+    parser.add_argument(
+        "--move",
+        action="store_true",
+        help="also what moves the robot (by at most 0.5 rad), lets it go limp in its zero pose, or "
+        "makes it forget other clients",
+    )
+    parser.add_argument(
+        "--slow", action="store_true", help="also what takes some minutes of silence"
+    )
+    parser.add_argument(
+        "--only",
+        default=(),
+        type=lambda text: text.split(","),
+        metavar="CLAUSE,…",
+        help="only the checks of these clauses",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,68 @@
+"""What a check is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+if TYPE_CHECKING:
+    from protocol.conformance.bench import Bench
+
+Run: TypeAlias = "Callable[[Bench], None]"
+
+
+class Broken(Exception):  # noqa: N818 - a verdict on somebody else's program
+    """A clause does not hold; the message says what the robot did instead."""
+
+
+class Untried(Exception):  # noqa: N818 - likewise
+    """A clause could not be tried; the message says why."""
+
+
+class Need(Enum):
+    """What a check needs beyond a connection."""
+
+    NOTHING = "nothing"
+    CONTROL = "control"  # takes control of a robot that is at rest, for a moment
+    MOTION = "motion"  # moves it, lets it go limp, or disturbs other clients: only when allowed
+    TIME = "time"  # takes half a minute: only when allowed
+    KEYS = "keys"  # a robot with keys
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One trial.
+
+    Attributes:
+        clauses: The clauses of ``SPEC.md`` that it tries.
+        title: What is tried, one line.
+        need: What it needs.
+        run: Returns where the clauses hold; raises ``Broken`` or ``Untried``.
+    """
+
+    clauses: tuple[str, ...]
+    title: str
+    need: Need
+    run: Run
+
+
+CHECKS: Final[list[Check]] = []
+
+
+def check(*clauses: str, need: Need = Need.NOTHING) -> Callable[[Run], Run]:
+    """Makes a check of a function; the first line of its docstring is the title."""
+
+    def register(run: Run) -> Run:
+        title = (run.__doc__ or "").strip().splitlines()[0].rstrip(".")
+        CHECKS.append(Check(clauses=clauses, title=title, need=need, run=run))
+        return run
+
+    return register
+
+
+def expect(condition: bool, sentence: str) -> None:
+    """Raises ``Broken`` with the sentence, unless the condition holds."""
+    if not condition:
+        raise Broken(sentence)

@@ -1,0 +1,75 @@
+"""Checks that take half a minute; only with ``--slow``."""
+
+from __future__ import annotations
+
+import threading
+from typing import Final
+
+from protocol.conformance.bench import Bench, Party
+from protocol.conformance.line import said
+from protocol.conformance.motion import small_targets
+from protocol.conformance.registry import Need, Untried, check, expect
+from protocol.lease import EXPIRY, SILENCE
+
+_TOLERANCE: Final = 2.0
+"""Seconds by which the robot may be late; it must not be early by more than a tenth of that."""
+
+
+def _silent_for(bench: Bench, viewer: Party, seconds: float) -> None:
+    """Lets time pass in which only a viewer gives signs of life."""
+    end = bench.settings.clock() + seconds
+    while bench.settings.clock() < end:
+        threading.Event().wait(0.02)
+        viewer.status()
+
+
+@check("5.7", need=Need.TIME)
+def control_expires(bench: Bench) -> None:
+    """Control is kept for 30 s of silence, then it is free."""
+    viewer = bench.party()
+    with bench.controlled() as party:
+        name = party.name
+        _silent_for(bench, viewer, EXPIRY - _TOLERANCE)
+        expect(
+            viewer.status().get("controller") == name,
+            f"Control was gone before {EXPIRY - _TOLERANCE:g} s of silence.",
+        )
+        _silent_for(bench, viewer, 2 * _TOLERANCE)
+        kept = viewer.status().get("controller")
+        expect(kept is None, f"Control was kept for {EXPIRY + _TOLERANCE:g} s of silence.")
+
+
+@check("5.5", need=Need.TIME)
+def heartbeats_keep_control(bench: Bench) -> None:
+    """Any valid request in the session is a sign of life; garbage and stop are none."""
+    viewer = bench.party()
+    with bench.controlled() as party:
+        for _ in range(3):
+            _silent_for(bench, viewer, EXPIRY / 2)
+            party.status()
+        expect(viewer.status().get("controller") == party.name, "Heartbeats did not keep control.")
+        end = bench.settings.clock() + EXPIRY + _TOLERANCE
+        while bench.settings.clock() < end:
+            party.line.send_parts(b"\xc1")
+            party.line.reply(None)
+            party.ask("read", session="no such session")
+        kept = viewer.status().get("controller")
+        expect(kept is None, "Garbage, and requests in another session, kept control.")
+
+
+@check("5.6", need=Need.TIME)
+def silence_ends_a_motion(bench: Bench) -> None:
+    """After 5 s of silence a perform ends with aborted_silent, and control is kept."""
+    if not bench.settings.move:
+        raise Untried("This needs --move.")
+    viewer = bench.party()
+    with bench.controlled() as party:
+        perform = party.request("perform", targets=small_targets(bench.capabilities()))
+        party.line.send(perform)
+        expect(party.line.reply(perform["id"]) is not None, "A perform was not accepted.")
+        _silent_for(bench, viewer, SILENCE + _TOLERANCE)
+        _, end = party.wait_for(perform["id"])
+        if end["type"] == "observation":
+            raise Untried("Its motions take less than 5 s.")
+        expect(end.get("code") == "aborted_silent", f"The motion ended with {said(end)}.")
+        expect(viewer.status().get("controller") == party.name, "Control was lost.")

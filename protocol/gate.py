@@ -1,0 +1,69 @@
+"""Answers ZeroMQ's question, at each new connection, whether its key is welcome (ZAP, RFC 27)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Final
+
+import zmq
+from zmq.utils import z85
+
+_ADDRESS: Final = "inproc://zeromq.zap.01"  # where libzmq asks, within one context
+_VERSION: Final = b"1.0"
+_PARTS: Final = 9  # routing id, delimiter, version, request, domain, address, identity, CURVE, key
+
+
+class Gate:
+    """Lets those in whom ``admits`` names; for the thread that polls the sockets.
+
+    Args:
+        context: The context of the sockets to be guarded; the gate must exist before they do.
+        admits: Whether a key, in Z85, is welcome. It becomes the ``User-Id`` of each frame.
+        log: Where to write about strangers.
+
+    Attributes:
+        socket: What to poll for reading.
+        refused: Connections that were turned away.
+    """
+
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        admits: Callable[[str], bool],
+        log: logging.Logger,
+    ):
+        self.refused = 0
+        self._admits = admits
+        self._log = log
+        self.socket: zmq.Socket[bytes] = context.socket(zmq.ROUTER)
+        self.socket.setsockopt(zmq.LINGER, 0)
+        self.socket.bind(_ADDRESS)
+
+    def answer(self) -> None:
+        """Answers all questions that wait."""
+        while True:
+            try:
+                parts = self.socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return
+            if len(parts) == _PARTS and parts[2] == _VERSION:
+                self._decide(parts)
+
+    def _decide(self, parts: list[bytes]) -> None:
+        routing, _, _, request, _, address, _, mechanism, credentials = parts
+        key = z85.encode(credentials).decode() if mechanism == b"CURVE" else ""
+        if self._admits(key):
+            verdict = [b"200", b"OK", key.encode()]
+        else:
+            verdict = [b"400", b"this key is not welcome", b""]
+            self._report(key, address)
+        self.socket.send_multipart([routing, b"", _VERSION, request, *verdict, b""])
+
+    def _report(self, key: str, address: bytes) -> None:
+        self.refused += 1
+        if self.refused & (self.refused - 1) == 0:  # at 1, 2, 4, …: a flood cannot fill the log
+            place = address.decode("ascii", "replace")
+            self._log.warning(
+                "turned away: unknown key %s from %s (%d so far)", key, place, self.refused
+            )

@@ -1,0 +1,462 @@
+"""Keys, roles, replays and floods, with real sockets."""
+
+from __future__ import annotations
+
+import logging
+import os
+import secrets
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+import zmq
+
+from protocol.client import RobotClient
+from protocol.codec import encode
+from protocol.endpoints import Endpoint
+from protocol.errors import EndpointError, RobotError, RobotUnreachableError
+from protocol.keys import KeyDirectory
+from protocol.server import Server
+from protocol.telemetry import TelemetrySubscriber
+from tests.protocol.tap import Tap
+
+if TYPE_CHECKING:
+    from tests.protocol.conftest import FakeRobot, Keyring, Serve
+
+TARGETS = {"a": 0.1, "b": -0.1}
+SHORT = 0.4  # s after which a client in these tests takes silence for an answer
+
+
+def until(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
+    """Looks again and again; whether it came true."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        threading.Event().wait(0.01)
+    return True
+
+
+def refusal(action: Callable[[], object]) -> str:
+    with pytest.raises(RobotError) as caught:
+        action()
+    assert caught.value.code == "unauthorised"
+    return caught.value.message
+
+
+# --- who comes in ---------------------------------------------------------------------------------
+
+
+def test_a_client_with_a_known_key_does_everything(
+    serve: Serve, robot: FakeRobot, keyring: Keyring
+) -> None:
+    ann = keyring.client("ann", "controller")
+    server = serve(robot, keys=keyring.robot)
+    with RobotClient(server.endpoint, keys=ann) as client:
+        client.acquire()
+        assert client.perform(TARGETS).sequence == 1
+        with TelemetrySubscriber(client.telemetry_endpoint, keys=ann) as telemetry:
+            assert telemetry.next(5.0).controller == client.client_id
+
+
+def test_without_a_key_nobody_comes_in(serve: Serve, robot: FakeRobot, keyring: Keyring) -> None:
+    server = serve(robot, keys=keyring.robot)
+    with pytest.raises(RobotUnreachableError, match=r"asks for a key: .* robotd keys new"):
+        RobotClient(server.endpoint, timeout=SHORT)
+    with (
+        TelemetrySubscriber(server.telemetry_endpoint) as telemetry,
+        pytest.raises(RobotUnreachableError),
+    ):
+        telemetry.next(SHORT)
+
+
+def test_a_key_that_the_robot_does_not_know(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, caplog: pytest.LogCaptureFixture
+) -> None:
+    mallory = keyring.stranger("mallory")
+    server = serve(robot, keys=keyring.robot)
+    with pytest.raises(RobotUnreachableError, match=r"does not know this key: .* robotd keys add"):
+        RobotClient(server.endpoint, keys=mallory, timeout=SHORT)
+    assert KeyDirectory(mallory).pair().public in caplog.text  # for the owner, who may add it
+    keyring.add("mallory", "viewer")  # the daemon runs on
+    with RobotClient(server.endpoint, keys=mallory) as client:
+        assert client.status().state == "idle"
+
+
+def test_a_robot_with_another_key_than_expected(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, tmp_path: Path
+) -> None:
+    ann = keyring.client("ann", "controller")
+    other = tmp_path / "other"
+    KeyDirectory(other).create("other")
+    server = serve(robot, keys=other)
+    with pytest.raises(RobotUnreachableError, match="another robot, or it got a new key"):
+        RobotClient(server.endpoint, keys=ann, timeout=SHORT)
+
+
+def test_a_robot_without_keys_is_not_taken_for_the_one_that_is_meant(
+    serve: Serve, robot: FakeRobot, keyring: Keyring
+) -> None:
+    ann = keyring.client("ann", "controller")
+    server = serve(robot)
+    with pytest.raises(RobotUnreachableError, match=r"does without keys.*leave --keys out"):
+        RobotClient(server.endpoint, keys=ann, timeout=SHORT)
+
+
+def test_an_address_open_to_others_is_allowed_with_keys(
+    serve: Serve, robot: FakeRobot, keyring: Keyring
+) -> None:
+    with pytest.raises(EndpointError, match=r"without keys .* give --keys DIR"):
+        Server(robot, bind="tcp://0.0.0.0:0")
+    ann = keyring.client("ann", "viewer")
+    server = serve(robot, keys=keyring.robot, bind="tcp://0.0.0.0:0")
+    port = Endpoint.parse(server.endpoint).port
+    with RobotClient(f"tcp://127.0.0.1:{port}", keys=ann) as client:
+        assert client.status().state == "idle"
+
+
+# --- what they may do -----------------------------------------------------------------------------
+
+
+def test_a_viewer_looks_and_stops_and_nothing_else(
+    serve: Serve, slow_robot: FakeRobot, keyring: Keyring
+) -> None:
+    ann, bob = keyring.client("ann", "controller"), keyring.client("bob", "viewer")
+    server = serve(slow_robot, keys=keyring.robot)
+    with (
+        RobotClient(server.endpoint, keys=ann) as controller,
+        RobotClient(server.endpoint, keys=bob) as viewer,
+    ):
+        for action, kind in (
+            (viewer.acquire, "acquire"),
+            (lambda: viewer.perform(TARGETS), "perform"),
+            (viewer.hold, "hold"),
+            (viewer.relax, "relax"),
+            (viewer.clear, "clear"),
+            (viewer.release, "release"),
+        ):
+            assert refusal(action) == f"bob is a viewer here and may not {kind}."
+        assert viewer.read().sequence == 1
+        assert viewer.status().controller is None
+        controller.acquire()
+        ended: list[str] = []
+
+        def perform() -> None:
+            with pytest.raises(RobotError) as caught:
+                controller.perform(TARGETS)
+            ended.append(caught.value.code)
+
+        motion = threading.Thread(target=perform)
+        motion.start()
+        assert slow_robot.begun.acquire(timeout=5)
+        assert viewer.stop().state == "stopped"
+        motion.join()
+        assert ended == ["aborted_stop"]
+        refusal(viewer.clear)
+        controller.clear()
+    assert len(slow_robot.motions) == 1
+
+
+def test_a_client_id_belongs_to_the_key_that_used_it_first(
+    serve: Serve, robot: FakeRobot, keyring: Keyring
+) -> None:
+    ann, bob = keyring.client("ann", "controller"), keyring.client("bob", "controller")
+    server = serve(robot, keys=keyring.robot)
+    with RobotClient(server.endpoint, keys=ann) as client:
+        client.acquire()
+        message = refusal(
+            lambda: RobotClient(server.endpoint, keys=bob, client_id=client.client_id)
+        )
+        assert message == f"Client {client.client_id} belongs to another user."
+
+
+# --- who has to leave -----------------------------------------------------------------------------
+
+
+def test_a_removed_key_loses_everything_at_once(
+    serve: Serve, slow_robot: FakeRobot, keyring: Keyring
+) -> None:
+    ann, bob = keyring.client("ann", "controller"), keyring.client("bob", "viewer")
+    server = serve(slow_robot, keys=keyring.robot, telemetry_rate=20.0)
+    with (
+        RobotClient(server.endpoint, keys=ann, timeout=SHORT) as client,
+        RobotClient(server.endpoint, keys=bob) as viewer,
+        TelemetrySubscriber(server.telemetry_endpoint, keys=ann) as removed,
+        TelemetrySubscriber(server.telemetry_endpoint, keys=bob) as kept,
+    ):
+        client.acquire()
+        heard: list[Exception] = []
+
+        def perform() -> None:
+            with pytest.raises((RobotError, RobotUnreachableError)) as caught:
+                client.perform(TARGETS)
+            heard.append(caught.value)
+
+        motion = threading.Thread(target=perform)
+        motion.start()
+        assert slow_robot.begun.acquire(timeout=5)
+        removed.next(5.0)
+        kept.next(5.0)
+        keyring.remove("ann")
+
+        assert until(lambda: slow_robot.controllers == [client.client_id, None])
+        assert slow_robot.silences == 1  # the motion ended: nobody steers
+        assert viewer.status().controller is None
+        for action in (client.read, client.status, client.stop, client.hello):
+            assert refusal(action) == "The robot does not know this key (any more)."
+        motion.join()
+        assert isinstance(heard[0], RobotError)
+        assert heard[0].code == "unauthorised"  # of its retry: the outcome was not for it
+        assert kept.next(5.0).controller is None
+        while removed_hears(removed):
+            continue  # what was on its way already
+        assert kept.next(5.0).state
+    with pytest.raises(RobotUnreachableError, match="does not know this key"):
+        RobotClient(server.endpoint, keys=ann, timeout=SHORT)
+
+
+def removed_hears(subscriber: TelemetrySubscriber) -> bool:
+    try:
+        subscriber.next(0.3)
+    except RobotUnreachableError:
+        return False
+    return True
+
+
+def test_a_controller_may_become_a_viewer(serve: Serve, robot: FakeRobot, keyring: Keyring) -> None:
+    ann = keyring.client("ann", "controller")
+    server = serve(robot, keys=keyring.robot)
+    with RobotClient(server.endpoint, keys=ann) as client:
+        client.acquire()
+        keyring.remove("ann")
+        keyring.add("ann", "viewer")
+        assert refusal(lambda: client.perform(TARGETS)) == (
+            "ann is a viewer here and may not perform."
+        )
+        assert until(lambda: robot.controllers == [client.client_id, None])
+        assert client.stop().state == "stopped"
+    assert robot.motions == []
+
+
+def test_a_list_that_cannot_be_read_lets_nobody_do_more_than_stop(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, caplog: pytest.LogCaptureFixture
+) -> None:
+    ann = keyring.client("ann", "controller")
+    server = serve(robot, keys=keyring.robot)
+    place = keyring.robot / "known.toml"
+    good = place.read_text()
+    with RobotClient(server.endpoint, keys=ann) as client:
+        client.acquire()
+        place.write_text(good + "[ann")
+        assert refusal(client.read) == "The robot cannot read its list of clients."
+        assert until(lambda: robot.controllers[-1] is None)
+        assert refusal(client.acquire) == "The robot cannot read its list of clients."
+        assert client.stop().state == "stopped"
+        assert caplog.text.count("known.toml is no TOML") == 1
+        place.write_text(good)
+        client.acquire()
+        assert client.clear().state == "holding"
+
+
+# --- replays --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def tapped() -> Iterator[Callable[[str], Tap]]:
+    with ExitStack() as stack:
+
+        def tap(target: str) -> Tap:
+            found = Tap(target)
+            stack.callback(found.close)
+            return found
+
+        yield tap
+
+
+def replay(endpoint: str, record: list[bytes]) -> bytes:
+    """Sends recorded pieces again, as slowly as they came; what the other side says to that."""
+    place = Endpoint.parse(endpoint)
+    answer = b""
+    with socket.create_connection((place.host, place.port), timeout=0.1) as thief:
+        for piece in record:
+            try:
+                thief.sendall(piece)
+                answer += thief.recv(65_536)
+            except TimeoutError:
+                continue
+            except ConnectionError:
+                break
+    return answer
+
+
+def test_recorded_bytes_tell_nothing_and_do_nothing_on_a_new_connection(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, tapped: Callable[[str], Tap]
+) -> None:
+    server = serve(robot, keys=keyring.robot)
+    tap = tapped(server.endpoint)
+    with RobotClient(tap.endpoint, keys=keyring.client("ann", "controller")) as client:
+        client.acquire()
+        client.perform(TARGETS)
+        client.stop()
+        client.clear()
+        session = client.session
+    (record,) = tap.recorded
+    for secret in (b"perform", b"stop", session.encode(), client.client_id.encode()):
+        assert secret not in b"".join(record)
+    answer = replay(server.endpoint, record)
+    assert b"WELCOME" in answer  # the handshake began as it had done
+    assert b"READY" not in answer  # and did not succeed
+    assert robot.state == "holding"  # a stop that was taken would have stopped it
+    assert len(robot.motions) == 1
+    assert server.garbage == 0
+
+
+def test_recorded_bytes_do_nothing_on_the_same_connection(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, tapped: Callable[[str], Tap]
+) -> None:
+    server = serve(robot, keys=keyring.robot)
+    tap = tapped(server.endpoint)
+    with RobotClient(tap.endpoint, keys=keyring.client("ann", "controller")) as client:
+        client.acquire()
+        before = len(tap.recorded[0])
+        client.stop()
+        stop = b"".join(tap.recorded[0][before:])
+        client.clear()
+        tap.inject(stop)
+        assert until(lambda: len(tap.recorded) == 2)  # the robot hung up, the client came back
+        assert client.status().state == "holding"
+
+
+def test_without_keys_a_recorded_stop_stops_again(
+    serve: Serve, robot: FakeRobot, tapped: Callable[[str], Tap]
+) -> None:
+    """What keys are for: the other tests of replays could fail."""
+    server = serve(robot)
+    tap = tapped(server.endpoint)
+    with RobotClient(tap.endpoint) as client:
+        client.acquire()
+        client.stop()
+        client.clear()
+    assert b"READY" in replay(server.endpoint, tap.recorded[0])
+    assert robot.state == "stopped"
+
+
+# --- floods ---------------------------------------------------------------------------------------
+
+
+@contextmanager
+def crowd(endpoint: str, size: int, opening: bytes) -> Iterator[list[socket.socket]]:
+    """Connections that go no further than their first bytes."""
+    place = Endpoint.parse(endpoint)
+    with ExitStack() as stack:
+        found = []
+        for _ in range(size):
+            made = socket.create_connection((place.host, place.port), timeout=5)
+            found.append(stack.enter_context(made))
+            made.sendall(opening)
+        yield found
+
+
+def test_a_flood_of_connections(serve: Serve, robot: FakeRobot, keyring: Keyring) -> None:
+    ann = keyring.client("ann", "controller")
+    mallory = KeyDirectory(keyring.stranger("mallory")).client_keys()
+    server = serve(robot, keys=keyring.robot)
+    files = len(os.listdir("/proc/self/fd"))
+    greeting = b"\xff" + bytes(8) + b"\x7f\x03\x00CURVE" + bytes(47)
+    with RobotClient(server.endpoint, keys=ann) as client, ExitStack() as stack:
+        client.acquire()
+        for opening in (b"", greeting, secrets.token_bytes(500), greeting + bytes(500)):
+            stack.enter_context(crowd(server.endpoint, 75, opening))
+        context = stack.enter_context(zmq.Context())
+        for _ in range(50):
+            dealer = stack.enter_context(context.socket(zmq.DEALER))
+            dealer.setsockopt(zmq.LINGER, 0)
+            dealer.setsockopt(zmq.CURVE_SERVERKEY, mallory.robot.encode())
+            dealer.setsockopt(zmq.CURVE_PUBLICKEY, mallory.own.public.encode())
+            dealer.setsockopt(zmq.CURVE_SECRETKEY, mallory.own.secret.encode())
+            dealer.connect(server.endpoint)
+        assert client.perform(TARGETS).sequence == 1
+        with RobotClient(server.endpoint, keys=keyring.client("bob", "viewer")) as viewer:
+            assert viewer.stop().state == "stopped"
+        client.clear()
+    assert until(lambda: len(os.listdir("/proc/self/fd")) <= files)
+    with RobotClient(server.endpoint, keys=ann) as client:
+        assert client.acquire().state == "holding"
+
+
+FEW_FILES = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+from bench import still_robotd
+sys.argv[1:] = ["tcp://127.0.0.1:*"]
+still_robotd.main()
+"""
+
+
+def test_more_connections_than_the_robot_has_file_descriptors() -> None:
+    process = subprocess.Popen([sys.executable, "-c", FEW_FILES], stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        endpoint = process.stdout.readline().strip()
+        with RobotClient(endpoint) as client:
+            client.acquire()
+            with crowd(endpoint, 120, b""):  # the others wait in the kernel's queue
+                assert client.read().sequence == 1
+                assert client.stop().state == "stopped"
+            client.clear()
+        with RobotClient(endpoint) as client:  # the crowd is gone: others are let in again
+            assert client.status().state == "holding"
+    finally:
+        process.terminate()
+        process.communicate(timeout=10)
+    assert process.returncode == 0
+
+
+def test_a_flood_of_garbage_from_a_known_key(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, caplog: pytest.LogCaptureFixture
+) -> None:
+    ann, bob = keyring.client("ann", "controller"), keyring.client("bob", "viewer")
+    known = KeyDirectory(bob).client_keys()
+    server = serve(robot, keys=keyring.robot)
+    with RobotClient(server.endpoint, keys=ann) as client, zmq.Context() as context:
+        client.acquire()
+        with context.socket(zmq.DEALER) as dealer:
+            dealer.setsockopt(zmq.LINGER, 0)
+            dealer.setsockopt(zmq.CURVE_SERVERKEY, known.robot.encode())
+            dealer.setsockopt(zmq.CURVE_PUBLICKEY, known.own.public.encode())
+            dealer.setsockopt(zmq.CURVE_SECRETKEY, known.own.secret.encode())
+            dealer.connect(server.endpoint)
+            garbage = [b"\xc1", bytes(70_000), encode({"type": "dance", "id": 1})]
+            for number in range(3000):
+                dealer.send(garbage[number % 3])
+            begun = time.monotonic()
+            assert client.stop().state == "stopped"
+            assert time.monotonic() - begun < 2.0
+            assert until(lambda: server.garbage == 3000)
+        client.clear()
+        assert client.perform(TARGETS).sequence == 1
+    assert sum(record.levelno >= logging.WARNING for record in caplog.records) < 20
+
+
+def test_strangers_cannot_fill_the_log(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, caplog: pytest.LogCaptureFixture
+) -> None:
+    mallory = KeyDirectory(keyring.stranger("mallory")).client_keys()
+    server = serve(robot, keys=keyring.robot)
+    with zmq.Context() as context, ExitStack() as stack:
+        for _ in range(40):
+            dealer = stack.enter_context(context.socket(zmq.DEALER))
+            dealer.setsockopt(zmq.LINGER, 0)
+            dealer.setsockopt(zmq.CURVE_SERVERKEY, mallory.robot.encode())
+            dealer.setsockopt(zmq.CURVE_PUBLICKEY, mallory.own.public.encode())
+            dealer.setsockopt(zmq.CURVE_SECRETKEY, mallory.own.secret.encode())
+            dealer.connect(server.endpoint)
+        assert until(lambda: "(32 so far)" in caplog.text)
+    assert caplog.text.count("turned away") <= 7  # at 1, 2, 4, 8, 16, 32 and no more than 40
