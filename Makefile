@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test check format bench clean
+.PHONY: help install demo test check format bench parametric soak latency faults clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,6 +35,18 @@ format: $(READY) ## Put the sources into their format
 
 bench: $(READY) ## Print what an interaction and an idle daemon cost
 	$(BIN)/python -m bench
+
+parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
+	$(BIN)/python -m bench.parametric
+
+soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about half an hour
+	$(BIN)/python -m bench.soak --hours 24
+
+latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes
+	$(BIN)/python -m bench.round_trip
+
+faults: $(READY) ## Write docs/faults.md from the fault matrix
+	$(BIN)/python -m tests.faults.document
 
 clean: ## Remove the virtual environment and caches
 	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

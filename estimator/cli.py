@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import os
 import secrets
+import shlex
 import sqlite3
+import sys
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import Annotated, NoReturn, TypeAlias
 
@@ -18,13 +20,19 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from estimator.backends import BACKENDS, OpenPhysics, in_processes, on_cluster
+from estimator.cluster import Cluster
 from estimator.error import MODALITIES
 from estimator.errors import RunDirectoryError
 from estimator.genome import Genome
+from estimator.physics.statics import StaticsPhysics
 from estimator.report.files import LENGTHS_WITH_TRUTH, VALIDATION, replace, write_report
 from estimator.report.plots import plot_lengths
 from estimator.report.tables import print_result, print_score, print_validation
-from estimator.run import BACKENDS, Order, identify, in_processes, problem_of, reconnect, resume
+from estimator.reproduction.plan import FIGURES, SEEDS, Budget
+from estimator.reproduction.report import REPORT
+from estimator.reproduction.reproduce import Request, figures_of, reproduce
+from estimator.run import Order, identify, problem_of, reconnect, resume
 from estimator.score import Score, score
 from estimator.screen import Screen
 from estimator.store import DATABASE, RunStore
@@ -46,6 +54,14 @@ Robot: TypeAlias = Annotated[
 ]
 Jobs: TypeAlias = Annotated[
     int, typer.Option(min=1, help="Worker processes; the result does not depend on it.")
+]
+Dask: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS",
+        help="Scheduler of a Dask cluster, which does the work in place of --jobs processes here.",
+    ),
 ]
 CORES = len(os.sched_getaffinity(0))
 
@@ -73,7 +89,11 @@ def identify_command(
     generations: Annotated[
         int | None, typer.Option(min=1, help="After each interaction. Default: the problem's.")
     ] = None,
+    full_steps: Annotated[
+        bool, typer.Option("--full-steps", help="Simulate on after a body has come to rest.")
+    ] = False,
     jobs: Jobs = CORES,
+    dask: Dask = None,
     directory: Annotated[
         Path | None, typer.Option("--out", help="Run directory. Default: a new one in runs/.")
     ] = None,
@@ -91,9 +111,10 @@ def identify_command(
         interactions=interactions,
         population=population,
         generations=generations,
+        full_steps=full_steps,
     )
-    with _sentences(place), Screen(err) as screen:
-        result = identify(place, order, in_processes(jobs), screen)
+    with _sentences(place), _physics(jobs, dask) as physics_of, Screen(err) as screen:
+        result = identify(place, order, physics_of, screen)
     print_result(out, result)
     _print_place(place)
 
@@ -105,10 +126,11 @@ def resume_command(
         str | None, typer.Option(help="Where the robot is now. Default: where it was.")
     ] = None,
     jobs: Jobs = CORES,
+    dask: Dask = None,
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
-    with _sentences(directory), Screen(err) as screen:
-        result = resume(directory, in_processes(jobs), screen, robot=robot)
+    with _sentences(directory), _physics(jobs, dask) as physics_of, Screen(err) as screen:
+        result = resume(directory, physics_of, screen, robot=robot)
     print_result(out, result)
     _print_place(directory)
 
@@ -132,7 +154,7 @@ def score_command(
     with _sentences(None), RunStore.open(directory, to_write=False) as store:
         problem = problem_of(store)
         world = problem.settings(store.capabilities)
-        with closing(in_processes(jobs)(store.settings.physics, world)) as physics:
+        with closing(StaticsPhysics(world, jobs=jobs)) as physics:
             found = score(store, problem, truth, physics)
         _plot_with_truth(store, found)
     if as_json:
@@ -148,13 +170,19 @@ def validate_command(
     robot: Robot,
     programs: Annotated[int, typer.Option(min=1, help="Fresh motor programs.")] = 20,
     jobs: Jobs = CORES,
+    dask: Dask = None,
 ) -> None:
     """Predict fresh motor programs, then perform them (the prediction error)."""
-    with _sentences(None), RunStore.open(directory) as store, Screen(err) as screen:
+    with (
+        _sentences(None),
+        RunStore.open(directory) as store,
+        _physics(jobs, dask) as physics_of,
+        Screen(err) as screen,
+    ):
         problem = problem_of(store)
         world = problem.settings(store.capabilities)
         with (
-            closing(in_processes(jobs)(store.settings.physics, world)) as physics,
+            closing(physics_of(store.settings.physics, world)) as physics,
             closing(reconnect(store, problem, robot, screen)) as link,
         ):
             found = validate(store, problem, physics, link, programs=programs, listener=screen)
@@ -162,6 +190,57 @@ def validate_command(
         replace(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
     print_validation(out, found)
     out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)
+
+
+@app.command("reproduce")
+def reproduce_command(
+    figure: Annotated[str, typer.Argument(help=f"{', '.join(FIGURES)} or all.", metavar="FIGURE")],
+    *,
+    runs: Annotated[
+        int | None,
+        typer.Option(min=1, max=len(SEEDS), help="Seeds. Default: the paper's 30 and 10."),
+    ] = None,
+    interactions: Annotated[
+        int | None, typer.Option(min=1, help="Of each run. Default: the paper's 4 and 9.")
+    ] = None,
+    population: Annotated[
+        int | None, typer.Option(min=2, help="Models, an even number. Default: the paper's.")
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(min=1, help="After each interaction. Default: the paper's.")
+    ] = None,
+    physics: Annotated[
+        str, typer.Option(help=f"What predicts a model's readings: {', '.join(BACKENDS)}.")
+    ] = BACKENDS[0],
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Runs at a time; the result does not depend on it.")
+    ] = CORES,
+    dask: Dask = None,
+    directory: Annotated[
+        Path | None, typer.Option("--out", help="Default: runs/reproduction-PHYSICS.")
+    ] = None,
+) -> None:
+    """Do the paper's runs on simulated robots, and draw its figures; goes on where it was left."""
+    place = directory or Path("runs") / f"reproduction-{physics}"
+    budget = Budget(
+        physics=physics, interactions=interactions, population=population, generations=generations
+    )
+    with (
+        _sentences(None),
+        nullcontext() if dask is None else Cluster(dask) as cluster,
+        Screen(err) as screen,
+    ):
+        request = Request(
+            figures=figures_of(figure),
+            runs=runs,
+            budget=budget,
+            jobs=jobs,
+            command=shlex.join(["estimator", *sys.argv[1:]]),
+        )
+        outcome = reproduce(place, request, screen, cluster=cluster)
+    out.print(f"Report: {place / REPORT}", soft_wrap=True)
+    if outcome.failures:
+        _fail(f"{len(outcome.failures)} runs failed: the same command tries them again", None)
 
 
 def main() -> None:
@@ -183,6 +262,16 @@ def _plot_with_truth(store: RunStore, found: Score) -> None:
 
 def _print_place(directory: Path) -> None:
     out.print(f"Run: {directory} (result.json, readings.csv, plots/)", soft_wrap=True)
+
+
+@contextmanager
+def _physics(jobs: int, dask: str | None) -> Iterator[OpenPhysics]:
+    """Where models are simulated: in processes of this computer, or on a cluster."""
+    if dask is None:
+        yield in_processes(jobs)
+    else:
+        with Cluster(dask) as cluster:
+            yield on_cluster(cluster)
 
 
 @contextmanager

@@ -4,8 +4,9 @@ For one interaction::
 
     e = v + Σ|touch_t − touch_m| + Σ|tilt_t − tilt_m| (degrees) + 10 |clearance_t − clearance_m| (m)
 
-The error over several interactions is the largest of theirs. v is the model's speed at the last
-step; it stays in the error whichever modalities are used.
+The error over several interactions is the largest of theirs; a pose of the model that is undecided
+says nothing and is left out. v is the model's speed at the last step; it stays in the error
+whichever modalities are used.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 
 from estimator.errors import EstimatorError
 from estimator.morphology import Array
-from estimator.physics.base import Readings
+from estimator.physics.base import Flags, Readings
 
 MODALITIES: Final = ("touch", "tilt", "clearance")
 CLEARANCE_WEIGHT: Final = 10.0  # the paper's
@@ -69,7 +70,8 @@ def interaction_errors(
 
     Returns:
         Shape (n,). A missing reading adds nothing. Infinite where the model's reading is invalid,
-        so that it never outranks a valid one.
+        so that it never outranks a valid one. 0 where the model's pose is undecided, so that it
+        adds nothing to a largest error; see ``largest``.
 
     Raises:
         EstimatorError: Robot and models have different numbers of touch sensors.
@@ -86,5 +88,24 @@ def interaction_errors(
         error += np.nansum(np.degrees(np.abs(observed.tilt - readings.tilt)), axis=1)
     if "clearance" in modalities and not math.isnan(observed.clearance):
         error += CLEARANCE_WEIGHT * np.abs(observed.clearance - readings.clearance)
+    error[readings.undecided] = 0.0
     found: Array = np.where(readings.valid & ~np.isnan(error), error, np.inf)
+    return found
+
+
+def largest(errors: Array, undecided: Flags) -> Array:
+    """The error over several interactions: the largest of those that say something.
+
+    Args:
+        errors: Of n models in k interactions, as ``interaction_errors`` gives them, shape (k, n).
+        undecided: Whether the model's pose was undecided, shape (k, n).
+
+    Returns:
+        Shape (n,). Infinite where more than half of the interactions were undecided: a body that
+        is balanced on a line in most poses would otherwise fit whatever was observed.
+    """
+    found: Array = np.max(
+        np.where(undecided & np.isfinite(errors), 0.0, errors), axis=0, initial=0.0
+    )
+    found[2 * np.count_nonzero(undecided, axis=0) > len(errors)] = np.inf
     return found

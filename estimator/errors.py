@@ -12,6 +12,7 @@ The tree::
         ├── MorphologyError (ValueError)     a body that cannot exist
         ├── PhysicsError                     a simulation could not be run
         │   └── WorkerError                  worker processes died again and again
+        ├── ClusterError                     a Dask cluster is not there, not like us, or was lost
         └── SearchError
             ├── SearchOrderError (RuntimeError)   ask and tell out of turn
             └── SearchStateError (ValueError)     a saved state that fits no search
@@ -40,6 +41,10 @@ class PhysicsError(EstimatorError):
 
 class WorkerError(PhysicsError):
     """Worker processes died again and again; most often for lack of memory."""
+
+
+class ClusterError(EstimatorError):
+    """A Dask cluster is not there, is not like this computer, or was lost."""
 
 
 class SearchError(EstimatorError):

@@ -8,15 +8,17 @@ parent among the main body and the i − 1 earlier parts.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from estimator.errors import SearchStateError
 from estimator.morphology import BASE, HINGES, SIDES, Array, Base, Morphology, Part
-from estimator.problem import PartRule, Problem
+from estimator.physics.bodies import Bodies, Integers
+from estimator.problem import Problem
+from estimator.problem_sections import PartRule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +28,13 @@ class Gene:
     Attributes:
         part: Index of the part.
         trait: Which of the part's traits.
+        choices: How many values it chooses from; 0 for a length, which is any in a range.
         name: For people.
     """
 
     part: int
     trait: Literal["parent", "side", "hinge", "length"]
+    choices: int
     name: str
 
 
@@ -90,24 +94,96 @@ class Genome:
                     sensor=rule.sensor,
                 )
             )
+        return self.assemble(parts)
+
+    def assemble(self, parts: Sequence[Part]) -> Morphology:
+        """The body that parts make up on this robot, its touch sensors where the problem has them.
+
+        Args:
+            parts: In the order of the problem's rows.
+        """
+        if self._problem.touch == "outermost":
+            parts = _with_outermost_sensors(parts, self._problem.sensors)
         return Morphology(base=self._base, parts=tuple(parts), density=self._problem.density)
 
     def decode_all(self, genes: Array) -> list[Morphology]:
         """The bodies that the rows of an array of shape (n, size) encode."""
         return [self.decode(row) for row in genes]
 
+    def bodies(self, genes: Array) -> Bodies:
+        """The same bodies as arrays, made without an object per body.
+
+        Args:
+            genes: Shape (n, size), each in [0, 1].
+
+        Raises:
+            SearchStateError: The shape is wrong or a gene lies outside [0, 1].
+        """
+        values = np.asarray(genes, dtype=float)
+        if values.ndim != 2 or values.shape[1] != self.size:
+            raise SearchStateError(f"genomes have {self.size} genes, not shape {values.shape}")
+        if not np.all((values >= 0) & (values <= 1)):
+            raise SearchStateError("every gene must lie in 0 to 1")
+        body = Bodies.of([self.decode(np.zeros(self.size))])
+        rows = np.zeros(len(values), dtype=np.intp)
+        traits = {
+            "parent": body.parent[rows],
+            "side": body.side[rows],
+            "hinge": body.hinge[rows],
+        }
+        length, sensor = body.length[rows], body.sensor[rows]
+        for column, gene in enumerate(self.genes):
+            if gene.trait == "length":
+                low, high = self._problem.parts[gene.part].length
+                length[:, gene.part] = low + values[:, column] * (high - low)
+            else:
+                chosen = (values[:, column] * gene.choices).astype(np.int64)
+                np.minimum(chosen, gene.choices - 1, out=chosen)
+                traits[gene.trait][:, gene.part] = chosen + (BASE if gene.trait == "parent" else 0)
+        if self._problem.touch == "outermost":
+            sensor = _outermost_sensors(traits["parent"], self._problem.sensors)
+        return Bodies(
+            count=body.count[rows],
+            motor=body.motor[rows],
+            sensor=sensor,
+            length=length,
+            radius=body.radius[rows],
+            base=body.base[rows],
+            **traits,
+        )
+
 
 def _genes(index: int, rule: PartRule) -> list[Gene]:
-    found = []
-    if rule.parent is None:
-        found.append(Gene(part=index, trait="parent", name=f"parent of {rule.name}"))
-    if rule.side is None:
-        found.append(Gene(part=index, trait="side", name=f"side of {rule.name}"))
-    if rule.hinge is None:
-        found.append(Gene(part=index, trait="hinge", name=f"hinge of {rule.name}"))
-    if rule.length_unknown:
-        found.append(Gene(part=index, trait="length", name=f"length of {rule.name}"))
-    return found
+    traits: tuple[tuple[Literal["parent", "side", "hinge", "length"], bool, int], ...] = (
+        ("parent", rule.parent is None, index + 1),
+        ("side", rule.side is None, len(SIDES)),
+        ("hinge", rule.hinge is None, len(HINGES)),
+        ("length", rule.length_unknown, 0),
+    )
+    return [
+        Gene(part=index, trait=trait, choices=choices, name=f"{trait} of {rule.name}")
+        for trait, unknown, choices in traits
+        if unknown
+    ]
+
+
+def _with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
+    carriers = {part.parent for part in parts}
+    chosen = sorted(range(len(parts)), key=lambda index: (index in carriers, index))[:sensors]
+    numbers = {index: number for number, index in enumerate(sorted(chosen))}
+    return [replace(part, sensor=numbers.get(index)) for index, part in enumerate(parts)]
+
+
+def _outermost_sensors(parent: Integers, sensors: int) -> Integers:
+    """The same for n bodies: sensor of each part, or −1, shape (n, parts)."""
+    rows, parts = parent.shape
+    carriers = np.zeros((rows, parts), dtype=bool)
+    body, part = np.nonzero(parent >= 0)
+    carriers[body, parent[body, part]] = True
+    order = np.argsort(carriers, axis=1, kind="stable")[:, :sensors]
+    chosen = np.zeros((rows, parts), dtype=bool)
+    np.put_along_axis(chosen, order, True, axis=1)
+    return np.where(chosen, np.cumsum(chosen, axis=1) - 1, -1)
 
 
 def _choose(values: Iterator[float], count: int) -> int:

@@ -142,8 +142,8 @@ class Identification:
             self._store.save(generation, self._search.state())
             self._listener.worked(
                 self._work(number),
-                f"interaction {iteration + 1} of {settings.interactions}, generation "
-                f"{number - first} of {settings.generations}, error {min(generation.errors):.2f}",
+                f"interaction {iteration + 1}/{settings.interactions}, generation "
+                f"{number - first}/{settings.generations}, error {min(generation.errors):.2f}",
             )
 
     def _work(self, number: int) -> int:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from estimator.error import Observed, interaction_errors
+from estimator.error import Observed, interaction_errors, largest
 from estimator.genome import Genome
-from estimator.morphology import Array
+from estimator.morphology import Array, Morphology
 from estimator.observation import Observation
-from estimator.physics.base import Physics
+from estimator.physics.base import Physics, Readings
+from estimator.physics.bodies import Bodies
+from estimator.physics.statics import StaticsPhysics
 from estimator.records import Counters
 from estimator.search.deterministic_crowding import DeterministicCrowding
+
+Rows: TypeAlias = NDArray[np.intp]
 
 
 def observed(observation: Observation) -> Observed:
@@ -56,19 +63,12 @@ class Modeller:
         )
 
     def introduce(self, search: DeterministicCrowding, observations: Sequence[Observation]) -> None:
-        """Evaluates the population after an interaction, on all observations so far.
-
-        Only the last of them is simulated: the error is a maximum, and that over the earlier ones
-        is known.
-        """
-        if len(observations) == 1:
-            known = np.zeros(len(search.population))
-        else:
-            known = search.errors
+        """Evaluates the population after an interaction, on all observations so far."""
+        if len(observations) > 1:
             search.forget_errors()
         population = search.ask()
         self._requested += len(population) * len(observations)
-        search.tell(np.maximum(known, self._errors(population, search.limits, observations[-1:])))
+        search.tell(self._errors(population, search.limits, observations))
 
     def evolve(self, search: DeterministicCrowding, observations: Sequence[Observation]) -> None:
         """One generation of children, each competing with a parent."""
@@ -77,21 +77,71 @@ class Modeller:
         search.tell(self._errors(children, search.limits, observations))
 
     def _errors(self, genes: Array, limits: Array, observations: Sequence[Observation]) -> Array:
-        """Largest error of each model; where it reaches the model's limit, at least the limit.
+        read = _reader(self._genome, genes, self._physics)
+        return _largest_errors(read, limits, observations, self._modalities)
 
-        A model that has reached its limit in one interaction has lost, and is not simulated in the
-        others. The latest interaction comes first, since the parents were not selected on it for
-        as long as on the others.
-        """
-        bodies = self._genome.decode_all(genes)
-        errors = np.zeros(len(bodies))
-        alive = np.arange(len(bodies))
-        for observation in reversed(observations):
-            if not alive.size:
-                break
-            target = observed(observation)
-            readings = self._physics.read([(bodies[index], target.angles) for index in alive])
-            found = interaction_errors(readings, target, self._modalities)
-            errors[alive] = np.maximum(errors[alive], found)
-            alive = alive[errors[alive] < limits[alive]]
-        return errors
+
+def subjective_errors(
+    bodies: Sequence[Morphology],
+    observations: Sequence[Observation],
+    modalities: Sequence[str],
+    physics: Physics,
+) -> Array:
+    """Largest error of each body over the observations, shape (n,)."""
+    read = _BodyReader(bodies, physics)
+    return _largest_errors(read, np.full(len(bodies), np.inf), observations, modalities)
+
+
+class _Reader(Protocol):
+    def __call__(self, rows: Rows, angles: Array) -> Readings: ...
+
+
+@dataclass(frozen=True)
+class _BodyReader:
+    """Bodies one by one, for back-ends that simulate them one by one."""
+
+    bodies: Sequence[Morphology]
+    physics: Physics
+
+    def __call__(self, rows: Rows, angles: Array) -> Readings:
+        return self.physics.read([(self.bodies[row], angles) for row in rows])
+
+
+@dataclass(frozen=True)
+class _ArrayReader:
+    """A whole population as arrays, for a back-end that takes them."""
+
+    bodies: Bodies
+    physics: StaticsPhysics
+
+    def __call__(self, rows: Rows, angles: Array) -> Readings:
+        return self.physics.read_bodies(self.bodies[rows], angles)
+
+
+def _reader(genome: Genome, genes: Array, physics: Physics) -> _Reader:
+    if isinstance(physics, StaticsPhysics):
+        return _ArrayReader(genome.bodies(genes), physics)
+    return _BodyReader(genome.decode_all(genes), physics)
+
+
+def _largest_errors(
+    read: _Reader, limits: Array, observations: Sequence[Observation], modalities: Sequence[str]
+) -> Array:
+    """Largest error of each model; where it reaches the model's limit, at least the limit.
+
+    A model that has reached its limit in one interaction has lost, and is not simulated in the
+    others. The latest interaction comes first, since the parents were not selected on it for as
+    long as on the others.
+    """
+    errors = np.zeros((len(observations), len(limits)))
+    undecided = np.zeros(errors.shape, dtype=bool)
+    alive = np.arange(len(limits))
+    for row, observation in enumerate(reversed(observations)):
+        if not alive.size:
+            break
+        target = observed(observation)
+        readings = read(alive, target.angles)
+        errors[row, alive] = interaction_errors(readings, target, modalities)
+        undecided[row, alive] = readings.undecided
+        alive = alive[errors[row, alive] < limits[alive]]
+    return largest(errors, undecided)

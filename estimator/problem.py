@@ -1,7 +1,8 @@
 """Problems: what is known about a robot, and what is to be found, from a TOML file.
 
-``problems/parametric.toml`` documents the format. Joints, parts and sensors are counted from 1 in
-the file and from 0 in code.
+``docs/problems.md`` documents the format. Joints, parts and sensors are counted from 1 in the file
+and from 0 in code. A file may leave open how many joints the robot has; until a problem is told of
+a robot (``for_robot``) it is written out for the paper's.
 """
 
 from __future__ import annotations
@@ -9,115 +10,24 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    PrivateAttr,
-    ValidationError,
-    model_validator,
-)
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from estimator.errors import ProblemError
 from estimator.morphology import Array, Base
 from estimator.physics.base import Settings
-from estimator.problem_values import (
-    Count,
-    Hinge,
-    Length,
-    Name,
-    Number,
-    Parent,
-    Positive,
-    Range,
-    Side,
-    complaint,
-)
-from estimator.search.operators import (
-    BlendCrossover,
-    Crossover,
-    GaussianMutation,
-    Mutation,
-    Operators,
-)
+from estimator.problem_sections import Motors, PartRule, SearchSettings, Strict, World
+from estimator.problem_template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
+from estimator.problem_values import Name, Positive, complaint
 from protocol.capabilities import Capabilities
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class PartRule(_Strict):
-    """What is known about one part; ``None`` stands for what is to be found.
-
-    Attributes:
-        name: For people.
-        parent: Index of an earlier part, or ``morphology.BASE``.
-        side: Index into ``morphology.SIDES``.
-        hinge: Index into ``morphology.HINGES``.
-        length: Shortest and longest, m; equal where the length is known.
-        radius: m.
-        motor: The joint that moves it, or ``None`` where its hinge is locked.
-        sensor: The touch sensor that it carries, or ``None``.
-    """
-
-    name: Name
-    parent: Parent
-    side: Side
-    hinge: Hinge
-    length: Length
-    radius: Positive
-    motor: Number | None = None
-    sensor: Number | None = None
-
-    @property
-    def length_unknown(self) -> bool:
-        """Whether the length is to be found."""
-        return self.length[0] < self.length[1]
-
-
-class Motors(_Strict):
-    """Which joints a motor program moves, and how.
-
-    Attributes:
-        driven: Joints that are moved; the others stay at 0.
-        range_deg: Where random targets are drawn from, degrees.
-        slew_deg_per_s: Speed of the joints, degrees per second.
-    """
-
-    driven: Annotated[tuple[Number, ...], Field(min_length=1)]
-    range_deg: Range
-    slew_deg_per_s: Positive
-
-
-class SearchSettings(_Strict):
-    """How the models are optimised."""
-
-    population: Count
-    generations: Count
-    interactions: Count
-    crossover: Annotated[Crossover, Field(discriminator="kind")] = BlendCrossover()
-    mutation: Annotated[Mutation, Field(discriminator="kind")] = GaussianMutation()
-
-    @model_validator(mode="after")
-    def _mates(self) -> Self:
-        if self.population % 2:
-            raise ValueError(
-                f"population must be even, not {self.population}: members mate in pairs"
-            )
-        return self
-
-    def operators(self) -> Operators:
-        """The search's operators."""
-        return Operators(crossover=self.crossover, mutation=self.mutation)
-
-
-class Problem(_Strict):
+class Problem(Strict):
     """What is known about a robot, and what is to be found.
 
     Attributes:
@@ -126,6 +36,11 @@ class Problem(_Strict):
         density: Of all parts, kg/m³.
         motors: Which joints move, and how.
         search: How the models are optimised.
+        world: How models are simulated.
+        touch: ``outermost``: the robot's touch sensors sit on the parts that carry no other, in
+            the parts' order; where there are more sensors than such parts, the first other parts
+            have the rest. So each part has one if there are as many. ``None``: on the parts that
+            say so themselves.
         parts: Parents before children; the order is that of the genome's rows.
     """
 
@@ -134,8 +49,12 @@ class Problem(_Strict):
     density: Positive
     motors: Motors
     search: SearchSettings
+    world: World = World()
+    touch: Literal["outermost"] | None = None
     parts: Annotated[tuple[PartRule, ...], Field(min_length=1)]
     _source: str = PrivateAttr(default="")
+    _origin: str = PrivateAttr(default="")
+    _robot: Inventory = PrivateAttr(default=PAPERS_ROBOT)
 
     @classmethod
     def load(cls, name_or_path: str) -> Problem:
@@ -161,20 +80,44 @@ class Problem(_Strict):
             raise ProblemError(f"{name_or_path} is no UTF-8 text: {error.reason}") from error
 
     @classmethod
-    def parse(cls, text: str, origin: str) -> Problem:
-        """Reads a problem from TOML text; ``origin`` names it in errors.
+    def parse(cls, text: str, origin: str, robot: Inventory | None = None) -> Problem:
+        """Reads a problem from TOML text.
+
+        Args:
+            text: The file's content.
+            origin: Names it in errors.
+            robot: What the problem is written out for; default: the paper's robot if it says
+                anything of that, or else the first that it names.
 
         Raises:
             ProblemError: The text is wrong: file, key and reason.
         """
+        origins: list[int] = []
         try:
-            problem = cls.model_validate(tomllib.loads(text))
+            raw = tomllib.loads(text)
+            robot = robot or supposed_robot(raw)
+            written, origins = write_out(raw, robot)
+            problem = cls.model_validate(written)
         except tomllib.TOMLDecodeError as error:
             raise ProblemError(f"{origin} is no valid TOML: {error}") from error
         except ValidationError as error:
-            raise ProblemError(complaint(error, origin)) from error
-        problem._source = text
+            raise ProblemError(complaint(error, origin, origins)) from error
+        except ValueError as error:
+            raise ProblemError(f"{origin}: {error}") from error
+        problem._source, problem._origin, problem._robot = text, origin, robot
         return problem
+
+    def for_robot(self, capabilities: Capabilities) -> Problem:
+        """The same problem, written out for a robot.
+
+        Raises:
+            ProblemError: The file says nothing of such a robot.
+        """
+        touch = capabilities.sensor("touch")
+        robot = Inventory(
+            joints=len(capabilities.joints), touch_sensors=touch.count if touch else 0
+        )
+        return self if robot == self._robot else self.parse(self._source, self._origin, robot)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -194,9 +137,18 @@ class Problem(_Strict):
                 f"motors.driven: each driven joint must move exactly one part, but {driven} are "
                 f"driven and parts name the motors {moved}"
             )
+        held = [part.locked + 1 for part in self.parts if part.locked is not None]
+        if len({*held, *driven}) != len(held) + len(driven):
+            raise ValueError(
+                f"parts: each joint carries one part, but {driven} are driven and {held} locked"
+            )
         sensors = sorted(part.sensor + 1 for part in self.parts if part.sensor is not None)
         if sensors != list(range(1, len(sensors) + 1)):
             raise ValueError(f"parts: sensors must be numbered 1, 2, … once each, not {sensors}")
+        if sensors and self.touch:
+            raise ValueError(
+                "touch: say where the sensors are either here or with the parts, not both"
+            )
         if not any(
             part.length_unknown or None in (part.parent, part.side, part.hinge)
             for part in self.parts
@@ -212,6 +164,8 @@ class Problem(_Strict):
     @property
     def sensors(self) -> int:
         """How many touch sensors the parts carry."""
+        if self.touch == "outermost":
+            return min(self._robot.touch_sensors, len(self.parts))
         return sum(part.sensor is not None for part in self.parts)
 
     def base(self, capabilities: Capabilities) -> Base:
@@ -221,11 +175,16 @@ class Problem(_Strict):
 
     def settings(self, capabilities: Capabilities) -> Settings:
         """The world in which models of this robot are simulated."""
-        slew = math.radians(self.motors.slew_deg_per_s)
+        known = Settings(
+            steps=self.world.steps,
+            step=self.world.step_s,
+            friction=self.world.friction,
+            slew=math.radians(self.motors.slew_deg_per_s),
+        )
         sensor = capabilities.sensor("clearance")
         if sensor is None or sensor.upper is None:
-            return Settings(slew=slew)
-        return Settings(slew=slew, clearance_cap=sensor.upper)
+            return known
+        return replace(known, clearance_cap=sensor.upper)
 
     def program_range(self, capabilities: Capabilities) -> Array:
         """Lowest and highest target of each joint, rad, shape (joints, 2); 0 where not driven.
@@ -287,6 +246,14 @@ class Problem(_Strict):
                     f"robot {capabilities.robot!r} has {sensor.count} touch sensors, but problem "
                     f"{self.name!r} describes {self.sensors}: correct its parts, or leave touch out"
                 )
+        known = len(capabilities.joints)
+        for part in self.parts:
+            if part.joint is not None and part.joint >= known:
+                raise ProblemError(
+                    f"problem {self.name!r}: part {part.name!r} hangs on joint {part.joint + 1}, "
+                    f"but robot {capabilities.robot!r} has only {known} joints: choose another "
+                    "problem"
+                )
         return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities))
 
     def _differing_speeds(self, capabilities: Capabilities) -> list[str]:
@@ -308,6 +275,7 @@ class Problem(_Strict):
         return [
             f"part {part.name} has a radius of {radius * 1e3:.1f} mm according to the robot, of "
             f"{part.radius * 1e3:.1f} mm according to the problem: lengths will be biased"
-            for part, radius in zip(self.parts, radii, strict=True)
+            for index, part in enumerate(self.parts)
+            for radius in [radii[index if part.joint is None else part.joint]]
             if abs(part.radius - radius) > 0.1 * radius
         ]

@@ -61,6 +61,13 @@ def _parse_length(value: Any) -> tuple[float, float]:
     return low, high
 
 
+def _parse_angles(value: Any) -> tuple[float, float]:
+    low, high = _parse_range(value)
+    if low < -180 or high > 180:
+        raise ValueError(f"must lie within -180 to 180 degrees, not {value!r}")
+    return low, high
+
+
 def _count_from_0(value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise ValueError(f"must be an integer of at least 1, not {value!r}")
@@ -74,26 +81,40 @@ Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
 Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
 """Of a joint or a sensor: counted from 1 in the file and from 0 in code."""
 
-Range: TypeAlias = Annotated[Ends, BeforeValidator(_parse_range)]
-"""``[lowest, highest]``, or one number for both."""
+Angles: TypeAlias = Annotated[Ends, BeforeValidator(_parse_angles)]
+"""``[lowest, highest]``, or one number for both, degrees."""
 
 Length: TypeAlias = Annotated[Ends, BeforeValidator(_parse_length)]
+"""``[lowest, highest]``, or one number for both, m."""
+
 Parent: TypeAlias = Annotated[int | None, BeforeValidator(_parse_parent)]
 Side: TypeAlias = Annotated[int | None, _choice(SIDES)]
 Hinge: TypeAlias = Annotated[int | None, _choice(HINGES)]
 
 
-def complaint(error: ValidationError, origin: str) -> str:
-    """All of a validation's complaints: file, key (counted from 1) and reason."""
+def complaint(error: ValidationError, origin: str, parts: Sequence[int] = ()) -> str:
+    """All of a validation's complaints: file, key (counted from 1) and reason.
+
+    Args:
+        error: The validation's.
+        origin: Names the file.
+        parts: For each part that was validated, the index of the part in the file that it comes
+            from; a complaint about several that come from one is made once.
+    """
     lines = []
     for item in error.errors():
+        place = list(item["loc"])
+        if len(place) > 1 and place[0] == "parts" and isinstance(place[1], int):
+            place[1] = parts[place[1]] if parts else place[1]
         key = ""
-        for step in item["loc"]:
+        for step in place:
             if isinstance(step, int):
                 key += f"[{step + 1}]"
             else:
                 key += f".{step}" if key else str(step)
         reasons = {"missing": "is missing", "extra_forbidden": "is no key of a problem file"}
         reason = reasons.get(item["type"], item["msg"].removeprefix("Value error, "))
-        lines.append(f"{key}: {reason}" if key else reason)
+        line = f"{key}: {reason}" if key else reason
+        if line not in lines:
+            lines.append(line)
     return f"{origin}: " + "; ".join(lines)

@@ -59,6 +59,35 @@ class Counters(BaseModel):
     steps: int = 0
     wall_seconds: float = 0.0
 
+    def including(self, finish: Finish, interactions: int) -> Counters:
+        """The same with what the reference back-end cost at the end."""
+        return Counters(
+            simulations_requested=self.simulations_requested + len(finish.models) * interactions,
+            simulations_run=self.simulations_run + finish.simulations,
+            steps=self.steps + finish.steps,
+            wall_seconds=self.wall_seconds,
+        )
+
+
+class Finish(BaseModel):
+    """The leading models of a finished search, simulated in the reference back-end.
+
+    Attributes:
+        models: Indices in the final population, best first by the search's own physics.
+        searched: Their subjective errors there.
+        simulated: Their subjective errors in the reference back-end.
+        simulations: Simulations that this took.
+        steps: Physics steps that this took.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    models: tuple[int, ...]
+    searched: tuple[float, ...]
+    simulated: tuple[float, ...]
+    simulations: int
+    steps: int
+
 
 @dataclass(frozen=True, kw_only=True)
 class Ticket:

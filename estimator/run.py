@@ -3,39 +3,33 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Final
 
+import numpy as np
 from pydantic import ValidationError
 
+from estimator.backends import REFERENCE, OpenPhysics
 from estimator.error import check_modalities
 from estimator.errors import EstimatorError, InteractionError
+from estimator.finish import finish
+from estimator.genome import Genome
 from estimator.listener import Listener
 from estimator.loop import Identification
-from estimator.physics.base import Physics
-from estimator.physics.base import Settings as PhysicsSettings
-from estimator.physics.pool import MakePhysics, PhysicsPool
-from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem import Problem
 from estimator.records import RunSettings
 from estimator.report.files import write_report
-from estimator.report.result import Result
+from estimator.report.result import Result, observed_so_far
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 from estimator.store import RunStore, first_id
 from protocol.capabilities import Capabilities
 
-OpenPhysics = Callable[[str, PhysicsSettings], Physics]
-"""Makes the back-end of a given name for a given world."""
-
-_BACKENDS: Final[dict[str, Callable[[PhysicsSettings], MakePhysics]]] = {
-    "pybullet": lambda settings: partial(PyBulletPhysics, settings),
-}
-BACKENDS: Final = tuple(_BACKENDS)
+Report = Callable[[RunStore, Problem], Result]
+"""Writes what a run leaves beside its database, and sums the run up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,44 +44,51 @@ class Order:
     interactions: int | None = None
     population: int | None = None
     generations: int | None = None
-
-
-def in_processes(jobs: int) -> OpenPhysics:
-    """Back-ends in ``jobs`` worker processes."""
-
-    def opened(name: str, settings: PhysicsSettings) -> Physics:
-        if name not in _BACKENDS:
-            raise EstimatorError(f"there is no physics {name!r}: choose {', '.join(BACKENDS)}")
-        return PhysicsPool(_BACKENDS[name](settings), jobs)
-
-    return opened
+    full_steps: bool = False
 
 
 def identify(
-    directory: Path, order: Order, open_physics: OpenPhysics, listener: Listener
+    directory: Path,
+    order: Order,
+    open_physics: OpenPhysics,
+    listener: Listener,
+    *,
+    report: Report = write_report,
 ) -> Result:
     """Starts a run and sees it through.
 
     Nothing is left behind when the robot cannot be reached or does not fit the problem.
 
+    Args:
+        directory: Where the run is to be.
+        order: What is asked of it.
+        open_physics: Makes the back-end.
+        listener: Hears what happens.
+        report: Called after each iteration.
+
     Raises:
         BodyschemaError: Something prevents the run; the message says what.
     """
-    problem = Problem.load(order.problem)
+    asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
     client_id = str(uuid.uuid4())
-    driven = problem.motors.driven
-    link = open_robot(order.robot, driven=driven, client_id=client_id, first_id=first_id(0))
+    link = open_robot(order.robot, driven=_driven(asked), client_id=client_id, first_id=first_id(0))
     with closing(link):
+        problem = asked.for_robot(link.capabilities)
         for sentence in problem.check_robot(link.capabilities, modalities):
             listener.say(f"Note: {sentence}.")
         settings = _settings(order, problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
-            return _work(store, problem, open_physics, lambda: link, listener)
+            return _work(store, problem, open_physics, lambda: link, listener, report=report)
 
 
 def resume(
-    directory: Path, open_physics: OpenPhysics, listener: Listener, *, robot: str | None = None
+    directory: Path,
+    open_physics: OpenPhysics,
+    listener: Listener,
+    *,
+    robot: str | None = None,
+    report: Report = write_report,
 ) -> Result:
     """Sees an interrupted run through, as if it had not been interrupted.
 
@@ -96,6 +97,7 @@ def resume(
         open_physics: Makes the back-end.
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
+        report: Called after each iteration.
 
     Raises:
         BodyschemaError: Something prevents it; the message says what.
@@ -103,12 +105,13 @@ def resume(
     with RunStore.open(directory) as store:
         problem = problem_of(store)
         connect = partial(reconnect, store, problem, robot or store.settings.robot, listener)
-        return _work(store, problem, open_physics, connect, listener)
+        return _work(store, problem, open_physics, connect, listener, report=report)
 
 
 def problem_of(store: RunStore) -> Problem:
-    """The problem that a run was started with."""
-    return Problem.parse(store.settings.problem_text, f"problem of {store.directory}")
+    """The problem that a run was started with, written out for its robot."""
+    asked = Problem.parse(store.settings.problem_text, f"problem of {store.directory}")
+    return asked.for_robot(store.capabilities)
 
 
 def reconnect(store: RunStore, problem: Problem, uri: str, listener: Listener) -> RobotLink:
@@ -120,7 +123,7 @@ def reconnect(store: RunStore, problem: Problem, uri: str, listener: Listener) -
     """
     link = open_robot(
         uri,
-        driven=problem.motors.driven,
+        driven=_driven(problem),
         client_id=store.client_id,
         first_id=store.new_connection(),
     )
@@ -134,6 +137,10 @@ def reconnect(store: RunStore, problem: Problem, uri: str, listener: Listener) -
     if was.config_hash != now.config_hash:
         listener.say("Note: the robot's configuration has changed since the run was started.")
     return link
+
+
+def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:
+    return lambda capabilities: problem.for_robot(capabilities).motors.driven
 
 
 def _body(capabilities: Capabilities) -> tuple[object, ...]:
@@ -168,6 +175,7 @@ def _settings(
             interactions=interactions,
             population=order.population or problem.search.population,
             generations=order.generations or problem.search.generations,
+            full_steps=order.full_steps,
         )
     except ValidationError as error:
         first = error.errors()[0]
@@ -180,9 +188,25 @@ def _work(
     open_physics: OpenPhysics,
     connect: Callable[[], RobotLink],
     listener: Listener,
+    *,
+    report: Report,
 ) -> Result:
-    physics = open_physics(store.settings.physics, problem.settings(store.capabilities))
+    world = replace(problem.settings(store.capabilities), full_steps=store.settings.full_steps)
+    physics = open_physics(store.settings.physics, world)
     with closing(physics):
         identification = Identification(store, problem, physics, connect, listener)
-        identification.run(after_iteration=lambda: write_report(store, problem))
-    return write_report(store, problem)
+        identification.run(after_iteration=lambda: report(store, problem))
+    if store.settings.physics != REFERENCE and store.finish() is None:
+        checkpoint = store.checkpoint()
+        assert checkpoint is not None
+        with closing(open_physics(REFERENCE, world)) as reference:
+            found = finish(
+                Genome(problem, problem.base(store.capabilities)),
+                np.array(checkpoint.state["population"], dtype=float),
+                np.array(store.generations()[-1].errors, dtype=float),
+                observations=observed_so_far(store),
+                modalities=store.settings.modalities,
+                physics=reference,
+            )
+        store.save_finish(found)
+    return report(store, problem)

@@ -6,29 +6,23 @@ compared with what motor k of the robot turns.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from estimator.equivalence import PROGRAMS, equivalent
+from estimator.configurations import Comparison, Configuration, Truth
+from estimator.equivalence import PROGRAMS, Reference
 from estimator.errors import TruthError
+from estimator.final_population import FinalPopulation
 from estimator.genome import Genome
-from estimator.morphology import BASE, Array, Morphology
-from estimator.physics.base import Physics
+from estimator.morphology import Array, Morphology
+from estimator.physics.statics import StaticsPhysics
 from estimator.problem import Problem
 from estimator.randomness import Stream, generator
-from estimator.report.result import driven_limbs, final_population, observed_so_far, touched
+from estimator.report.result import driven_limbs, observed_so_far, touched
 from estimator.store import RunStore
-from estimator.truth.body import TrueLimb, true_limbs
-
-TRAITS: Final = ("parent", "side", "hinge")
-
-Cell: TypeAlias = tuple[int, str]
-"""One configuration: number of the leg, and trait."""
 
 
 class Score(BaseModel):
@@ -45,11 +39,17 @@ class Score(BaseModel):
         touched: Whether each leg touched the ground in some interaction; ``None``: not sensed.
         mean_leg_error_touched_m: Over the legs that did, m; ``None`` when there are none.
         mean_leg_error_never_touched_m: Over the legs that never did, m.
-        configurations_right: Parents, sides and hinges of driven parts that are the true ones.
+        configurations: Parent, side and hinge of each part beside the truth.
+        configurations_right: How many of them are right.
         configurations_right_up_to_equivalence: The same, counting as right what no sensor of the
             run could tell from the truth.
-        configurations_total: Three per driven part.
-        configurations_searched: How many of them the problem left to be found.
+        configurations_total: How many there are: three per driven part, and two per locked part
+            whose joint the problem names.
+        configurations_informative: How many of them were to be found and might have been wrong;
+            the first part, for one, has nothing to sit on but the main body.
+        configurations_informative_right: How many of those are right.
+        configurations_informative_right_up_to_equivalence: The same up to equivalence.
+        configurations_chance: How many of all a random model has right on average.
         not_representable: What the genome cannot express, which counts as wrong.
     """
 
@@ -65,56 +65,45 @@ class Score(BaseModel):
     touched: tuple[bool | None, ...]
     mean_leg_error_touched_m: float | None
     mean_leg_error_never_touched_m: float | None
+    configurations: tuple[Configuration, ...]
     configurations_right: int
     configurations_right_up_to_equivalence: int
     configurations_total: int
-    configurations_searched: int
+    configurations_informative: int
+    configurations_informative_right: int
+    configurations_informative_right_up_to_equivalence: int
+    configurations_chance: float
     not_representable: tuple[str, ...]
 
 
-def score(store: RunStore, problem: Problem, truth: Path, physics: Physics) -> Score:
+def score(store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysics) -> Score:
     """Scores the best model of a run.
 
     Args:
         store: The run.
         problem: Its problem.
         truth: The robot's URDF.
-        physics: Computes noise-free readings, for the equivalence of configurations.
+        physics: Computes the readings by which configurations are equivalent or not.
 
     Raises:
         TruthError: The URDF is wrong, is another robot's, or the run has no model yet.
     """
-    population, errors = final_population(store)
+    population = FinalPopulation.of(store)
     if not len(population):
         raise TruthError(f"{store.directory} has no model yet, so there is nothing to score")
     genome = Genome(problem, problem.base(store.capabilities))
-    body = genome.decode(population[int(np.argmin(errors))])
-    joints = store.capabilities.joints
-    names = {joints[motor].name: motor for motor in problem.motors.driven}
-    limbs, true = driven_limbs(body), true_limbs(truth, names)
-    signed = np.array([one.length - two.limb.length for one, two in zip(limbs, true, strict=True)])
-    felt = tuple(touched(limb, observed_so_far(store)) for limb in limbs)
-    misfits = [_misfits(limb, body) for limb in true]
-    wrong = [
-        (leg, trait)
-        for leg, (one, two) in enumerate(zip(limbs, true, strict=True))
-        for trait in TRAITS
-        if getattr(one, trait) != getattr(two.limb, trait) or trait in misfits[leg]
-    ]
-    rng = generator(store.settings.seed, Stream.EQUIVALENCE)
-    programs = [problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
-    modalities = store.settings.modalities
-    forgiven = _indistinguishable(
-        [(leg, trait) for leg, trait in wrong if trait not in misfits[leg]],
-        lambda kept: _variant(body, true, kept),
-        lambda bodies, reference: equivalent(
-            bodies, reference, np.array(programs), physics, modalities
-        ),
-    )
-    total = len(TRAITS) * len(limbs)
+    body = genome.decode(population.genes[population.best])
+    known = Truth.read(truth, problem, store.capabilities)
+    comparison = Comparison(problem, genome, body, known)
+    configurations = comparison.configurations(_told_apart(store, problem, physics))
+    informative = [item for item in configurations if item.searched]
+    limbs, legs = driven_limbs(body), tuple(known.legs.values())
+    signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
+    seen = observed_so_far(store)
+    felt = tuple(touched(limb, seen) for limb in driven_limbs(comparison.true_body))
     return Score(
-        joints=tuple(limb.name for limb in true),
-        true_lengths_m=tuple(limb.limb.length for limb in true),
+        joints=tuple(limb.name for limb in legs),
+        true_lengths_m=tuple(limb.limb.length for limb in legs),
         lengths_m=tuple(limb.length for limb in limbs),
         leg_errors_m=tuple(np.abs(signed).tolist()),
         leg_errors_signed_m=tuple(signed.tolist()),
@@ -123,72 +112,29 @@ def score(store: RunStore, problem: Problem, truth: Path, physics: Physics) -> S
         touched=felt,
         mean_leg_error_touched_m=_mean(signed, felt, which=True),
         mean_leg_error_never_touched_m=_mean(signed, felt, which=False),
-        configurations_right=total - len(wrong),
-        configurations_right_up_to_equivalence=total - len(wrong) + forgiven,
-        configurations_total=total,
-        configurations_searched=sum(
-            gene.trait in TRAITS and problem.parts[gene.part].motor is not None
-            for gene in genome.genes
+        configurations=configurations,
+        configurations_right=sum(item.right for item in configurations),
+        configurations_right_up_to_equivalence=sum(
+            item.right_up_to_equivalence for item in configurations
         ),
-        not_representable=tuple(sentence for found in misfits for sentence in found.values()),
+        configurations_total=len(configurations),
+        configurations_informative=len(informative),
+        configurations_informative_right=sum(item.right for item in informative),
+        configurations_informative_right_up_to_equivalence=sum(
+            item.right_up_to_equivalence for item in informative
+        ),
+        configurations_chance=sum(item.chance for item in configurations),
+        not_representable=comparison.not_representable,
     )
 
 
-def _roots(body: Morphology) -> dict[int, int]:
-    """Index of the part that each motor turns."""
-    return {part.motor: index for index, part in enumerate(body.parts) if part.motor is not None}
-
-
-def _misfits(limb: TrueLimb, body: Morphology) -> dict[str, str]:
-    """What no genome of the problem has right about a limb, by trait."""
-    found = dict(limb.not_representable)
-    roots, parent = _roots(body), limb.limb.parent
-    if parent != BASE and limb.limb.motor is not None and roots[parent] > roots[limb.limb.motor]:
-        found["parent"] = f"{limb.name} sits on a part that comes later in the problem"
-    return found
-
-
-def _indistinguishable(
-    wrong: Sequence[Cell],
-    variant: Callable[[Collection[Cell]], Morphology],
-    alike: Callable[[Sequence[Morphology], Morphology], list[bool]],
-) -> int:
-    """How many wrong cells cannot be told from the truth.
-
-    They are tried all together first, since a symmetry of the whole body exchanges several legs;
-    then leg by leg; then one by one.
-    """
-    if not wrong:
-        return 0
-    by_leg = [[cell for cell in wrong if cell[0] == leg] for leg in {leg for leg, _ in wrong}]
-    trials = [list(wrong), *by_leg, *([cell] for cell in wrong)]
-    verdicts = alike([variant(cells) for cells in trials], variant(()))
-    forgiven = {
-        cell for cells, same in zip(trials, verdicts, strict=True) if same for cell in cells
-    }
-    return len(forgiven)
-
-
-def _variant(body: Morphology, true: Sequence[TrueLimb], kept: Collection[Cell]) -> Morphology:
-    """The true body in the genome's words, save for the model's own value in the cells ``kept``."""
-    parts = list(body.parts)
-    root_of = _roots(body)
-    for leg, (found, wanted) in enumerate(zip(driven_limbs(body), true, strict=True)):
-        assert found.motor is not None
-        root = root_of[found.motor]
-        scale = wanted.limb.length / found.length
-        for index, group in enumerate(body.rigid_groups):
-            if group == root:
-                parts[index] = replace(parts[index], length=parts[index].length * scale)
-        parent = BASE if wanted.limb.parent == BASE else root_of[wanted.limb.parent]
-        true_values = {
-            "parent": parent if parent < root else parts[root].parent,
-            "side": wanted.limb.side,
-            "hinge": wanted.limb.hinge,
-        }
-        changes = {name: true_values[name] for name in TRAITS if (leg, name) not in kept}
-        parts[root] = replace(parts[root], **changes)
-    return replace(body, parts=tuple(parts))
+def _told_apart(
+    store: RunStore, problem: Problem, physics: StaticsPhysics
+) -> Callable[[Morphology], Callable[[Morphology], bool]]:
+    """The test of equivalence for the run's motors and modalities."""
+    rng = generator(store.settings.seed, Stream.EQUIVALENCE)
+    programs = np.array([problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)])
+    return lambda body: Reference(body, programs, physics, store.settings.modalities).is_like
 
 
 def _mean(errors: Array, felt: Sequence[bool | None], *, which: bool) -> float | None:

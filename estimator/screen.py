@@ -13,7 +13,6 @@ from rich.progress import (
     Progress,
     TaskProgressColumn,
     TextColumn,
-    TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
@@ -35,11 +34,10 @@ class Screen(Listener):
         self._interactive = sys.stdin.isatty() if interactive is None else interactive
         self._progress = Progress(
             TextColumn("{task.description}"),
-            BarColumn(),
+            BarColumn(bar_width=12),
             TaskProgressColumn(),
-            TimeElapsedColumn(),
+            TimeRemainingColumn(compact=True),
             TextColumn("left"),
-            TimeRemainingColumn(),
             console=console,
             speed_estimate_period=600.0,
             transient=True,
@@ -69,7 +67,7 @@ class Screen(Listener):
 
     def say(self, sentence: str) -> None:
         """Writes a line."""
-        self._console.print(sentence, highlight=False)
+        self._console.print(sentence, highlight=False, soft_wrap=True)
 
     def moving(self, number: int, phase: str, fraction: float) -> None:
         """Shows the phase of the motion."""

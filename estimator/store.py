@@ -37,6 +37,7 @@ from estimator.observation import Observation, Program
 from estimator.records import (
     Checkpoint,
     Counters,
+    Finish,
     Generation,
     Interaction,
     Prediction,
@@ -46,6 +47,7 @@ from estimator.records import (
 from protocol.capabilities import Capabilities
 
 DATABASE: Final = "run.sqlite"
+LOCK: Final = "run.lock"
 FORMAT: Final = 1
 IDS_PER_CONNECTION: Final = 2**20
 """Each connection numbers its requests from its own block, so no id is ever used for two."""
@@ -232,6 +234,18 @@ class RunStore:
                 "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
             )
 
+    def save_finish(self, finish: Finish) -> None:
+        """Commits what the reference back-end said of the leading models."""
+        with _transaction(self._database):
+            self._database.execute(
+                "INSERT INTO meta VALUES ('finish', ?)", (finish.model_dump_json(),)
+            )
+
+    def finish(self) -> Finish | None:
+        """What the reference back-end said of the leading models, once it was asked."""
+        row = self._database.execute("SELECT value FROM meta WHERE key = 'finish'").fetchone()
+        return None if row is None else Finish.model_validate_json(row[0])
+
     def checkpoint(self) -> Checkpoint | None:
         """The search's latest committed state."""
         row = self._database.execute("SELECT value FROM checkpoint").fetchone()
@@ -336,7 +350,7 @@ def _connect(directory: Path) -> sqlite3.Connection:
 def _lock(directory: Path) -> int:
     """Takes the directory's lock, which the kernel frees when its holder dies."""
     try:
-        lock = os.open(directory / "run.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        lock = os.open(directory / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except OSError as error:
         raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
     try:

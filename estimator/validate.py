@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.acting import carry_out
 from estimator.errors import EstimatorError, InteractionError
+from estimator.final_population import FinalPopulation
 from estimator.genome import Genome
 from estimator.listener import Listener
 from estimator.modelling import observed
@@ -26,7 +27,6 @@ from estimator.physics.base import Physics, Readings
 from estimator.problem import Problem
 from estimator.randomness import Stream, generator
 from estimator.records import Prediction
-from estimator.report.result import final_population
 from estimator.robot_link.base import RobotLink
 from estimator.store import RunStore
 
@@ -151,13 +151,14 @@ def _predict(
     programs: Sequence[Program],
     listener: Listener,
 ) -> list[Prediction]:
-    population, errors = final_population(store)
+    population = FinalPopulation.of(store)
     if not len(population):
         raise EstimatorError(f"{store.directory} has no model yet: resume the run first")
     genome = Genome(problem, problem.base(store.capabilities))
     rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
     drawn = rng.random((RANDOM_MODELS, genome.size))
-    groups = {BEST: population[[int(np.argmin(errors))]], POPULATION: population, RANDOM: drawn}
+    best = population.genes[[population.best]]
+    groups = {BEST: best, POPULATION: population.genes, RANDOM: drawn}
     bodies = genome.decode_all(np.concatenate(list(groups.values())))
     found = []
     for program in programs:

@@ -5,6 +5,9 @@
 ``base.Readings``                    what the bodies feel at rest, as arrays
 ``base.Settings``                    the world that bodies are simulated in
 ``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process
+``statics.StaticsPhysics``           computes the resting pose, in threads of this process
 ``pool.PhysicsPool``                 runs a back-end in worker processes
+``bodies.Bodies``                    many bodies as arrays, for ``StaticsPhysics``
+``kernel``                           the compiled part of ``StaticsPhysics``
 ==================================== ==========================================================
 """

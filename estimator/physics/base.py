@@ -40,6 +40,7 @@ class Settings:
         touch_gap: A part touches when its gap to the ground is smaller, m.
         doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
         joint_tolerance: A reading counts only if every joint is this close to its target, rad.
+        full_steps: Simulate all steps of every body, also of one that came to rest long before.
     """
 
     steps: int = 300
@@ -50,6 +51,7 @@ class Settings:
     touch_gap: float = 1e-3
     doubtful_gap: float = 2e-3
     joint_tolerance: float = math.radians(0.1)
+    full_steps: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +69,9 @@ class Readings:
         joint_miss: Shape (n,): largest distance of a joint from its target, rad.
         valid: Shape (n,): the simulation can be believed; false where a joint missed its target
             or the simulation diverged.
+        undecided: Shape (n,): the body is balanced on the rim of its support and might as well
+            lie elsewhere, so the reading says nothing. Only a back-end that computes the pose can
+            tell; one that simulates never says so.
     """
 
     touch: Flags
@@ -77,6 +82,7 @@ class Readings:
     speed: Array
     joint_miss: Array
     valid: Flags
+    undecided: Flags
 
     def __len__(self) -> int:
         return len(self.clearance)
@@ -97,6 +103,7 @@ class Readings:
             speed=np.zeros(count),
             joint_miss=np.zeros(count),
             valid=np.zeros(count, dtype=bool),
+            undecided=np.zeros(count, dtype=bool),
         )
 
     @classmethod

@@ -26,6 +26,12 @@ MakePhysics: TypeAlias = Callable[[], Physics]
 _Chunk: TypeAlias = tuple[Readings, int, int]
 
 
+def cut(pairs: Sequence[Pair], workers: int) -> list[Sequence[Pair]]:
+    """Chunks of a batch, small enough for so many workers to share it evenly."""
+    size = max(1, min(CHUNK, len(pairs) // (4 * max(1, workers))))
+    return [pairs[start : start + size] for start in range(0, len(pairs), size)]
+
+
 class PhysicsPool:
     """Runs a back-end in worker processes.
 
@@ -81,8 +87,7 @@ class PhysicsPool:
         sensor_count(pairs)
         if not pairs:
             return Readings.empty(0, 0)
-        size = max(1, min(CHUNK, len(pairs) // (4 * self._jobs)))  # small enough to share evenly
-        chunks = [pairs[start : start + size] for start in range(0, len(pairs), size)]
+        chunks = cut(pairs, self._jobs)
         done: dict[int, _Chunk] = {}
         failures = 0
         while len(done) < len(chunks):

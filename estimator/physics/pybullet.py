@@ -99,6 +99,10 @@ class PyBulletPhysics:
             self._engine.disconnect(physicsClientId=self._client)
             self._client = -1
 
+    def start_afresh(self) -> None:
+        """Builds the next body in a new world, as if the engine had just been started."""
+        self._bodies = 0
+
     def read(self, pairs: Sequence[Pair]) -> Readings:
         """Simulates one interaction per pair; see ``Physics.read``."""
         if self._client < 0:
@@ -118,7 +122,7 @@ class PyBulletPhysics:
                 self._run(body, angles)
                 self._sense(body, morphology, angles, readings, row)
             except self._engine.error as error:
-                self._bodies = 0  # who knows what is left in the world
+                self.start_afresh()  # who knows what is left in the world
                 raise PhysicsError(f"PyBullet cannot simulate a body: {error}") from error
         return readings
 

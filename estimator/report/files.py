@@ -24,10 +24,15 @@ LENGTHS_WITH_TRUTH: Final = "plots/lengths_with_truth.png"
 VALIDATION: Final = "validation.json"
 
 
-def write_report(store: RunStore, problem: Problem) -> Result:
+def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Result:
     """Writes all derived files and returns what ``result.json`` holds.
 
     Each file is replaced as a whole, so nobody reads half of one.
+
+    Args:
+        store: The run.
+        problem: Its problem.
+        plots: Whether to draw, which takes longer than all the rest.
     """
     result = summarise(store, problem)
     joints = [joint.name for joint in store.capabilities.joints]
@@ -39,7 +44,7 @@ def write_report(store: RunStore, problem: Problem) -> Result:
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace(store.directory / ROBOT, lambda path: _text(path, robot))
     generations = store.generations()
-    if generations:
+    if generations and plots:
         genome = Genome(problem, problem.base(store.capabilities))
         names = [leg.joint for leg in result.legs]
         replace(store.directory / ERRORS, lambda path: plot_errors(path, generations))

@@ -18,13 +18,20 @@ from estimator.report.result import driven_limbs
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 """The paper's arrows: left, forward, right and back leg."""
 
-_COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by the colour-blind
+COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by the colour-blind
 _DPI: Final = 120
 
 
 def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
     """The subjective error of every model over generations; a line where an iteration ends."""
-    figure, axes = _axes("subjective error of each model")
+    figure, axes = _axes()
+    draw_errors(axes, generations)
+    _save(figure, path)
+
+
+def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
+    """The same into a panel."""
+    label(axes, "subjective error of each model")
     for generation in generations:
         errors = np.array(generation.errors)
         errors = errors[np.isfinite(errors)]
@@ -32,11 +39,10 @@ def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
             np.full(len(errors), generation.number), errors, ".", color="0.55", markersize=2.5
         )
     best = [min(generation.errors) for generation in generations]
-    axes.plot(range(len(best)), best, "-", color=_COLOURS[0], linewidth=1.2, label="best model")
+    axes.plot(range(len(best)), best, "-", color=COLOURS[0], linewidth=1.2, label="best model")
     axes.set_yscale("log")
     axes.legend(loc="upper right", frameon=False)
-    _iterations(axes, generations)
-    _save(figure, path)
+    mark_iterations(axes, generations)
 
 
 def plot_lengths(
@@ -55,16 +61,30 @@ def plot_lengths(
         names: Names of the legs' joints.
         targets: True length of each leg, m; dots at the right, where they are known.
     """
-    figure, axes = _axes("leg length of the best model (cm)")
+    figure, axes = _axes()
+    draw_lengths(axes, generations, genome, names, targets)
+    _save(figure, path)
+
+
+def draw_lengths(
+    axes: Axes,
+    generations: Sequence[Generation],
+    genome: Genome,
+    names: Sequence[str],
+    targets: Sequence[float] = (),
+) -> None:
+    """The same into a panel."""
+    label(axes, "leg length of the best model (cm)")
     bodies = [genome.decode(np.array(generation.best)) for generation in generations]
     numbers = [generation.number for generation in generations]
     for leg, name in enumerate(names):
         limbs = [driven_limbs(body)[leg] for body in bodies]
-        colour = _COLOURS[leg % len(_COLOURS)]
+        colour = COLOURS[leg % len(COLOURS)]
         axes.plot(
             numbers,
             [limb.length * 100 for limb in limbs],
             marker=MARKERS[limbs[-1].side_name] if limbs else "o",
+            markevery=max(1, len(numbers) // 60),
             color=colour,
             markersize=4.5,
             linewidth=0.8,
@@ -77,22 +97,24 @@ def plot_lengths(
     axes.set_ylim(bottom=0)
     if names:
         axes.legend(loc="best", frameon=False, ncols=2, fontsize="small")
-    _iterations(axes, generations)
-    _save(figure, path)
+    mark_iterations(axes, generations)
 
 
-def _axes(label: str) -> tuple[Figure, Axes]:
+def _axes() -> tuple[Figure, Axes]:
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
+    return figure, figure.add_subplot()
+
+
+def label(axes: Axes, quantity: str) -> None:
+    """Names the axes of a panel over generations."""
     axes.set_xlabel("generation")
-    axes.set_ylabel(label)
+    axes.set_ylabel(quantity)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    return figure, axes
 
 
-def _iterations(axes: Axes, generations: Sequence[Generation]) -> None:
+def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
     """A vertical line where an iteration ends and a new interaction comes in."""
     last = {generation.iteration: generation.number for generation in generations}
     for number in last.values():

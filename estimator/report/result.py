@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
+from estimator.final_population import FinalPopulation
+from estimator.finish import pairs_turned
 from estimator.genome import Genome
 from estimator.limbs import Limb, limbs
-from estimator.morphology import BASE, HINGES, SIDES, Array, Morphology
+from estimator.morphology import BASE, HINGES, SIDES, Array, Morphology, Part
 from estimator.observation import Observation
 from estimator.problem import Problem
-from estimator.records import Counters
+from estimator.records import Counters, Finish
 from estimator.store import RunStore
 from protocol.capabilities import Capabilities
 
@@ -36,6 +38,7 @@ class PartFound(_Record):
         hinge: How a positive angle moves it.
         length_m: Joint axis to outermost tip, m.
         joint: The joint that turns it; ``None`` where it is locked.
+        agreement: Share of the population that attaches it in the same way: parent, side, hinge.
     """
 
     name: str
@@ -44,18 +47,21 @@ class PartFound(_Record):
     hinge: str
     length_m: float
     joint: str | None
+    agreement: float
 
 
 class ModelFound(_Record):
     """One model.
 
     Attributes:
-        sensor_error: Its subjective error.
+        sensor_error: Its subjective error; by PyBullet where that had the last word.
+        searched_error: The same as the search's physics saw it.
         leg_lengths_m: Length of each leg (what one motor turns as one piece), m.
         parts: Its configuration.
     """
 
     sensor_error: float
+    searched_error: float
     leg_lengths_m: tuple[float, ...]
     parts: tuple[PartFound, ...]
 
@@ -80,12 +86,29 @@ class LegFound(_Record):
     touched: bool | None
 
 
+class FinishFound(_Record):
+    """How far PyBullet, which has the last word, agrees with the physics that searched.
+
+    Attributes:
+        models: Leading distinct models that were simulated again.
+        pairs: Pairs of them.
+        pairs_turned: Pairs of which the two disagree which model is better.
+        best_changed: Whether PyBullet prefers another model to the search's best.
+    """
+
+    models: int
+    pairs: int
+    pairs_turned: int
+    best_changed: bool
+
+
 class Result(_Record):
     """The outcome of a run, so far.
 
     Attributes:
         complete: Whether all interactions are done and modelled.
         problem: Name of the problem.
+        searched: What was to be found, gene by gene.
         physics: Back-end that predicted what models feel.
         modalities: Modalities that the subjective error counts.
         seed: Source of all randomness.
@@ -102,11 +125,13 @@ class Result(_Record):
         sensor_error: Smallest subjective error in the population; ``None`` before the first.
         legs: The legs, in motor order.
         best_models: The best models, best first.
+        finish: How far PyBullet agrees, where something else searched.
         warnings: What a person should know before trusting this.
     """
 
     complete: bool
     problem: str
+    searched: tuple[str, ...]
     physics: str
     modalities: tuple[str, ...]
     seed: int
@@ -123,6 +148,7 @@ class Result(_Record):
     sensor_error: float | None
     legs: tuple[LegFound, ...]
     best_models: tuple[ModelFound, ...]
+    finish: FinishFound | None
     warnings: tuple[str, ...]
 
 
@@ -133,13 +159,16 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     generations = store.generations()
     counters = generations[-1].counters if generations else Counters()
     genome = Genome(problem, problem.base(capabilities))
-    population, errors = final_population(store)
-    order = np.argsort(errors, kind="stable")
-    bodies = [genome.decode(population[index]) for index in order]
+    population = FinalPopulation.of(store)
+    bodies = [genome.decode(population.genes[index]) for index in population.order]
+    end = store.finish()
+    if end is not None:
+        counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities)
     return Result(
         complete=len(generations) == settings.interactions * (settings.generations + 1),
         problem=problem.name,
+        searched=tuple(gene.name for gene in genome.genes),
         physics=settings.physics,
         modalities=settings.modalities,
         seed=settings.seed,
@@ -150,12 +179,19 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         robot=capabilities.to_map(),
         interactions=len(observations),
         **counters.model_dump(),
-        sensor_error=float(errors[order[0]]) if bodies else None,
+        sensor_error=float(population.errors[population.best]) if bodies else None,
         legs=legs,
         best_models=tuple(
-            _model(body, float(errors[index]), problem, capabilities)
-            for body, index in list(zip(bodies, order, strict=True))[:BEST_MODELS]
+            _model(
+                body,
+                (float(population.errors[index]), float(population.searched[index])),
+                problem,
+                capabilities,
+                bodies,
+            )
+            for body, index in list(zip(bodies, population.order, strict=True))[:BEST_MODELS]
         ),
+        finish=_finish(end),
         warnings=_warnings(legs, observations),
     )
 
@@ -163,15 +199,6 @@ def summarise(store: RunStore, problem: Problem) -> Result:
 def observed_so_far(store: RunStore) -> list[Observation]:
     """The observations of a run, in order."""
     return [item.observation for item in store.interactions() if item.observation is not None]
-
-
-def final_population(store: RunStore) -> tuple[Array, Array]:
-    """Genes, shape (n, genes), and errors, shape (n,), at the last checkpoint; empty before it."""
-    checkpoint = store.checkpoint()
-    if checkpoint is None:
-        return np.empty((0, 0)), np.empty(0)
-    population = np.array(checkpoint.state["population"], dtype=float)
-    return population, np.array(store.generations()[-1].errors, dtype=float)
 
 
 def driven_limbs(body: Morphology) -> tuple[Limb, ...]:
@@ -207,6 +234,18 @@ def versions() -> dict[str, str]:
     return found
 
 
+def _finish(end: Finish | None) -> FinishFound | None:
+    if end is None:
+        return None
+    turned, pairs = pairs_turned(end)
+    return FinishFound(
+        models=len(end.models),
+        pairs=pairs,
+        pairs_turned=turned,
+        best_changed=bool(end.models) and int(np.argmin(end.simulated)) != 0,
+    )
+
+
 def _legs(
     bodies: Sequence[Morphology], observations: Sequence[Observation], capabilities: Capabilities
 ) -> tuple[LegFound, ...]:
@@ -228,11 +267,16 @@ def _legs(
 
 
 def _model(
-    body: Morphology, error: float, problem: Problem, capabilities: Capabilities
+    body: Morphology,
+    errors: tuple[float, float],
+    problem: Problem,
+    capabilities: Capabilities,
+    population: Sequence[Morphology],
 ) -> ModelFound:
     names = [rule.name for rule in problem.parts]
     return ModelFound(
-        sensor_error=error,
+        sensor_error=errors[0],
+        searched_error=errors[1],
         leg_lengths_m=tuple(limb.length for limb in driven_limbs(body)),
         parts=tuple(
             PartFound(
@@ -242,10 +286,15 @@ def _model(
                 hinge=HINGES[part.hinge],
                 length_m=part.length,
                 joint=_joint(part.motor, capabilities),
+                agreement=float(np.mean([_alike(part, other.parts[row]) for other in population])),
             )
-            for name, part in zip(names, body.parts, strict=True)
+            for row, (name, part) in enumerate(zip(names, body.parts, strict=True))
         ),
     )
+
+
+def _alike(one: Part, other: Part) -> bool:
+    return (one.parent, one.side, one.hinge) == (other.parent, other.side, other.hinge)
 
 
 def _joint(motor: int | None, capabilities: Capabilities) -> str | None:

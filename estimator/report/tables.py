@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.table import Table
 
-from estimator.report.result import Result
+from estimator.configurations import Configuration
+from estimator.report.result import ModelFound, Result
 from estimator.score import Score
 from estimator.validate import Errors, Validation
 
@@ -25,6 +26,14 @@ def print_result(console: Console, result: Result) -> None:
     )
     if result.sensor_error is not None:
         console.print(f"Sensor (subjective) error of the best model: {result.sensor_error:.3f}.")
+    if result.finish is not None and result.best_models:
+        end, best = result.finish, result.best_models[0]
+        console.print(
+            f"PyBullet had the last word on {end.models} leading models: of {end.pairs} pairs it "
+            f"orders {end.pairs_turned} otherwise than {result.physics}, and it "
+            f"{'prefers another' if end.best_changed else 'keeps the'} best model (whose error "
+            f"is {best.sensor_error:.3f}, {best.searched_error:.3f} by {result.physics})."
+        )
     if result.legs:
         table = _table("leg", "side", "length (mm)", "spread (mm)", "5–95 % (mm)", "touched")
         for leg in result.legs:
@@ -38,8 +47,25 @@ def print_result(console: Console, result: Result) -> None:
                 _yes(leg.touched),
             )
         console.print(table)
+    if result.best_models and any(not name.startswith("length") for name in result.searched):
+        _print_parts(console, result.best_models[0])
     for warning in result.warnings:
         console.print(f"[yellow]Warning:[/] {warning}")
+
+
+def _print_parts(console: Console, model: ModelFound) -> None:
+    """How the best model's parts hang together, and how many other models think so too."""
+    table = _table("part", "sits on", "side", "positive angle", "length (mm)", "agreed (%)")
+    for part in model.parts:
+        table.add_row(
+            part.name,
+            part.parent,
+            part.side,
+            part.hinge if part.joint else "[dim]not felt[/]",
+            _mm(part.length_m),
+            f"{100 * part.agreement:.0f}",
+        )
+    console.print(table)
 
 
 def print_score(console: Console, score: Score) -> None:
@@ -61,13 +87,45 @@ def print_score(console: Console, score: Score) -> None:
         f"{_mm(score.mean_leg_error_touched_m)} mm, legs that never did "
         f"{_mm(score.mean_leg_error_never_touched_m)} mm."
     )
-    known = "" if score.configurations_searched else " (given by the problem, not searched)"
+    _print_configurations(console, score)
+    for sentence in score.not_representable:
+        console.print(f"[yellow]Not representable:[/] {sentence}.")
+
+
+def _print_configurations(console: Console, score: Score) -> None:
+    """What of the attachments is right; each part's, where the problem left any to be found."""
+    known = "" if score.configurations_informative else " (given by the problem, not searched)"
     console.print(
         f"Configurations right: {score.configurations_right} of {score.configurations_total}"
         f"{known}, {score.configurations_right_up_to_equivalence} up to equivalence."
     )
-    for sentence in score.not_representable:
-        console.print(f"[yellow]Not representable:[/] {sentence}.")
+    if not score.configurations_informative:
+        return
+    console.print(
+        f"Of the {score.configurations_informative} that might have been wrong: "
+        f"{score.configurations_informative_right} right, "
+        f"{score.configurations_informative_right_up_to_equivalence} up to equivalence. By chance "
+        f"{score.configurations_chance:.2f} of {score.configurations_total} would be."
+    )
+    table = _table("part", "P: sits on", "O: side", "J: positive angle", justify="left")
+    parts = dict.fromkeys(item.part for item in score.configurations)
+    for part in parts:
+        cells = {item.trait: item for item in score.configurations if item.part == part}
+        table.add_row(
+            part,
+            *(
+                _verdict(cells[trait]) if trait in cells else "[dim]not felt[/]"
+                for trait in ("parent", "side", "hinge")
+            ),
+        )
+    console.print(table)
+
+
+def _verdict(found: Configuration) -> str:
+    if found.right:
+        return f"[green]■[/] {found.found}"
+    mark = "[yellow]≈[/]" if found.right_up_to_equivalence else "[red]□[/]"
+    return f"{mark} {found.found} [dim](true: {found.true})[/]"
 
 
 def print_validation(console: Console, validation: Validation) -> None:
@@ -87,10 +145,10 @@ def print_validation(console: Console, validation: Validation) -> None:
         console.print(f"{validation.invalid_predictions} predictions were invalid and left out.")
 
 
-def _table(*columns: str) -> Table:
+def _table(*columns: str, justify: JustifyMethod = "right") -> Table:
     table = Table(box=None, pad_edge=False, header_style="bold")
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else "right")
+        table.add_column(column, justify="left" if index == 0 else justify)
     return table
 
 

@@ -9,7 +9,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from estimator.errors import EstimatorError
@@ -17,14 +17,21 @@ from estimator.robot_link.base import RobotLink
 from estimator.robot_link.by_hand import open_by_hand
 from estimator.robot_link.replay import open_replay
 from estimator.robot_link.wire import WireLink
+from protocol.capabilities import Capabilities
 
 
-def open_robot(uri: str, *, driven: Collection[int], client_id: str, first_id: int) -> RobotLink:
+def open_robot(
+    uri: str,
+    *,
+    driven: Callable[[Capabilities], Collection[int]],
+    client_id: str,
+    first_id: int,
+) -> RobotLink:
     """Reaches a robot, or opens a record of one.
 
     Args:
         uri: See the module's table.
-        driven: Motors that the problem drives.
+        driven: Says which motors of a robot the problem drives.
         client_id: The name under which requests reach the robot.
         first_id: The first request id that this connection may use.
 

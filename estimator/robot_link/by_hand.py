@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,12 +28,13 @@ _SLEW: Final = math.radians(60.0)  # the paper's servos
 _CAP: Final = 0.2  # m
 
 
-def open_by_hand(path: Path, driven: Collection[int]) -> Record:
+def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) -> Record:
     """Readings by hand as a robot link.
 
     Args:
         path: The table.
-        driven: Motors whose angle every row must say; the others stand at 0 without a column.
+        driven: Says which motors' angles every row must say; the others stand at 0 without a
+            column.
 
     Raises:
         ReadingsError: A file cannot be read or is wrong; the message names it and the reason.
@@ -48,7 +49,7 @@ def open_by_hand(path: Path, driven: Collection[int]) -> Record:
             f"{path}: the robot has no joint {', '.join(unknown)}; {robot} names "
             f"{', '.join(names)}."
         )
-    missing = [names[motor] for motor in driven if motor < len(names)]
+    missing = [names[motor] for motor in driven(capabilities) if motor < len(names)]
     missing = [name for name in missing if name not in table.joints]
     if missing:
         raise ReadingsError(

@@ -1,6 +1,6 @@
 """A URDF in the words of a genome: limbs with parent, side, hinge and length.
 
-Links joined by fixed joints, and by revolute ones that the run never drove, are one limb. A limb's
+Links joined by fixed joints, and by revolute ones that nobody asks for, are one limb. A limb's
 side is the one whose place of attachment is nearest to its joint, its hinge the one whose axis is
 nearest, its length the distance from joint to far end. Where that is only the nearest and not what
 the body is, no genome can be right, and the limb says so.
@@ -61,18 +61,19 @@ def true_limbs(path: Path, motors: Mapping[str, int]) -> tuple[TrueLimb, ...]:
 
     Args:
         path: The URDF file.
-        motors: Names of the joints that the run drove, with their motor numbers.
+        motors: Names of the joints that carry a limb, with the numbers by which the limbs are
+            known: the motors, or any other way of counting.
 
     Raises:
-        TruthError: The file is no URDF of the supported subset, or lacks a driven joint.
+        TruthError: The file is no URDF of the supported subset, or lacks one of the joints.
     """
     urdf = read_urdf(path)
     revolute = {joint.name for joint in urdf.joints if joint.kind == "revolute"}
     missing = sorted(motors.keys() - revolute)
     if missing:
         raise TruthError(
-            f"{path} has no revolute joint named {', '.join(missing)}, which the run drove: give "
-            "the URDF of the robot that the run talked to."
+            f"{path} has no revolute joint named {', '.join(missing)}: give the URDF of the robot "
+            "that the run talked to."
         )
     return _Reader(urdf, motors).limbs()
 

@@ -1,6 +1,7 @@
 """The part of URDF that a scorer needs: links with simple shapes, fixed and revolute joints.
 
-Visuals, inertias, materials and anything else that does not shape a body are skipped.
+Visuals, materials and anything else that does not shape a body are skipped. Masses are not needed,
+but a mass of 0 is no body's and is refused.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import math
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
+from lxml import etree
 from pydantic import AfterValidator, Field, ValidationError
 from pydantic_xml import BaseXmlModel, ParsingError, attr, element
 
@@ -83,10 +85,23 @@ class Collision(_Element, tag="collision"):
     geometry: Geometry = element()
 
 
+class Mass(_Element, tag="mass"):
+    """kg."""
+
+    value: _Positive = attr()
+
+
+class Inertial(_Element, tag="inertial"):
+    """The mass of a link."""
+
+    mass: Mass = element()
+
+
 class Link(_Element, tag="link"):
     """A rigid body."""
 
     name: str = attr(min_length=1)
+    inertial: Inertial | None = element(default=None)
     collisions: list[Collision] = element(tag="collision", default=[])
 
 
@@ -135,7 +150,7 @@ def read_urdf(path: Path) -> Urdf:
             no tree; the message names file, element and reason.
     """
     try:
-        urdf = Urdf.from_xml(path.read_bytes())
+        urdf = Urdf.from_xml_tree(_grouped(path.read_bytes()))  # type: ignore[arg-type]
     except OSError as error:
         raise TruthError(f"{path} cannot be read: {error.strerror}.") from error
     except SyntaxError as error:  # what lxml raises derives from it
@@ -148,6 +163,18 @@ def read_urdf(path: Path) -> Urdf:
         raise TruthError(f"{path} is no URDF file: {error}.") from error
     _check_tree(path, urdf)
     return urdf
+
+
+def _grouped(text: bytes) -> etree._Element:
+    """The file with each kind of element together: the validator needs it.
+
+    It searches for elements by exchanging them with those that stand in their place, so joints
+    between links, or collisions before a mass, would come out of document order.
+    """
+    root = etree.fromstring(text, etree.XMLParser(remove_comments=True, resolve_entities=False))
+    for parent in root.iter():
+        parent[:] = sorted(parent, key=lambda child: child.tag in ("joint", "collision"))
+    return root
 
 
 def _check_tree(path: Path, urdf: Urdf) -> None:

@@ -1,4 +1,4 @@
-"""Random bodies and one engine for the estimator's tests."""
+"""Random bodies and one engine of each kind for the estimator's tests."""
 
 from collections.abc import Callable, Iterator
 from typing import TypeAlias
@@ -8,6 +8,7 @@ import pytest
 
 from estimator.morphology import BASE, Base, Morphology, Part
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
 
 MakeBody: TypeAlias = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
@@ -17,6 +18,12 @@ DENSITY = 1000.0
 @pytest.fixture(scope="session")
 def physics() -> Iterator[PyBulletPhysics]:
     with PyBulletPhysics() as engine:
+        yield engine
+
+
+@pytest.fixture(scope="session")
+def statics() -> Iterator[StaticsPhysics]:
+    with StaticsPhysics() as engine:
         yield engine
 
 

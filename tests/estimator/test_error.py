@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from estimator.error import Observed, check_modalities, interaction_errors
+from estimator.error import Observed, check_modalities, interaction_errors, largest
 from estimator.errors import EstimatorError
 from estimator.physics.base import Readings
 
@@ -68,6 +68,26 @@ def test_missing_readings_add_nothing() -> None:
 
 def test_an_invalid_reading_never_outranks_a_valid_one() -> None:
     assert interaction_errors(readings(), observed())[1] == math.inf
+
+
+def test_an_undecided_pose_adds_nothing_to_the_largest_error() -> None:
+    found = readings()
+    decided = interaction_errors(found, observed())
+    found.undecided[:] = True
+    balanced = interaction_errors(found, observed())
+    assert balanced.tolist() == [0.0, math.inf]  # an invalid reading stays invalid
+    undecided = np.array([[False, False], [True, True]])
+    assert largest(np.stack([decided, balanced]), undecided).tolist() == [decided[0], math.inf]
+
+
+def test_undecided_poses_carry_no_weight_whatever_they_read() -> None:
+    errors = np.array([[1.0, 1.0, 7.0], [9.0, 2.0, 8.0], [3.0, 4.0, 9.0]])
+    undecided = np.zeros((3, 3), dtype=bool)
+    undecided[1, 0] = True
+    undecided[:2, 2] = True
+    # the third is undecided in most interactions: what is left is no evidence
+    assert largest(errors, undecided).tolist() == [3.0, 4.0, math.inf]
+    assert largest(errors[:0], undecided[:0]).tolist() == [0.0, 0.0, 0.0]
 
 
 def test_touch_sensors_must_be_equally_many() -> None:

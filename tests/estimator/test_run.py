@@ -11,13 +11,14 @@ from pathlib import Path
 
 import pytest
 
+from estimator.backends import in_processes
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.listener import Listener
 from estimator.physics.base import Physics, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.records import Generation
 from estimator.report.result import Result
-from estimator.run import Order, identify, in_processes, resume
+from estimator.run import Order, identify, resume
 from estimator.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
 from tests.estimator.model_robot import ModelRobot, make_order, serving
@@ -71,7 +72,7 @@ def test_a_run_finds_the_legs_that_touched(uninterrupted: tuple[Result, Path]) -
     assert result.complete
     assert (result.interactions, result.simulations_requested) == (2, 8 * (1 + 2 + 2 + 2 * 2))
     assert 0 < result.simulations_run <= result.simulations_requested
-    assert result.steps == 300 * result.simulations_run
+    assert result.simulations_run < result.steps < 300 * result.simulations_run  # stops at rest
     assert [leg.joint for leg in result.legs] == ["left", "front", "right", "back"]
     errors = [min(generation.errors) for generation in history(directory)]
     assert errors[2] <= errors[1] <= errors[0]
@@ -236,7 +237,7 @@ def test_nothing_is_left_behind_where_no_robot_answers(
     with serving(ModelRobot()) as uri:
         pass
     order = make_order(tmp_path, uri)
-    with pytest.raises(RobotUnreachableError, match="no robot daemon runs there"):
+    with pytest.raises(RobotUnreachableError, match="no robot daemon runs"):
         identify(tmp_path / "run", order, here, Witness())
     assert not (tmp_path / "run").exists()
 

@@ -5,7 +5,7 @@ import pytest
 
 from estimator.errors import TruthError
 from estimator.observation import Observation
-from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
 from estimator.problem import Problem
 from estimator.records import Counters, Generation, RunSettings
 from estimator.score import score
@@ -31,9 +31,12 @@ def write_truth(path: Path, *, lengths: tuple[float, ...], axis_of_front: str = 
 
 
 def make_run(
-    folder: Path, lengths: tuple[float, ...], text: str = PROBLEM
+    folder: Path, lengths: tuple[float, ...], text: str = PROBLEM, more: tuple[float, ...] = ()
 ) -> tuple[RunStore, Problem]:
-    """A run that ended with one model of the given lengths; its right leg never touched."""
+    """A run that ended with one model of the given lengths; its right leg never touched.
+
+    ``more`` are genes before the last length, where the text leaves more to be found.
+    """
     problem = Problem.parse(text, "test")
     settings = RunSettings(
         robot="replay:x",
@@ -50,18 +53,19 @@ def make_run(
     store.plan(0, (0.0,) * 4)
     store.observe(0, Observation(angles=(0.0,) * 4, touch=(True, True, False, True)))
     genes = ((np.array(lengths) - 0.05) / 0.2).tolist()
+    genes[-1:] = [*more, genes[-1]]
     generation = Generation(
         number=0, iteration=0, errors=(2.0, 1.0), best=tuple(genes), counters=Counters()
     )
-    store.save(generation, {"population": [[0.0] * 4, genes]})
+    store.save(generation, {"population": [[0.0] * len(genes), genes]})
     return store, problem
 
 
-def test_lengths_are_compared_leg_by_leg(tmp_path: Path, physics: PyBulletPhysics) -> None:
+def test_lengths_are_compared_leg_by_leg(tmp_path: Path, statics: StaticsPhysics) -> None:
     store, problem = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16, 0.16, 0.16, 0.16))
     with store:
-        found = score(store, problem, truth, physics)
+        found = score(store, problem, truth, statics)
     assert found.joints == JOINTS
     assert found.leg_errors_signed_m == pytest.approx([0.01, -0.01, 0.04, 0.0], abs=1e-9)
     assert found.leg_errors_m == pytest.approx([0.01, 0.01, 0.04, 0.0], abs=1e-9)
@@ -72,47 +76,46 @@ def test_lengths_are_compared_leg_by_leg(tmp_path: Path, physics: PyBulletPhysic
     assert found.mean_leg_error_never_touched_m == pytest.approx(0.04)
     assert (found.configurations_right, found.configurations_total) == (12, 12)
     assert found.configurations_right_up_to_equivalence == 12
-    assert found.configurations_searched == 0
+    assert found.configurations_informative == 0
     assert not found.not_representable
 
 
 def test_a_wrong_hinge_counts_as_one_wrong_configuration(
-    tmp_path: Path, physics: PyBulletPhysics, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, statics: StaticsPhysics
 ) -> None:
-    monkeypatch.setattr("estimator.score.PROGRAMS", 30)
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     down = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 1 0")
     with store:
-        found = score(store, problem, down, physics)
+        found = score(store, problem, down, statics)
     assert found.configurations_right == found.configurations_right_up_to_equivalence == 11
 
 
 def test_what_cannot_be_felt_is_right_up_to_equivalence(
-    tmp_path: Path, physics: PyBulletPhysics, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, statics: StaticsPhysics
 ) -> None:
-    monkeypatch.setattr("estimator.score.PROGRAMS", 30)
-    rolling = PROBLEM.replace('side = "front"\nhinge = "up"', 'side = "front"\nhinge = "roll_left"')
+    up, roll = (f'side = "front"\nhinge = "{kind}"' for kind in ("up", "roll_left"))
+    rolling = PROBLEM.replace(up, roll)
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16), rolling)
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="1 0 0")
     with store:
-        found = score(store, problem, truth, physics)
+        found = score(store, problem, truth, statics)
     assert found.configurations_right == 11
     assert found.configurations_right_up_to_equivalence == 12
 
 
 def test_what_no_genome_can_say_is_wrong_and_listed(
-    tmp_path: Path, physics: PyBulletPhysics
+    tmp_path: Path, statics: StaticsPhysics
 ) -> None:
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 -1 0.3")
     with store:
-        found = score(store, problem, truth, physics)
+        found = score(store, problem, truth, statics)
     assert found.configurations_right == found.configurations_right_up_to_equivalence == 11
     (sentence,) = found.not_representable
     assert sentence.startswith("front has its axis 17 degrees")
 
 
-def test_another_robots_truth_is_refused(tmp_path: Path, physics: PyBulletPhysics) -> None:
+def test_another_robots_truth_is_refused(tmp_path: Path, statics: StaticsPhysics) -> None:
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     with store, pytest.raises(TruthError, match="no revolute joint named"):
-        score(store, problem, Path("sim_robot/bodies/quadruped.urdf"), physics)
+        score(store, problem, Path("sim_robot/bodies/quadruped.urdf"), statics)

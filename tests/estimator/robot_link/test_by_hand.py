@@ -19,7 +19,9 @@ def opened(
     if robot is not None:
         text = robot if isinstance(robot, str) else json.dumps(robot)
         (folder / "robot.json").write_text(text)
-    return open_robot(f"file:{folder}/readings.csv", driven=driven, client_id="me", first_id=1)
+    return open_robot(
+        f"file:{folder}/readings.csv", driven=lambda _: driven, client_id="me", first_id=1
+    )
 
 
 def test_three_lines_by_hand_are_a_robot(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ def connect(uri: str, first_id: int = 1) -> WireLink:
 def test_an_observation_over_the_wire() -> None:
     robot = ModelRobot()
     with serving(robot) as uri:
-        link = open_robot(uri, driven=(0,), client_id="me", first_id=70)
+        link = open_robot(uri, driven=lambda _: (0,), client_id="me", first_id=70)
         assert link.capabilities.robot == "model"
         assert link.recorded is None
         ticket = link.ticket()
@@ -97,4 +97,4 @@ def test_a_second_controller_is_refused() -> None:
 @pytest.mark.parametrize("uri", ["", "robot", "http://localhost", "file:", "replay:", "tcp:5750"])
 def test_what_names_no_robot_is_refused(uri: str) -> None:
     with pytest.raises(EstimatorError, match="names no robot: write tcp://"):
-        open_robot(uri, driven=(0,), client_id="me", first_id=1)
+        open_robot(uri, driven=lambda _: (0,), client_id="me", first_id=1)

@@ -117,5 +117,5 @@ def test_a_wide_box_is_as_long_as_it_reaches_away_from_the_body(tmp_path: Path) 
 
 
 def test_another_robots_body_is_refused() -> None:
-    with pytest.raises(TruthError, match="no revolute joint named tail, which the run drove"):
+    with pytest.raises(TruthError, match="no revolute joint named tail: give"):
         true_limbs(Path("sim_robot/bodies/quadruped.urdf"), {"hip_left": 0, "tail": 1})

@@ -50,6 +50,11 @@ def test_what_does_not_shape_a_body_is_skipped(tmp_path: Path) -> None:
             "a box, a cylinder or a sphere",
         ),
         (f"<robot>{BODY.replace('1 1 1', '1 1 wide')}</robot>", "could not convert"),
+        (
+            f"<robot>{BODY}<link name='leg'><inertial><mass value='0'/></inertial></link>"
+            f"{joint()}</robot>",
+            "links.1.inertial.mass.value: .*greater than 0",
+        ),
     ],
 )
 def test_what_is_no_truth_is_refused_with_the_file(

@@ -1,0 +1,135 @@
+"""The PyBullet back-end on the topological workload, against the plain loop in the same run.
+
+The plain loop is what one would write first: reset, build, 300 steps, read, one body after the
+other in one process. Ours stops at rest and drops a child that can no longer win. Both are counted
+in simulations *requested*, which is what a search asks for, per second of CPU.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import time
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from estimator.genome import Genome
+from estimator.modelling import Modeller
+from estimator.observation import Observation
+from estimator.physics.base import Pair, Physics, Settings
+from estimator.physics.pool import PhysicsPool
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.problem import Problem
+from estimator.records import Counters
+from estimator.search.deterministic_crowding import DeterministicCrowding
+from robot.daemon import describe
+from sim_robot.body import default_body_path, load_body
+from sim_robot.noise import NoiseLevels
+from sim_robot.wiring import configure
+
+POPULATION = 100
+GENERATIONS = 6
+INTERACTIONS = 9
+PLAIN = 300  # simulations of the plain loop
+
+
+def _workload() -> tuple[Problem, Genome, list[Observation]]:
+    """The topological problem, and what one of its bodies feels."""
+    body = load_body(default_body_path())
+    capabilities = describe(configure(body, port="", levels=NoiseLevels()))
+    problem = Problem.load("topological").for_robot(capabilities)
+    genome = Genome(problem, problem.base(capabilities))
+    rng = np.random.default_rng(0)
+    truth = genome.decode(rng.random(genome.size))
+    programs = [problem.random_program(rng, capabilities) for _ in range(INTERACTIONS)]
+    with PyBulletPhysics(Settings(full_steps=True)) as physics:
+        felt = physics.read([(truth, program) for program in programs])
+    observations = [
+        Observation(
+            angles=tuple(program.tolist()),
+            touch=tuple(bool(bit) for bit in felt.touch[row]),
+            tilt=(float(felt.tilt[row, 0]), float(felt.tilt[row, 1])),
+            clearance=float(felt.clearance[row]),
+        )
+        for row, program in enumerate(programs)
+    ]
+    return problem, genome, observations
+
+
+def _pairs(genome: Genome, observations: list[Observation], count: int) -> list[Pair]:
+    rng = np.random.default_rng(1)
+    return [
+        (
+            genome.decode(rng.random(genome.size)),
+            np.array(observations[index % len(observations)].angles),
+        )
+        for index in range(count)
+    ]
+
+
+def plain_loop() -> float:
+    """Simulations per CPU second of the plain loop: a fresh world for every body, all steps."""
+    _, genome, observations = _workload()
+    pairs = _pairs(genome, observations, PLAIN)
+    start = time.process_time()
+    with PyBulletPhysics(Settings(full_steps=True)) as physics:
+        for pair in pairs:
+            physics.start_afresh()
+            physics.read([pair])
+    return PLAIN / (time.process_time() - start)
+
+
+def search(physics: Physics) -> tuple[int, int]:
+    """A short topological search; returns simulations requested and run."""
+    problem, genome, observations = _workload()
+    modeller = Modeller(genome, physics, ("touch", "tilt", "clearance"), Counters())
+    rng = np.random.default_rng(2)
+    crowd = DeterministicCrowding(
+        POPULATION, genome.size, rng, operators=problem.search.operators()
+    )
+    for number in range(1, INTERACTIONS + 1):
+        modeller.introduce(crowd, observations[:number])
+        for _ in range(GENERATIONS):
+            modeller.evolve(crowd, observations[:number])
+    counters = modeller.counters(0.0)
+    return counters.simulations_requested, counters.simulations_run
+
+
+def _in_process(work: Callable[[], object]) -> object:
+    """Does the work in a fresh process: PyBullet keeps memory, and the CPU clock is a process's."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(work)
+
+
+def _search_here() -> tuple[int, int, float]:
+    with PyBulletPhysics() as physics:
+        start = time.process_time()
+        requested, run = search(physics)
+        return requested, run, time.process_time() - start
+
+
+def _search_in_pool(jobs: int) -> float:
+    with PhysicsPool(partial(PyBulletPhysics, Settings()), jobs) as pool:
+        pool.read(_pairs(*_workload()[1:], 4 * jobs))  # workers start
+        start = time.perf_counter()
+        search(pool)
+        return time.perf_counter() - start
+
+
+def main() -> None:
+    """Prints the ratio to the plain loop, where it comes from, and the efficiency of two cores."""
+    plain = _in_process(plain_loop)
+    found = _in_process(_search_here)
+    assert isinstance(plain, float)
+    assert isinstance(found, tuple)
+    requested, run, seconds = found
+    rate = requested / seconds
+    print(f"PyBullet, plain loop: {plain:.0f} simulations per CPU second")
+    print(
+        f"PyBullet, ours: {rate:.0f} requested simulations per CPU second, "
+        f"{rate / plain:.1f} times the plain loop (floor 6, aim 8); "
+        f"{requested / run:.2f} requested for each one run"
+    )
+    one, two = _search_in_pool(1), _search_in_pool(2)
+    print(f"PyBullet, two workers: efficiency {one / two / 2:.2f} (floor 0.9)")

@@ -1,0 +1,59 @@
+"""The models that a run ends with, best first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.morphology import Array
+from estimator.store import RunStore
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinalPopulation:
+    """The population at a run's last checkpoint; empty before the first.
+
+    Attributes:
+        genes: Shape (n, genes).
+        errors: Subjective errors, shape (n,): by the reference back-end where it was asked.
+        searched: The same as the search saw them.
+        order: Indices, best first. Models that the reference back-end simulated come before the
+            others, in its order.
+    """
+
+    genes: Array
+    errors: Array
+    searched: Array
+    order: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.genes)
+
+    @property
+    def best(self) -> int:
+        """Index of the best model."""
+        return int(self.order[0])
+
+    @classmethod
+    def of(cls, store: RunStore) -> Self:
+        """Reads it from a run."""
+        checkpoint = store.checkpoint()
+        if checkpoint is None:
+            nothing = np.empty(0)
+            return cls(
+                genes=np.empty((0, 0)),
+                errors=nothing,
+                searched=nothing,
+                order=np.empty(0, dtype=np.intp),
+            )
+        genes = np.array(checkpoint.state["population"], dtype=float)
+        searched = np.array(store.generations()[-1].errors, dtype=float)
+        errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
+        found = store.finish()
+        if found is not None:
+            errors[list(found.models)] = found.simulated
+            later[list(found.models)] = False
+        return cls(genes=genes, errors=errors, searched=searched, order=np.lexsort((errors, later)))

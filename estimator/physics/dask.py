@@ -1,0 +1,91 @@
+"""A back-end on a Dask cluster, for more cores than this computer has.
+
+Each batch is cut into chunks, and a reading depends on its own pair only; so neither who did which
+chunk shows in the result, nor whether it was done twice because a worker was lost.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Sequence
+from typing import Final, Self, TypeAlias
+
+from estimator.cluster import Cluster
+from estimator.physics.base import Pair, Physics, Readings, sensor_count
+from estimator.physics.pool import MakePhysics, cut
+
+_TASK: Final = "simulate"
+_Chunk: TypeAlias = tuple[Readings, int, int]
+
+
+class DaskPhysics:
+    """Runs a back-end on the workers of a cluster, each with an engine that it keeps.
+
+    Args:
+        make: Makes the back-end, on the worker; must be picklable, such as
+            ``functools.partial(PyBulletPhysics, settings)``.
+        cluster: The cluster; stays open.
+    """
+
+    def __init__(self, make: MakePhysics, cluster: Cluster) -> None:
+        self._make = pickle.dumps(make)
+        self._cluster = cluster
+        self._simulations = 0
+        self._steps = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def simulations(self) -> int:
+        """How many interactions were simulated so far."""
+        return self._simulations
+
+    @property
+    def steps(self) -> int:
+        """How many time steps were computed so far."""
+        return self._steps
+
+    def close(self) -> None:
+        """Does nothing: workers keep their engines for the next run."""
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        """Simulates one interaction per pair; see ``Physics.read``.
+
+        Raises:
+            ClusterError: The cluster failed; what a worker that died was doing is another's.
+        """
+        sensor_count(pairs)
+        if not pairs:
+            return Readings.empty(0, 0)
+        futures = []
+        try:
+            for chunk in cut(pairs, self._cluster.workers):
+                futures.append(self._cluster.submit(_TASK, _simulate, self._make, chunk))
+            found: list[_Chunk] = [self._cluster.result(future) for future in futures]
+        except BaseException:
+            self._cluster.cancel(futures)
+            raise
+        self._simulations += sum(simulations for _, simulations, _ in found)
+        self._steps += sum(steps for _, _, steps in found)
+        return Readings.concatenate(readings for readings, _, _ in found)
+
+
+_engine: tuple[bytes, Physics] | None = None  # the worker's own, and how it was made
+
+
+def _simulate(make: bytes, chunk: Sequence[Pair]) -> _Chunk:
+    """What a worker does; it has one thread, so nobody else is using the engine."""
+    global _engine  # noqa: PLW0603  a worker process is one engine
+    if _engine is None or _engine[0] != make:
+        if _engine is not None:
+            _engine[1].close()
+            _engine = None
+        _engine = make, pickle.loads(make)()
+    physics = _engine[1]
+    simulations, steps = physics.simulations, physics.steps
+    readings = physics.read(chunk)
+    return readings, physics.simulations - simulations, physics.steps - steps

@@ -1,0 +1,13 @@
+"""The compiled part of the statics back-end.
+
+=============== ===================================================================================
+``compiling``   machine code: made once, kept on disk, announced where it takes seconds
+``links``       a tree of parts as rigid links, and where their points are at each step
+``contact``     which points touch, and whether the centre of mass is over them
+``rolling``     how a body gets to rest: about a vertex or an edge, or on with its three contacts
+``path``        one body from the planar pose to its motor program, and how sure its path is
+``batch``       many bodies
+=============== ===================================================================================
+
+Everything here is plain arrays and numbers. What the arrays' columns are is written in ``links``.
+"""

@@ -1,0 +1,158 @@
+"""Many bodies, one after another; what the back-end calls."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Final
+
+from estimator.morphology import Array
+from estimator.physics.base import Flags
+from estimator.physics.bodies import Integers
+from estimator.physics.kernel.compiling import entrance, stamp
+from estimator.physics.kernel.contact import depth
+from estimator.physics.kernel.links import STEPS, assemble
+from estimator.physics.kernel.path import gap, margin, settle, undecided, work_space
+
+_SOURCES: Final = stamp(Path(__file__).parent)
+
+
+def _make_rest(sources: int) -> Any:
+    @entrance
+    def rest(
+        start: int,
+        end: int,
+        count: Integers,
+        parent: Integers,
+        side: Integers,
+        hinge: Integers,
+        motor: Integers,
+        sensor: Integers,
+        length: Array,
+        radius: Array,
+        base: Array,
+        programs: Array,
+        pace: float,
+        reach: float,
+        cosines: Array,
+        sines: Array,
+        cap: float,
+        touch_gap: float,
+        doubtful_gap: float,
+        joint_tolerance: float,
+        touch: Flags,
+        doubtful: Flags,
+        tilt: Array,
+        clearance: Array,
+        saturated: Flags,
+        miss: Array,
+        valid: Flags,
+        balances: Flags,
+    ) -> int:
+        """Fills rows ``start`` to ``end`` of the readings.
+
+        ``programs`` has one row for all bodies or one for each.
+
+        Returns:
+            How many steps that took.
+        """
+        work = work_space(parent.shape[1])
+        steps = 0 * sources  # named here, so that the cache's key knows it
+        for row in range(start, end):
+            parts, own = count[row], base[row]
+            program = programs[row if len(programs) > 1 else 0]
+            links, points = assemble(
+                parent[row, :parts],
+                side[row],
+                hinge[row],
+                motor[row],
+                length[row],
+                radius[row],
+                own,
+                program,
+                reach,
+                pace,
+                work.tree,
+                work.joint,
+                work.points,
+                work.place,
+                work.at,
+            )
+            rested = settle(work, links, points, own, cosines, sines, pace, 0.0, 0.0)
+            balances[row] = undecided(work, links, points)
+            up_x, up_y, up_z = work.up[0], work.up[1], work.up[2]
+            deep = depth(work.points, points, up_x, up_y, up_z)
+            tilt[row, 0] = math.asin(max(-1.0, min(1.0, up_y)))
+            tilt[row, 1] = math.asin(max(-1.0, min(1.0, up_x)))
+            belly = max(0.0, deep - 0.5 * own[2] * up_z)
+            saturated[row] = not (up_z > 0 and belly < cap * up_z)
+            clearance[row] = cap if saturated[row] else belly / up_z
+            largest, longest = 0.0, 0
+            for part in range(parts):
+                link = work.place[part, 0]
+                longest = max(longest, work.tree[link, STEPS])
+                if motor[row, part] >= 0:
+                    largest = max(largest, abs(program[motor[row, part]]) - reach)
+                if sensor[row, part] >= 0:
+                    above = gap(work, link, deep)
+                    touch[row, sensor[row, part]] = above < touch_gap
+                    doubtful[row, sensor[row, part]] = 0 < above < doubtful_gap
+            miss[row] = largest
+            valid[row] = rested and largest <= joint_tolerance
+            steps += longest
+        return steps
+
+    return rest
+
+
+def _make_margins(sources: int) -> Any:
+    @entrance
+    def margins(
+        start: int,
+        end: int,
+        count: Integers,
+        parent: Integers,
+        side: Integers,
+        hinge: Integers,
+        motor: Integers,
+        length: Array,
+        radius: Array,
+        base: Array,
+        programs: Array,
+        pace: float,
+        reach: float,
+        cosines: Array,
+        sines: Array,
+        found: Array,
+    ) -> int:
+        """Fills rows ``start`` to ``end`` of the path margins; see ``rest``."""
+        work = work_space(parent.shape[1])
+        for row in range(start, end):
+            parts, own = count[row], base[row]
+            program = programs[row if len(programs) > 1 else 0]
+            links, points = assemble(
+                parent[row, :parts],
+                side[row],
+                hinge[row],
+                motor[row],
+                length[row],
+                radius[row],
+                own,
+                program,
+                reach,
+                pace,
+                work.tree,
+                work.joint,
+                work.points,
+                work.place,
+                work.at,
+            )
+            settle(work, links, points, own, cosines, sines, pace, 0.0, 0.0)
+            found[row] = margin(work, links, points, own, cosines, sines, pace)
+        return 0 * sources
+
+    return margins
+
+
+rest: Final = _make_rest(_SOURCES)
+margins: Final = _make_margins(_SOURCES)

@@ -1,0 +1,99 @@
+"""Machine code: made once per machine, kept on disk, announced where it takes seconds."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import numba
+from numba.core import event
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+_PAUSE: Final = (
+    "Compiling the statics kernel for this machine: a few seconds, once; later runs load it.\n"
+)
+
+
+_njit: Final[Callable[..., Any]] = numba.njit  # its types do not know all of its options
+_INNER: Final[dict[str, Any]] = {
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,  # called by the kernel alone
+    "no_cfunc_wrapper": True,
+}
+_LENT: Final[dict[str, Any]] = {**_INNER, "_nrt": False}
+"""Arrays are lent, not counted: atomic counters were a third of the kernel's time."""
+
+
+def compiled(function: _Function) -> _Function:
+    """A function for the kernel, working on arrays that it is given.
+
+    Arithmetic is IEEE's to the letter, in the order written.
+    """
+    found: _Function = _njit(**_LENT)(function)
+    return found
+
+
+def compiled_for_vectors(function: _Function) -> _Function:
+    """The same where the order of a maximum is free, so that several are compared at once.
+
+    Of finite numbers the largest is the largest in any order, and the sign of a zero is not looked
+    at. Nothing may be computed in another order or precision than written, so results are the same
+    to the bit wherever the mathematical library is.
+    """
+    found: _Function = _njit(**_LENT, fastmath={"nnan", "nsz"})(function)
+    return found
+
+
+def allocating(function: _Function) -> _Function:
+    """A function for the kernel that makes arrays."""
+    found: _Function = _njit(**_INNER)(function)
+    return found
+
+
+def entrance(function: _Function) -> _Function:
+    """A function called from Python: releases the interpreter, and its machine code is kept."""
+    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+    try:
+        found: _Function = _njit(cache=True, **options)(function)
+    except RuntimeError:  # nowhere to keep it: no writable directory
+        found = _njit(**options)(function)
+    return found
+
+
+def stamp(folder: Path) -> int:
+    """A number that changes with the kernel's sources.
+
+    The cache looks only at the file of the function that is called from Python. That function
+    closes over this number, which makes it part of the key.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(folder.glob("*.py")):
+        digest.update(path.read_bytes())
+    return int.from_bytes(digest.digest()[:6], "big")
+
+
+class _Announcement(event.Listener):
+    def on_start(self, event: object) -> None:
+        _explain()
+
+    def on_end(self, event: object) -> None:
+        pass
+
+
+@cache
+def _explain() -> None:
+    sys.stderr.write(_PAUSE)
+    sys.stderr.flush()
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Says on stderr, once, why it takes so long, if anything has to be compiled within."""
+    with event.install_listener("numba:compile", _Announcement()):
+        yield

@@ -1,0 +1,231 @@
+"""Where a body comes to rest, computed instead of simulated.
+
+With servos that hold their angles a robot is one rigid shape at every moment. All its contacts lie
+in one plane, so friction has no moment about any axis in that plane, and stable rest means that the
+centre of mass projects inside the polygon of the contacts: its height is a minimum over
+orientations. The body starts flat and each joint slews to its own target, so the minimum is
+followed while the shape changes, a step at a time. This is the limit of small inertia, or of slow
+slewing: what depends on momentum it cannot know, and ``path_margins`` says how near that is.
+
+* A pose is *undecided* where the centre of mass is balanced on the rim of its support, to within a
+  micrometre: a saddle. There the body is left balanced.
+* The *path margin* is the angle by which gravity may be inclined, forward, backward, left and
+  right, without the body landing elsewhere. Inclining gravity shifts the centre of mass by a share
+  of its height, so this one figure takes in the smallest margin of support along the path, the
+  energy barriers around the final pose and forks on the way down.
+
+Agreement with simulation, and what it depends on, is in ``docs/statics.md``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from typing import Any, Final, Self
+
+import numpy as np
+
+from estimator.errors import PhysicsError
+from estimator.morphology import Array
+from estimator.physics.base import Pair, Readings, Settings, sensor_count
+from estimator.physics.bodies import Bodies
+
+PACE: Final = math.radians(1.5)
+"""Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,
+7 land elsewhere than with steps thirty times smaller."""
+
+_FEWEST: Final = 100  # bodies worth waking another thread for: a quarter of a millisecond
+_FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
+
+
+class StaticsPhysics:
+    """Computes the resting pose of each body.
+
+    The settings' steps and time step count only in how far joints get; friction not at all.
+
+    Args:
+        settings: The world.
+        jobs: Number of threads; what is read does not depend on it.
+
+    Raises:
+        PhysicsError: There are no threads to be, or Numba is not installed.
+    """
+
+    def __init__(self, settings: Settings | None = None, *, jobs: int = 1) -> None:
+        if jobs < 1:
+            raise PhysicsError(f"there must be at least one thread, not {jobs}")
+        self._settings = settings or Settings()
+        self._jobs = jobs
+        self._threads: ThreadPoolExecutor | None = None
+        self._simulations = 0
+        self._steps = 0
+        try:
+            self._kernel: Any = importlib.import_module("estimator.physics.kernel.batch")
+            self._compiling: Any = importlib.import_module("estimator.physics.kernel.compiling")
+        except ImportError as error:
+            raise PhysicsError(
+                f"Numba cannot be imported ({error}): pip install 'bodyschema[estimator]'"
+            ) from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def simulations(self) -> int:
+        """How many interactions were computed so far."""
+        return self._simulations
+
+    @property
+    def steps(self) -> int:
+        """How many steps of the slew were computed so far."""
+        return self._steps
+
+    def close(self) -> None:
+        """Ends the threads; may be called twice. The next batch starts new ones."""
+        if self._threads is not None:
+            self._threads.shutdown()
+            self._threads = None
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        """Computes one interaction per pair; see ``Physics.read``."""
+        sensor_count(pairs)
+        if not pairs:
+            return Readings.empty(0, 0)
+        bodies, programs = _arrays(pairs)
+        return self.read_bodies(bodies, programs)
+
+    def read_bodies(self, bodies: Bodies, programs: Array) -> Readings:
+        """Computes one interaction per body, without an object per body.
+
+        Args:
+            bodies: n bodies.
+            programs: Angle of each motor, rad: shape (motors,) for all bodies, or (n, motors).
+
+        Returns:
+            One row per body.
+
+        Raises:
+            PhysicsError: The programs have a wrong shape or are not finite.
+        """
+        settings, count = self._settings, len(bodies)
+        readings = Readings.empty(count, bodies.sensors)
+        self._steps += self._share_out(
+            self._kernel.rest,
+            count,
+            (
+                bodies.count,
+                bodies.parent,
+                bodies.side,
+                bodies.hinge,
+                bodies.motor,
+                bodies.sensor,
+                bodies.length,
+                bodies.radius,
+                bodies.base,
+                *self._slew(_checked_programs(bodies, programs)),
+                settings.clearance_cap,
+                settings.touch_gap,
+                settings.doubtful_gap,
+                settings.joint_tolerance,
+                readings.touch,
+                readings.touch_doubtful,
+                readings.tilt,
+                readings.clearance,
+                readings.saturated,
+                readings.joint_miss,
+                readings.valid,
+                readings.undecided,
+            ),
+        )
+        self._simulations += count
+        return readings
+
+    def path_margins(self, pairs: Sequence[Pair]) -> Array:
+        """How sure the reading of each pair is, rad, shape (n,); see ``path_margins_of_bodies``."""
+        return self.path_margins_of_bodies(*_arrays(pairs)) if pairs else np.zeros(0)
+
+    def path_margins_of_bodies(self, bodies: Bodies, programs: Array) -> Array:
+        """How sure each reading is: the path margin, rad.
+
+        Costs as much as 5 readings where it is largest, 10 to 30 elsewhere.
+
+        Args:
+            bodies: n bodies.
+            programs: As for ``read_bodies``.
+
+        Returns:
+            Shape (n,); from 0 to the arc tangent of 0.5.
+
+        Raises:
+            PhysicsError: The programs have a wrong shape or are not finite.
+        """
+        found = np.zeros(len(bodies))
+        self._share_out(
+            self._kernel.margins,
+            len(bodies),
+            (
+                bodies.count,
+                bodies.parent,
+                bodies.side,
+                bodies.hinge,
+                bodies.motor,
+                bodies.length,
+                bodies.radius,
+                bodies.base,
+                *self._slew(_checked_programs(bodies, programs)),
+                found,
+            ),
+        )
+        return found
+
+    def _slew(self, programs: Array) -> tuple[Array, float, float, Array, Array]:
+        """Programs, turn per step, farthest turn, and cosine and sine after each step."""
+        settings = self._settings
+        reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
+        farthest = min(float(np.max(np.abs(programs), initial=0.0)), reach)
+        angles = PACE * np.arange(math.ceil(farthest / PACE) + 2)
+        return programs, PACE, reach, np.cos(angles), np.sin(angles)
+
+    def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
+        """Has all rows computed, each by one thread alone, so that sums have one order."""
+        if not function.signatures:
+            with self._compiling.announced():
+                function(0, 0, *arguments)
+        pieces = min(self._jobs, max(1, count // _FEWEST))
+        if pieces == 1:
+            return int(function(0, count, *arguments))
+        if self._threads is None:
+            self._threads = ThreadPoolExecutor(self._jobs, thread_name_prefix="statics")
+        ends = [count * piece // pieces for piece in range(pieces + 1)]
+        work = [
+            self._threads.submit(function, start, end, *arguments) for start, end in pairwise(ends)
+        ]
+        return sum(int(piece.result()) for piece in work)
+
+
+def _arrays(pairs: Sequence[Pair]) -> tuple[Bodies, Array]:
+    bodies = Bodies.of([morphology for morphology, _ in pairs])
+    programs = np.zeros((len(pairs), max(len(program) for _, program in pairs)))
+    for row, (morphology, program) in enumerate(pairs):
+        morphology.part_angles(program)  # refuses one that is too short for this very body
+        programs[row, : len(program)] = program
+    return bodies, programs
+
+
+def _checked_programs(bodies: Bodies, programs: Array) -> Array:
+    rows = np.ascontiguousarray(np.atleast_2d(np.asarray(programs, dtype=float)))
+    if rows.ndim != 2 or len(rows) not in (1, len(bodies)) or rows.shape[1] < bodies.motors:
+        raise PhysicsError(
+            f"{len(bodies)} bodies of {bodies.motors} motors need a motor program of at least so "
+            f"many angles, or one for each body, not an array of shape {np.shape(programs)}"
+        )
+    if not np.all(np.isfinite(rows)):
+        row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
+        raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")
+    return rows

@@ -1,0 +1,136 @@
+"""What the figures read of a finished run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from estimator.configurations import Comparison, Truth
+from estimator.genome import Genome
+from estimator.morphology import Array, Morphology
+from estimator.observation import Observation
+from estimator.physics.base import Settings
+from estimator.problem import Problem
+from estimator.records import Generation, Interaction, Prediction
+from estimator.report.files import RESULT, VALIDATION
+from estimator.report.result import Result, leg_lengths
+from estimator.reproduction.plan import PlannedRun
+from estimator.reproduction.single_run import SCORE, TRUTH, is_finished
+from estimator.run import problem_of
+from estimator.score import Score
+from estimator.store import RunStore
+from estimator.validate import Validation
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedRun:
+    """A run with its score.
+
+    Attributes:
+        run: What was planned.
+        problem: Its problem, written out for the robot.
+        genome: Decodes its models.
+        world: The world of its models.
+        truth: The robot's body, which the search never saw.
+        generations: The population after each generation.
+        interactions: What was performed and felt.
+        predictions: Fresh motor programs, predicted and then performed; empty where none were.
+        result: The run in numbers.
+        score: Its final best model against the truth.
+        validation: Its prediction errors; ``None`` where nothing was predicted.
+    """
+
+    run: PlannedRun
+    problem: Problem
+    genome: Genome
+    world: Settings
+    truth: Truth
+    generations: tuple[Generation, ...]
+    interactions: tuple[Interaction, ...]
+    predictions: tuple[Prediction, ...]
+    result: Result
+    score: Score
+    validation: Validation | None
+
+    @classmethod
+    def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
+        """Reads a run that ``single_run.is_finished`` says is."""
+        directory = run.directory(root)
+        validation = directory / VALIDATION
+        with RunStore.open(directory, to_write=False) as store:
+            problem = problem_of(store)
+            validations = store.validations()
+            return cls(
+                run=run,
+                problem=problem,
+                genome=Genome(problem, problem.base(store.capabilities)),
+                world=problem.settings(store.capabilities),
+                truth=Truth.read(root / TRUTH, problem, store.capabilities),
+                generations=tuple(store.generations()),
+                interactions=tuple(store.interactions()),
+                predictions=tuple(validations[-1]) if validations else (),
+                result=Result.model_validate_json((directory / RESULT).read_text("utf-8")),
+                score=Score.model_validate_json((directory / SCORE).read_text("utf-8")),
+                validation=Validation.model_validate_json(validation.read_text("utf-8"))
+                if validation.is_file()
+                else None,
+            )
+
+    @property
+    def iteration_ends(self) -> tuple[Generation, ...]:
+        """The last generation of each iteration."""
+        return tuple({item.iteration: item for item in self.generations}.values())
+
+    @property
+    def true_lengths(self) -> Array:
+        """Length of each leg of the robot, m, shape (legs,)."""
+        return np.array(self.score.true_lengths_m)
+
+    def best(self, generation: Generation) -> Morphology:
+        """The best model of a generation."""
+        return self.genome.decode(np.array(generation.best))
+
+    def best_lengths(self, generation: Generation) -> Array:
+        """Leg lengths of the best model of a generation, m, shape (legs,)."""
+        found: Array = leg_lengths([self.best(generation)])[0]
+        return found
+
+    def configurations_right(self, generation: Generation) -> tuple[bool, ...]:
+        """Which configurations the best model of a generation has right, in the genome's order."""
+        comparison = Comparison(self.problem, self.genome, self.best(generation), self.truth)
+        return tuple(item.right for item in comparison.configurations())
+
+    @property
+    def successful(self) -> bool:
+        """Whether the final best model has every configuration right."""
+        return self.score.configurations_right == self.score.configurations_total
+
+
+def observed(item: Interaction) -> Observation:
+    """What a performed interaction returned."""
+    assert item.observation is not None
+    return item.observation
+
+
+class Shelf:
+    """The finished runs below a reproduction's directory; others are not there.
+
+    Args:
+        root: The reproduction's directory.
+    """
+
+    def __init__(self, root: Path):
+        self.root = root
+
+    def score(self, run: PlannedRun) -> Score | None:
+        """A run's score, or ``None`` where it is not finished."""
+        if not is_finished(run, self.root):
+            return None
+        return Score.model_validate_json((run.directory(self.root) / SCORE).read_text("utf-8"))
+
+    def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
+        """Reads some runs, one at a time, in the order given."""
+        return (FinishedRun.read(run, self.root) for run in runs if is_finished(run, self.root))

@@ -1,0 +1,186 @@
+"""``report.md``: the whole reproduction for people, and ``runs.csv``, every run of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from estimator.report.files import replace
+from estimator.reproduction.claims_table import ClaimsTable
+from estimator.reproduction.figure import Drawn
+from estimator.reproduction.ledger import Session
+from estimator.reproduction.outputs import write_csv
+from estimator.reproduction.overall import in_words
+from estimator.reproduction.plan import (
+    PARAMETRIC,
+    PARAMETRIC_RUNS,
+    TOPOLOGICAL,
+    TOPOLOGICAL_RUNS,
+    Budget,
+)
+from estimator.reproduction.summary import Summary
+
+REPORT: Final = "report.md"
+HEADER: Final = (
+    *("problem", "modalities", "seed", "finished", "sensor_error", "mean_leg_error_m"),
+    *("mean_leg_error_touched_m", "mean_leg_error_never_touched_m"),
+    *("configurations_right", "configurations_right_up_to_equivalence", "configurations_total"),
+    *("touch_error", "tilt_error_deg", "clearance_error_mm"),
+    *("simulations_requested", "simulations_run", "wall_seconds", "failure"),
+)
+
+
+def write_report(
+    root: Path,
+    *,
+    budget: Budget,
+    sessions: Sequence[Session],
+    figures: Sequence[Drawn],
+    claims: ClaimsTable | None,
+    runs: Sequence[Summary],
+) -> None:
+    """Writes ``report.md`` and ``runs.csv``.
+
+    Args:
+        root: The reproduction's directory.
+        budget: What was asked of every run.
+        sessions: The starts of the command that made the runs.
+        figures: As drawn.
+        claims: The verdicts, if any figure bears on them.
+        runs: All runs, failed ones included.
+    """
+    write_csv(root / "runs.csv", HEADER, map(_csv_row, runs))
+    paragraphs = [
+        "# Reproduction of Bongard, Zykov and Lipson (2006)",
+        *_how(budget, sessions, runs),
+    ]
+    if claims is not None:
+        paragraphs += ["## Claims", *claims.markdown()]
+    for item in figures:
+        paragraphs.append(f"## Figure {item.name.removeprefix('fig')}")
+        if item.complete:
+            paragraphs.append(f"![Figure {item.name.removeprefix('fig')}]({item.name}.png)")
+        paragraphs += [f"*{item.caption}*", *item.sentences]
+        if item.complete:
+            paragraphs.append(
+                f"Numbers: [{item.name}.csv]({item.name}.csv), "
+                f"[{item.name}.json]({item.name}.json)."
+            )
+    paragraphs += ["## Runs", *_runs(runs)]
+    text = "\n\n".join(paragraphs) + "\n"
+    replace(root / REPORT, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+
+
+def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -> list[str]:
+    finished = [item.result for item in runs if item.result is not None]
+    seeds = sorted({item.run.seed for item in runs})
+    requested = sum(result.simulations_requested for result in finished)
+    done = sum(result.simulations_run for result in finished)
+    used = sorted(
+        {
+            ", ".join(f"{name} {version}" for name, version in sorted(result.versions.items()))
+            for result in finished
+        }
+    )
+    commands = "\n".join(
+        f"- `{item.command}` ({item.started}, {item.jobs} at a time, {in_words(item.seconds)})"
+        for item in sessions
+    )
+    own = "The paper's budgets: population, generations, interactions as in the problems."
+    if not budget.is_the_papers:
+        cut = ", ".join(
+            f"{name} {value}"
+            for name in ("interactions", "population", "generations")
+            if (value := getattr(budget, name)) is not None
+        )
+        own = f"**Not the paper's budgets**: {cut}. So nothing here says anything about the paper."
+    return [
+        "Made by:\n\n" + commands,
+        f"Physics: {budget.physics}. {own} Motor programs are random, as the paper's.",
+        f"{len(finished)} of {len(runs)} runs finished, seeds {seeds[0]} to {seeds[-1]} "
+        f"({_counts(runs)}); each through the protocol, with a sim-robotd process of its own whose "
+        "noise has the run's seed.",
+        f"Wall clock: {in_words(sum(item.seconds for item in sessions))}; the runs' own times "
+        f"add up to {in_words(sum(result.wall_seconds for result in finished))}. "
+        f"{requested:,} simulations requested, {done:,} simulated.",
+        *(f"Versions: {item}." for item in used),
+    ]
+
+
+def _counts(runs: Sequence[Summary]) -> str:
+    """How many runs there are of each kind, beside the paper's numbers."""
+    papers = {PARAMETRIC: PARAMETRIC_RUNS, TOPOLOGICAL: TOPOLOGICAL_RUNS}
+    found = Counter((item.run.problem, item.run.variant.name) for item in runs)
+    return ", ".join(
+        f"{count} {problem} with {variant}, the paper {papers[problem]}"
+        for (problem, variant), count in found.items()
+    )
+
+
+def _runs(runs: Sequence[Summary]) -> list[str]:
+    failed = [item for item in runs if item.failure is not None]
+    paragraphs = []
+    if failed:
+        lines = "\n".join(f"- {item.run.name}: {item.failure}" for item in failed)
+        paragraphs.append(
+            f"**{len(failed)} of {len(runs)} runs are not finished** and missing above; the same "
+            f"command tries them again:\n\n{lines}"
+        )
+    table = [
+        "| run | error | legs wrong by (mm) | right | up to equivalence | predictions wrong by | "
+        "simulations requested | simulated | s |",
+        "|---|---|---|---|---|---|---|---|---|",
+        *map(_markdown_row, runs),
+    ]
+    return [
+        *paragraphs,
+        "Error: subjective error of the best model. Right: configurations of the best model. "
+        "Predictions: of 20 fresh motor programs: share of touch bits, tilt, clearance.",
+        "\n".join(table),
+    ]
+
+
+def _markdown_row(item: Summary) -> str:
+    if item.result is None or item.score is None:
+        return f"| {item.run.name} | not finished |" + " |" * 7
+    errors = item.validation and item.validation.best_model
+    predictions = "–"
+    if errors and None not in (errors.touch, errors.tilt_deg, errors.clearance_mm):
+        predictions = f"{errors.touch:.0%}, {errors.tilt_deg:.1f}°, {errors.clearance_mm:.1f} mm"
+    score, result = item.score, item.result
+    total = score.configurations_total
+    searched = score.configurations_informative > 0
+    cells = (
+        item.run.name,
+        f"{result.sensor_error or 0.0:.2f}",
+        f"{score.mean_leg_error_m * 1000:.1f}",
+        f"{score.configurations_right} of {total}" if searched else "–",
+        f"{score.configurations_right_up_to_equivalence} of {total}" if searched else "–",
+        predictions,
+        f"{result.simulations_requested:,}",
+        f"{result.simulations_run:,}",
+        f"{result.wall_seconds:.0f}",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def _csv_row(item: Summary) -> tuple[object, ...]:
+    run, result, score = item.run, item.result, item.score
+    errors = item.validation and item.validation.best_model
+    return (
+        *(run.problem, run.variant.name, run.seed, int(item.failure is None)),
+        result and result.sensor_error,
+        score and score.mean_leg_error_m,
+        score and score.mean_leg_error_touched_m,
+        score and score.mean_leg_error_never_touched_m,
+        score and score.configurations_right,
+        score and score.configurations_right_up_to_equivalence,
+        score and score.configurations_total,
+        *(errors and errors.touch, errors and errors.tilt_deg, errors and errors.clearance_mm),
+        result and result.simulations_requested,
+        result and result.simulations_run,
+        result and round(result.wall_seconds, 3),
+        item.failure,
+    )

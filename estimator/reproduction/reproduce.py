@@ -1,0 +1,203 @@
+"""Does the runs that some figures need, as far as they are not done, and draws the figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from estimator.backends import BACKENDS
+from estimator.cluster import Cluster
+from estimator.errors import EstimatorError, RunDirectoryError
+from estimator.listener import Listener
+from estimator.report.files import replace
+from estimator.reproduction import figure2, figure3, figure4, figure5, figure6
+from estimator.reproduction.claims import Samples
+from estimator.reproduction.claims_table import ClaimsTable
+from estimator.reproduction.figure import Drawn
+from estimator.reproduction.finished import Shelf
+from estimator.reproduction.ledger import Ledger
+from estimator.reproduction.on_cluster import ClusterWorkers
+from estimator.reproduction.overall import Overall
+from estimator.reproduction.plan import (
+    FIGURES,
+    SEEDS,
+    Budget,
+    PlannedRun,
+    planned_runs,
+    work_of,
+)
+from estimator.reproduction.report import write_report
+from estimator.reproduction.robot_process import print_body
+from estimator.reproduction.single_run import TRUTH, is_finished, work_done
+from estimator.reproduction.statistics import Share
+from estimator.reproduction.summary import summarise
+from estimator.reproduction.workers import Ended, Said, Worked, Workers
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """What a person asks for.
+
+    Attributes:
+        figures: Some of ``plan.FIGURES``.
+        runs: Seeds of Figures 3 to 6; ``None``: the paper's 30 and 10.
+        budget: What is asked of every run.
+        jobs: Runs at a time, where there is no cluster.
+        command: As it was typed.
+    """
+
+    figures: tuple[str, ...]
+    runs: int | None = None
+    budget: Budget = field(default_factory=Budget)
+    jobs: int = 1
+    command: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of it.
+
+    Attributes:
+        figures: As drawn.
+        claims: The claims table; ``None`` where no figure bears on it.
+        failures: Runs that could not be finished, with the reason.
+    """
+
+    figures: tuple[Drawn, ...]
+    claims: ClaimsTable | None
+    failures: dict[PlannedRun, str]
+
+
+def figures_of(name: str) -> tuple[str, ...]:
+    """The figures that a name on the command line stands for.
+
+    Raises:
+        EstimatorError: There is no such figure.
+    """
+    if name == "all":
+        return FIGURES
+    if name not in FIGURES:
+        raise EstimatorError(f"there is no {name!r}: choose {', '.join(FIGURES)} or all")
+    return (name,)
+
+
+def reproduce(
+    root: Path, request: Request, listener: Listener, *, cluster: Cluster | None = None
+) -> Outcome:
+    """Does what is asked for, from wherever the directory says that it stands.
+
+    Args:
+        root: The reproduction's directory.
+        request: What is asked for.
+        listener: Hears what happens.
+        cluster: Where to do the runs; ``None``: in processes of this computer.
+
+    Raises:
+        BodyschemaError: Something prevents it; the message says what. Runs that fail do not: they
+            are listed in the outcome.
+    """
+    _check(request)
+    jobs = request.jobs if cluster is None else cluster.workers
+    workers = Workers(jobs, root) if cluster is None else ClusterWorkers(cluster, root)
+    with Ledger(root, request.budget, command=request.command, jobs=jobs) as ledger:
+        _keep_truth(root)
+        runs = planned_runs(request.figures, request.runs, request.budget)
+        try:
+            failures = _do(root, runs, workers, listener, ledger)
+        except KeyboardInterrupt:
+            listener.say("Nothing is lost: the same command goes on from here.")
+            raise
+        listener.say("Drawing.")
+        shelf = Shelf(root)
+        drawn, claims = _draw(shelf, request)
+        summaries = [summarise(run, root, failures.get(run)) for run in runs]
+        write_report(
+            root,
+            budget=request.budget,
+            sessions=ledger.sessions,
+            figures=drawn,
+            claims=claims,
+            runs=summaries,
+        )
+    return Outcome(figures=drawn, claims=claims, failures=failures)
+
+
+def _check(request: Request) -> None:
+    if request.budget.physics not in BACKENDS:
+        raise EstimatorError(
+            f"there is no physics {request.budget.physics!r}: choose {', '.join(BACKENDS)}"
+        )
+    if request.runs is not None and not 1 <= request.runs <= len(SEEDS):
+        raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {request.runs}")
+    if (request.budget.population or 2) % 2:
+        raise EstimatorError(
+            f"--population must be even, not {request.budget.population}: models mate in pairs"
+        )
+
+
+def _keep_truth(root: Path) -> None:
+    body, path = print_body(), root / TRUTH
+    if not path.exists():
+        replace(path, lambda fresh: fresh.write_text(body, encoding="utf-8"))
+    elif path.read_text("utf-8") != body:
+        raise RunDirectoryError(
+            f"The simulated robot has another body than the one of the runs in {root}: give "
+            "another --out."
+        )
+
+
+def _do(
+    root: Path,
+    runs: Sequence[PlannedRun],
+    workers: Workers | ClusterWorkers,
+    listener: Listener,
+    ledger: Ledger,
+) -> dict[PlannedRun, str]:
+    """Does what is left to do; returns what failed, with the reason."""
+    left = [run for run in runs if not is_finished(run, root)]
+    if len(left) < len(runs):
+        listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")
+    overall = Overall(
+        listener,
+        {run: work_of(run) for run in left},
+        {run: work_done(run, root) for run in left},
+    )
+    failures = {}
+    with workers:
+        for run, news in workers.do(left):
+            if isinstance(news, Worked):
+                overall.worked(run, news.work)
+            elif isinstance(news, Said):
+                listener.say(f"{run.name}: {news.sentence}")
+            elif isinstance(news, Ended):
+                if news.failure is not None:
+                    failures[run] = news.failure
+                overall.ended(run, summarise(run, root, news.failure).sentence)
+                ledger.note()
+    return failures
+
+
+def _draw(shelf: Shelf, request: Request) -> tuple[tuple[Drawn, ...], ClaimsTable | None]:
+    budget, runs, asked = request.budget, request.runs, request.figures
+    samples: Samples | None = None
+    successes: Share | None = None
+    drawn = []
+    if "fig2" in asked:
+        drawn.append(figure2.make(shelf, budget))
+    if "fig3" in asked:
+        found = figure3.make(shelf, budget, runs)
+        samples = found.samples
+        drawn.append(found.drawn)
+    if "fig4" in asked:
+        drawn.append(figure4.make(shelf, budget, runs))
+    if "fig5" in asked:
+        drawn.append(figure5.make(shelf, budget, runs))
+    if "fig6" in asked:
+        last, successes = figure6.make(shelf, budget, runs)
+        drawn.append(last)
+    if samples is None and successes is None:
+        return tuple(drawn), None
+    table = ClaimsTable.of(samples, successes)
+    table.write(shelf.root)
+    return tuple(drawn), table

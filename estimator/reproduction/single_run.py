@@ -1,0 +1,150 @@
+"""One run from start to end, on a robot of its own, from wherever it stands on disk.
+
+What it leaves beside the usual files of a run directory is ``validation.json``, where fresh motor
+programs were predicted, and ``score.json``, which is written last: a run that has it is finished.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from pydantic import BaseModel
+
+from estimator.backends import in_this_process
+from estimator.errors import InteractionError
+from estimator.listener import Listener
+from estimator.physics.statics import StaticsPhysics
+from estimator.report.files import VALIDATION, replace, write_report
+from estimator.reproduction.plan import PlannedRun
+from estimator.reproduction.robot_process import RobotProcess, catch_up
+from estimator.run import identify, problem_of, reconnect, resume
+from estimator.score import score
+from estimator.store import DATABASE, RunStore
+from estimator.validate import compare, validate
+from protocol.errors import RobotUnreachableError
+
+SCORE: Final = "score.json"
+TRUTH: Final = "truth.urdf"
+_ATTEMPTS: Final = 3
+
+_write = partial(write_report, plots=False)
+
+
+def is_finished(run: PlannedRun, root: Path) -> bool:
+    """Whether there is nothing left to do."""
+    return (run.directory(root) / SCORE).is_file()
+
+
+def has_begun(run: PlannedRun, root: Path) -> bool:
+    """Whether there is anything to resume; a process may have died while it made the database."""
+    path = run.directory(root) / DATABASE
+    if not path.is_file():
+        return False
+    with closing(sqlite3.connect(path)) as database:
+        return database.execute("SELECT 1 FROM sqlite_master").fetchone() is not None
+
+
+def work_done(run: PlannedRun, root: Path) -> float:
+    """How much of a run's search is on disk, in simulations, as the run itself counts them."""
+    if not has_begun(run, root):
+        return 0.0
+    with RunStore.open(run.directory(root), to_write=False) as store:
+        length = store.settings.generations + 1
+        return store.settings.population * sum(
+            item.iteration + 1 if item.number % length else 1 for item in store.generations()
+        )
+
+
+def see_through(run: PlannedRun, root: Path, listener: Listener) -> None:
+    """Begins or resumes a run, and leaves it finished.
+
+    A robot that fails is replaced by a new one, some times.
+
+    Args:
+        run: The run.
+        root: The reproduction's directory, with the truth in it.
+        listener: Hears what happens.
+
+    Raises:
+        BodyschemaError: Something prevents it; the message says what.
+    """
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            with RobotProcess(run.seed) as robot:
+                _see_through(run, root, robot.uri, listener)
+            break
+        except (InteractionError, RobotUnreachableError) as error:
+            if attempt == _ATTEMPTS:
+                raise
+            listener.say(f"{run.name}: {error} A new robot is started.")
+    _score(run, root)
+
+
+def _see_through(run: PlannedRun, root: Path, uri: str, listener: Listener) -> None:
+    directory, quietly = run.directory(root), _WorkOnly(listener)
+    if has_begun(run, root):
+        with RunStore.open(directory, to_write=False) as store:
+            catch_up(store, uri)
+        resume(directory, in_this_process, quietly, robot=uri, report=_write)
+    else:
+        identify(directory, run.order(uri), in_this_process, quietly, report=_write)
+    if run.predicts and not (directory / VALIDATION).is_file():
+        _validate(run, directory, uri, listener)
+
+
+class _WorkOnly(Listener):
+    """Passes on how much is done, in simulations: what one run has to say is not news of many.
+
+    Args:
+        listener: Who is told.
+        unit: Simulations in a unit of work.
+    """
+
+    def __init__(self, listener: Listener, unit: float = 1.0):
+        self._listener = listener
+        self._unit = unit
+
+    def worked(self, work: float, what: str) -> None:
+        self._listener.worked(work * self._unit, what)
+
+
+def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) -> None:
+    with RunStore.open(directory) as store:
+        made = store.validations()
+        seen = [item.observation for item in made[-1] if item.observation] if made else []
+        if made and len(seen) == len(made[-1]):  # ended just before the file was written
+            found = compare(made[-1], seen)
+        else:
+            problem = problem_of(store)
+            world = problem.settings(store.capabilities)
+            with (
+                closing(in_this_process(store.settings.physics, world)) as physics,
+                closing(reconnect(store, problem, uri, listener)) as link,
+            ):
+                found = validate(
+                    store,
+                    problem,
+                    physics,
+                    link,
+                    programs=run.predicts,
+                    listener=_WorkOnly(listener, store.settings.population / 2),
+                )
+    _write_json(directory / VALIDATION, found)
+
+
+def _score(run: PlannedRun, root: Path) -> None:
+    directory = run.directory(root)
+    with RunStore.open(directory, to_write=False) as store:
+        problem = problem_of(store)
+        with StaticsPhysics(problem.settings(store.capabilities)) as physics:
+            found = score(store, problem, root / TRUTH, physics)
+    _write_json(directory / SCORE, found)
+
+
+def _write_json(path: Path, found: BaseModel) -> None:
+    text = found.model_dump_json(indent=2) + "\n"
+    replace(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))

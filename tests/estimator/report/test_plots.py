@@ -1,0 +1,90 @@
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from estimator.genome import Genome
+from estimator.records import Counters, Generation
+from estimator.report.plots import MARKERS, plot_errors, plot_lengths
+from tests.estimator.model_robot import JOINTS, make_capabilities, make_problem
+
+PNG = b"\x89PNG"
+
+
+def history(*errors: Sequence[float]) -> list[Generation]:
+    """Two generations per iteration; the best model's legs grow."""
+    return [
+        Generation(
+            number=number,
+            iteration=number // 2,
+            errors=tuple(row),
+            best=(number / 10, 0.2, 0.3, 0.4),
+            counters=Counters(),
+        )
+        for number, row in enumerate(errors)
+    ]
+
+
+GENERATIONS = history((3.0, float("inf"), 5.0), (2.0, 3.0, 4.0), (2.5, 3.0, 3.5), (1.0, 1.0, 2.0))
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
+    """The axes of every figure that is saved."""
+    found: list[Axes] = []
+    save = Figure.savefig
+
+    def keep(self: Figure, *args: object, **kwargs: object) -> None:
+        found.extend(self.axes)
+        save(self, *args, **kwargs)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Figure, "savefig", keep)
+    return found
+
+
+def ends_of_iterations(axes: Axes) -> list[float]:
+    lines = [line for line in axes.lines if line.get_linestyle() == ":"]
+    return [float(np.asarray(line.get_xdata(), dtype=float)[0]) for line in lines]
+
+
+def test_every_models_error_is_drawn_and_iterations_are_parted(
+    tmp_path: Path, drawn: list[Axes]
+) -> None:
+    plot_errors(tmp_path / "plots" / "errors.png", GENERATIONS)
+    assert (tmp_path / "plots" / "errors.png").read_bytes().startswith(PNG)
+    (axes,) = drawn
+    dots = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines[:4]]
+    assert [sorted(row.tolist()) for row in dots] == [
+        [3.0, 5.0],
+        [2.0, 3.0, 4.0],
+        [2.5, 3.0, 3.5],
+        [1.0, 1.0, 2.0],
+    ]
+    assert np.asarray(axes.lines[4].get_ydata()).tolist() == [3.0, 2.0, 2.5, 1.0]
+    assert ends_of_iterations(axes) == [1.5, 3.5]
+
+
+def test_legs_are_drawn_with_the_papers_arrows_in_centimetres(
+    tmp_path: Path, drawn: list[Axes]
+) -> None:
+    problem = make_problem()
+    genome = Genome(problem, problem.base(make_capabilities()))
+    plot_lengths(tmp_path / "l.png", GENERATIONS, genome, JOINTS, targets=(0.1, 0.2, 0.3, 0.4))
+    (axes,) = drawn
+    lines = {line.get_label(): line for line in axes.lines}
+    assert MARKERS == {"left": "<", "front": "^", "right": ">", "back": "v"}
+    assert [lines[name].get_marker() for name in JOINTS] == ["<", "^", ">", "v"]
+    assert np.asarray(lines["left"].get_ydata()) == pytest.approx([5.0, 7.0, 9.0, 11.0])
+    dots = [line for line in axes.lines if line.get_marker() == "o" and np.size(line.get_ydata())]
+    assert [float(np.asarray(line.get_ydata())[0]) for line in dots] == pytest.approx(
+        [10.0, 20.0, 30.0, 40.0]
+    )
+    assert ends_of_iterations(axes) == [1.5, 3.5]
+
+
+def test_all_models_invalid_is_still_a_plot(tmp_path: Path) -> None:
+    plot_errors(tmp_path / "e.png", history((float("inf"),), (float("inf"),)))
+    assert (tmp_path / "e.png").read_bytes().startswith(PNG)

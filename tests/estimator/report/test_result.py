@@ -1,0 +1,103 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from estimator.limbs import Limb
+from estimator.observation import Observation
+from estimator.report.files import write_report
+from estimator.report.result import summarise, touched
+from tests.estimator.model_robot import JOINTS
+from tests.estimator.test_score import make_run
+
+
+def test_a_run_in_numbers(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        found = summarise(store, problem)
+    assert not found.complete
+    assert (found.problem, found.physics, found.seed) == ("legs", "pybullet", 1)
+    assert found.modalities == ("touch", "tilt", "clearance")
+    assert found.interactions == 1
+    assert found.sensor_error == 1.0
+    assert found.robot["joints"][0]["name"] == "left"
+    assert {"python", "numpy", "pybullet", "bodyschema"} <= found.versions.keys()
+    best, other = found.best_models
+    assert best.leg_lengths_m == pytest.approx((0.17, 0.15, 0.18, 0.16))
+    assert other.leg_lengths_m == pytest.approx((0.05,) * 4)
+    part = best.parts[1]
+    assert (part.name, part.parent, part.side, part.hinge) == ("front", "main body", "front", "up")
+    assert part.joint == "front"
+    left = found.legs[0]
+    assert left.length_m == pytest.approx(0.17)
+    assert left.spread_m == pytest.approx(0.06)  # of 0.17 and 0.05
+
+
+def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        found = summarise(store, problem)
+    assert [leg.touched for leg in found.legs] == [True, True, False, True]
+    (warning,) = found.warnings
+    assert warning.startswith("The leg at right never touched the ground")
+    assert "180 mm" in warning
+
+
+def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        store.plan(1, (0.0,) * 4)
+        store.observe(
+            1,
+            Observation(
+                angles=(0.0,) * 4, touch=(True,) * 4, settled=False, saturated_joints=("left",)
+            ),
+        )
+        warnings = summarise(store, problem).warnings
+    assert warnings == (
+        "The robot was not at rest when interaction 2 was read.",
+        "Targets of left had to be clamped.",
+    )
+
+
+def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        store._database.execute("DELETE FROM checkpoint")
+        store._database.execute("DELETE FROM generations")
+        found = write_report(store, problem)
+    assert (found.sensor_error, found.legs, found.best_models) == (None, (), ())
+    assert not (store.directory / "plots").exists()
+
+
+def test_result_json_has_no_infinity_in_it(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        store._database.execute("UPDATE generations SET errors = '[Infinity, Infinity]'")
+        write_report(store, problem)
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    text = (store.directory / "result.json").read_text()
+    assert json.loads(text, parse_constant=refuse)["sensor_error"] is None
+
+
+def test_robot_and_readings_stand_beside_the_result(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    with store:
+        write_report(store, problem)
+    header, row = (store.directory / "readings.csv").read_text().splitlines()
+    assert header.split(",")[:4] == [f"angle_deg_{joint}" for joint in JOINTS]
+    assert row.split(",")[4:8] == ["1", "1", "0", "1"]
+    robot = json.loads((store.directory / "robot.json").read_text())
+    assert robot["base_mass"] == 0.3
+    assert not list(store.directory.rglob(".*"))  # no half-written files
+
+
+def test_whether_a_limb_touched_is_unknown_where_no_sensor_said() -> None:
+    limb = Limb(motor=0, parent=-1, side=0, hinge=2, length=0.1, sensors=(1,))
+    silent = Observation(angles=(0.0,), touch=(True, None))
+    assert touched(limb, [silent]) is None
+    assert touched(limb, [silent, Observation(angles=(0.0,), touch=(True, False))]) is False
+    assert touched(limb, [Observation(angles=(0.0,), touch=())]) is None
