@@ -25,7 +25,7 @@ with quiet():
 STEP: Final = 1 / 240
 GRAVITY: Final = 9.81
 FRICTION: Final = 0.7
-MIN_INERTIA: Final = 0.01
+MIN_INERTIA: Final = 0.001
 SERVO_SPEED: Final = math.radians(60)
 HOLD_TOLERANCE: Final = math.radians(0.1)
 
