@@ -7,6 +7,7 @@
 ``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process
 ``statics.StaticsPhysics``           computes the resting pose, in threads of this process
 ``pool.PhysicsPool``                 runs a back-end in worker processes
+``dask.DaskPhysics``                 runs a back-end on the workers of a Dask cluster
 ``bodies.Bodies``                    many bodies as arrays, for ``StaticsPhysics``
 ``kernel``                           the compiled part of ``StaticsPhysics``
 ==================================== ==========================================================

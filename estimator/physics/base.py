@@ -41,6 +41,7 @@ class Settings:
         doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
         joint_tolerance: A reading counts only if every joint is this close to its target, rad.
         full_steps: Simulate all steps of every body, also of one that came to rest long before.
+        least_inertia: Every link of a simulated body gets at least this local inertia, kg·m².
     """
 
     steps: int = 300
@@ -52,6 +53,7 @@ class Settings:
     doubtful_gap: float = 2e-3
     joint_tolerance: float = math.radians(0.1)
     full_steps: bool = False
+    least_inertia: float = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)

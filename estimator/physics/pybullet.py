@@ -4,9 +4,9 @@ What PyBullet needs to be told, and why:
 
 * ``URDF_MAINTAIN_LINK_ORDER``, or ``createMultiBody`` reorders links and joint j is no longer
   part j.
-* Every link gets a local inertia of at least 0.01 kg·m². With the true inertia of light parts the
-  solver misses joint angles by whole degrees, and a missed angle biases every length. Inertia
-  never enters a resting pose.
+* Every link gets a local inertia of at least ``Settings.least_inertia``. With the true inertia of
+  light parts the solver misses joint angles by whole degrees, and a missed angle biases every
+  length. Inertia never enters a resting pose.
 * Position and velocity gain 1 with ample force: with the default gains a loaded joint never
   reaches its target.
 * Every body is built anew: restoring a saved state is not repeatable to the bit, but removing a
@@ -34,7 +34,6 @@ from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, 
 from estimator.physics.base import Pair, Readings, Settings, sensor_count
 from estimator.physics.quiet import quiet
 
-_LEAST_INERTIA: Final = 0.01  # kg·m²
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
 _GRAVITY: Final = 9.81
 _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included
@@ -173,7 +172,7 @@ class PyBulletPhysics:
                 self._body,
                 link,
                 lateralFriction=settings.friction,
-                localInertiaDiagonal=[max(moment, _LEAST_INERTIA) for moment in inertia],
+                localInertiaDiagonal=[max(moment, settings.least_inertia) for moment in inertia],
                 physicsClientId=client,
             )
         for link, (part, angle) in enumerate(zip(parts, angles, strict=True)):
