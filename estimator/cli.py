@@ -19,9 +19,11 @@ from typing import Annotated, NoReturn, TypeAlias
 import numpy as np
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from estimator.backends import BACKENDS, OpenPhysics, in_processes, on_cluster
 from estimator.cluster import Cluster
+from estimator.doctor import Finding, Verdict, examine
 from estimator.error import MODALITIES
 from estimator.errors import RunDirectoryError
 from estimator.genome import Genome
@@ -63,6 +65,13 @@ Dask: TypeAlias = Annotated[
         help="Scheduler of a Dask cluster, which does the work in place of --jobs processes here.",
     ),
 ]
+Keys: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Key directory, where the robot asks for keys: robotd keys new makes one.",
+    ),
+]
 CORES = len(os.sched_getaffinity(0))
 
 
@@ -94,6 +103,7 @@ def identify_command(
     ] = False,
     jobs: Jobs = CORES,
     dask: Dask = None,
+    keys: Keys = None,
     directory: Annotated[
         Path | None, typer.Option("--out", help="Run directory. Default: a new one in runs/.")
     ] = None,
@@ -112,6 +122,7 @@ def identify_command(
         population=population,
         generations=generations,
         full_steps=full_steps,
+        keys=keys,
     )
     with _sentences(place), _physics(jobs, dask) as physics_of, Screen(err) as screen:
         result = identify(place, order, physics_of, screen)
@@ -127,10 +138,11 @@ def resume_command(
     ] = None,
     jobs: Jobs = CORES,
     dask: Dask = None,
+    keys: Keys = None,
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
     with _sentences(directory), _physics(jobs, dask) as physics_of, Screen(err) as screen:
-        result = resume(directory, physics_of, screen, robot=robot)
+        result = resume(directory, physics_of, screen, robot=robot, keys=keys)
     print_result(out, result)
     _print_place(directory)
 
@@ -168,9 +180,11 @@ def score_command(
 def validate_command(
     directory: Directory,
     robot: Robot,
+    *,
     programs: Annotated[int, typer.Option(min=1, help="Fresh motor programs.")] = 20,
     jobs: Jobs = CORES,
     dask: Dask = None,
+    keys: Keys = None,
 ) -> None:
     """Predict fresh motor programs, then perform them (the prediction error)."""
     with (
@@ -183,13 +197,22 @@ def validate_command(
         world = problem.settings(store.capabilities)
         with (
             closing(physics_of(store.settings.physics, world)) as physics,
-            closing(reconnect(store, problem, robot, screen)) as link,
+            closing(reconnect(store, problem, robot, screen, keys=keys)) as link,
         ):
             found = validate(store, problem, physics, link, programs=programs, listener=screen)
         text = found.model_dump_json(indent=2) + "\n"
         replace(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
     print_validation(out, found)
     out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)
+
+
+@app.command("doctor")
+def doctor_command(*, robot: Robot, keys: Keys = None) -> None:
+    """Find out whether a robot can be identified, and why not; moves nothing."""
+    with _sentences(None):
+        verdicts = [_print_finding(finding) for finding in examine(robot, keys)]
+    if Verdict.BAD in verdicts:
+        raise typer.Exit(1)
 
 
 @app.command("reproduce")
@@ -258,6 +281,15 @@ def _plot_with_truth(store: RunStore, found: Score) -> None:
             path, generations, genome, found.joints, np.array(found.true_lengths_m).tolist()
         ),
     )
+
+
+def _print_finding(finding: Finding) -> Verdict:
+    colour = {Verdict.FINE: "green", Verdict.NOTE: "yellow", Verdict.BAD: "red"}[finding.verdict]
+    line = Text.assemble(
+        (f"{finding.verdict.value:<6}", colour), f"{finding.subject:<13}", finding.sentence
+    )
+    out.print(line, soft_wrap=True)
+    return finding.verdict
 
 
 def _print_place(directory: Path) -> None:

@@ -45,6 +45,7 @@ class Order:
     population: int | None = None
     generations: int | None = None
     full_steps: bool = False
+    keys: Path | None = None
 
 
 def identify(
@@ -72,7 +73,13 @@ def identify(
     asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
     client_id = str(uuid.uuid4())
-    link = open_robot(order.robot, driven=_driven(asked), client_id=client_id, first_id=first_id(0))
+    link = open_robot(
+        order.robot,
+        driven=_driven(asked),
+        client_id=client_id,
+        first_id=first_id(0),
+        keys=order.keys,
+    )
     with closing(link):
         problem = asked.for_robot(link.capabilities)
         for sentence in problem.check_robot(link.capabilities, modalities):
@@ -88,6 +95,7 @@ def resume(
     listener: Listener,
     *,
     robot: str | None = None,
+    keys: Path | None = None,
     report: Report = write_report,
 ) -> Result:
     """Sees an interrupted run through, as if it had not been interrupted.
@@ -97,6 +105,7 @@ def resume(
         open_physics: Makes the back-end.
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
+        keys: The key directory, where the robot asks for keys; a run does not remember it.
         report: Called after each iteration.
 
     Raises:
@@ -104,7 +113,8 @@ def resume(
     """
     with RunStore.open(directory) as store:
         problem = problem_of(store)
-        connect = partial(reconnect, store, problem, robot or store.settings.robot, listener)
+        uri = robot or store.settings.robot
+        connect = partial(reconnect, store, problem, uri, listener, keys=keys)
         return _work(store, problem, open_physics, connect, listener, report=report)
 
 
@@ -114,7 +124,9 @@ def problem_of(store: RunStore) -> Problem:
     return asked.for_robot(store.capabilities)
 
 
-def reconnect(store: RunStore, problem: Problem, uri: str, listener: Listener) -> RobotLink:
+def reconnect(
+    store: RunStore, problem: Problem, uri: str, listener: Listener, *, keys: Path | None = None
+) -> RobotLink:
     """The robot of a run that exists already.
 
     Raises:
@@ -126,6 +138,7 @@ def reconnect(store: RunStore, problem: Problem, uri: str, listener: Listener) -
         driven=_driven(problem),
         client_id=store.client_id,
         first_id=store.new_connection(),
+        keys=keys,
     )
     was, now = store.capabilities, link.capabilities
     if _body(was) != _body(now):

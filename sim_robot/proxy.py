@@ -10,6 +10,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+import os
 import random
 import selectors
 import socket
@@ -26,8 +27,25 @@ import zmq
 from protocol.endpoints import Endpoint
 from protocol.waker import Waker
 
+_PORTS: Final = itertools.count(20_000 + 2 * (os.getpid() % 5000), 2)
 _MOST_CLIENTS: Final = 256  # connections that are kept; reconnecting makes ever new ones
 _CHUNK: Final = 65536
+
+
+def lasting_port() -> int:
+    """A free TCP port, with a free one after it, that can be bound again after its owner has died.
+
+    The kernel hands higher ports out to whoever connects somewhere: even to a client that tries to
+    reach this very port, which then talks to itself.
+    """
+    while True:
+        port = 20_000 + next(_PORTS) % 12_000
+        try:
+            for one in (port, port + 1):
+                socket.create_server(("127.0.0.1", one)).close()
+        except OSError:
+            continue
+        return port
 
 
 class _Service:
@@ -208,8 +226,8 @@ class TcpProxy(_Service):
         self._wanted: list[Callable[[], None]] = []
         self._pairs: dict[socket.socket, socket.socket] = {}
         self._pulled = False
-        self._listener = self._listening(0)
-        self._port = self._listener.getsockname()[1]
+        self._port = lasting_port()
+        self._listener = self._listening()
         self.endpoint = f"tcp://127.0.0.1:{self._port}"
         self._thread.start()
 
@@ -248,8 +266,8 @@ class TcpProxy(_Service):
             while self._wanted:
                 self._wanted.pop(0)()
 
-    def _listening(self, port: int) -> socket.socket:
-        made = socket.create_server(("127.0.0.1", port), reuse_port=False)
+    def _listening(self) -> socket.socket:
+        made = socket.create_server(("127.0.0.1", self._port))
         self._selector.register(made, selectors.EVENT_READ)
         return made
 
@@ -293,8 +311,9 @@ class TcpProxy(_Service):
             end.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
             end.close()
         self._pairs.clear()
-        self._forget(self._listener)
-        self._listener.close()
+        if self._listener.fileno() >= 0:
+            self._forget(self._listener)
+            self._listener.close()
 
     def _pull(self) -> None:
         self._pulled = True
@@ -307,7 +326,7 @@ class TcpProxy(_Service):
             self._forget(end)
             self._selector.register(end, selectors.EVENT_READ)
         if self._listener.fileno() < 0:
-            self._listener = self._listening(self._port)
+            self._listener = self._listening()
 
     def _dispose(self) -> None:
         self._cut()

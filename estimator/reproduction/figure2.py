@@ -65,5 +65,6 @@ def _sentence(found: FinishedRun) -> str:
     )
     return (
         f"With {', '.join(found.run.variant.modalities)} (seed {found.run.seed}) the last best "
-        f"model has a subjective error of {min(last.errors):.2f}; its legs are wrong by {legs} mm."
+        f"model has a subjective error of {found.result.sensor_error or 0.0:.2f}; its legs are "
+        f"wrong by {legs} mm."
     )

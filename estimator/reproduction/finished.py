@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from estimator.configurations import Comparison, Truth
+from estimator.final_population import FinalPopulation
 from estimator.genome import Genome
 from estimator.morphology import Array, Morphology
 from estimator.observation import Observation
@@ -35,7 +36,8 @@ class FinishedRun:
         genome: Decodes its models.
         world: The world of its models.
         truth: The robot's body, which the search never saw.
-        generations: The population after each generation.
+        generations: The population after each generation. The best model of the last one is the
+            run's, in whose choice the reference back-end has the last word.
         interactions: What was performed and felt.
         predictions: Fresh motor programs, predicted and then performed; empty where none were.
         result: The run in numbers.
@@ -69,7 +71,7 @@ class FinishedRun:
                 genome=Genome(problem, problem.base(store.capabilities)),
                 world=problem.settings(store.capabilities),
                 truth=Truth.read(root / TRUTH, problem, store.capabilities),
-                generations=tuple(store.generations()),
+                generations=_generations(store),
                 interactions=tuple(store.interactions()),
                 predictions=tuple(validations[-1]) if validations else (),
                 result=Result.model_validate_json((directory / RESULT).read_text("utf-8")),
@@ -107,6 +109,12 @@ class FinishedRun:
     def successful(self) -> bool:
         """Whether the final best model has every configuration right."""
         return self.score.configurations_right == self.score.configurations_total
+
+
+def _generations(store: RunStore) -> tuple[Generation, ...]:
+    *earlier, last = store.generations()
+    final = FinalPopulation.of(store)
+    return *earlier, replace(last, best=tuple(final.genes[final.best].tolist()))
 
 
 def observed(item: Interaction) -> Observation:

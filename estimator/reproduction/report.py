@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from estimator.backends import REFERENCE
 from estimator.report.files import replace
 from estimator.reproduction.claims_table import ClaimsTable
 from estimator.reproduction.figure import Drawn
@@ -96,12 +96,18 @@ def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -
             if (value := getattr(budget, name)) is not None
         )
         own = f"**Not the paper's budgets**: {cut}. So nothing here says anything about the paper."
+    last_word = ""
+    if budget.physics != REFERENCE:
+        last_word = (
+            f"; in the end the leading models of each run are simulated in {REFERENCE}, whose "
+            "ranking counts"
+        )
     return [
         "Made by:\n\n" + commands,
-        f"Physics: {budget.physics}. {own} Motor programs are random, as the paper's.",
-        f"{len(finished)} of {len(runs)} runs finished, seeds {seeds[0]} to {seeds[-1]} "
-        f"({_counts(runs)}); each through the protocol, with a sim-robotd process of its own whose "
-        "noise has the run's seed.",
+        f"Physics: {budget.physics}{last_word}. {own} Motor programs are random, as the paper's.",
+        f"{len(finished)} of {len(runs)} runs finished, seeds {seeds[0]} to {seeds[-1]}: "
+        f"{_counts(runs)}. Each went through the protocol, with a sim-robotd process of its own "
+        "whose noise has the run's seed.",
         f"Wall clock: {in_words(sum(item.seconds for item in sessions))}; the runs' own times "
         f"add up to {in_words(sum(result.wall_seconds for result in finished))}. "
         f"{requested:,} simulations requested, {done:,} simulated.",
@@ -112,11 +118,15 @@ def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -
 def _counts(runs: Sequence[Summary]) -> str:
     """How many runs there are of each kind, beside the paper's numbers."""
     papers = {PARAMETRIC: PARAMETRIC_RUNS, TOPOLOGICAL: TOPOLOGICAL_RUNS}
-    found = Counter((item.run.problem, item.run.variant.name) for item in runs)
-    return ", ".join(
-        f"{count} {problem} with {variant}, the paper {papers[problem]}"
-        for (problem, variant), count in found.items()
-    )
+    found = []
+    for problem, wanted in papers.items():
+        planned = [item.run for item in runs if item.run.problem == problem]
+        variants = len({run.variant for run in planned})
+        if variants > 1:
+            found.append(f"{len(planned)} {problem}, {variants} variants; the paper: {wanted} each")
+        elif planned:
+            found.append(f"{len(planned)} {problem}; the paper: {wanted}")
+    return ". ".join(found)
 
 
 def _runs(runs: Sequence[Summary]) -> list[str]:

@@ -63,12 +63,15 @@ class RobotProcess:
         self._ready = threading.Event()
         self._reader = threading.Thread(target=self._read, name=COMMAND, daemon=True)
         self._reader.start()
-        heard = self._ready.wait(_START)
-        if not self.uri:
+        try:
+            heard = self._ready.wait(_START)
+            if not self.uri:
+                why = "".join(self._said).strip() or "it said nothing"
+                how = "ended at once" if heard else f"was not ready after {_START:.0f} s"
+                raise InteractionError(f"{COMMAND} {how}: {why}")
+        except BaseException:
             self.close()
-            why = "".join(self._said).strip() or "it said nothing"
-            how = "ended at once" if heard else f"was not ready after {_START:.0f} s"
-            raise InteractionError(f"{COMMAND} {how}: {why}")
+            raise
 
     def __enter__(self) -> Self:
         return self

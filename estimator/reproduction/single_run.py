@@ -15,7 +15,7 @@ from typing import Final
 from pydantic import BaseModel
 
 from estimator.backends import in_this_process
-from estimator.errors import InteractionError
+from estimator.errors import InteractionError, RunDirectoryError
 from estimator.listener import Listener
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.files import VALIDATION, replace, write_report
@@ -40,19 +40,29 @@ def is_finished(run: PlannedRun, root: Path) -> bool:
 
 
 def has_begun(run: PlannedRun, root: Path) -> bool:
-    """Whether there is anything to resume; a process may have died while it made the database."""
+    """Whether there is anything to resume; a process may have died while it made the database.
+
+    A damaged database counts as something: whoever opens the run says what is wrong with it.
+    """
     path = run.directory(root) / DATABASE
     if not path.is_file():
         return False
     with closing(sqlite3.connect(path)) as database:
-        return database.execute("SELECT 1 FROM sqlite_master").fetchone() is not None
+        try:
+            return database.execute("SELECT 1 FROM sqlite_master").fetchone() is not None
+        except sqlite3.DatabaseError:
+            return True
 
 
 def work_done(run: PlannedRun, root: Path) -> float:
     """How much of a run's search is on disk, in simulations, as the run itself counts them."""
     if not has_begun(run, root):
         return 0.0
-    with RunStore.open(run.directory(root), to_write=False) as store:
+    try:
+        store = RunStore.open(run.directory(root), to_write=False)
+    except RunDirectoryError:
+        return 0.0
+    with store:
         length = store.settings.generations + 1
         return store.settings.population * sum(
             item.iteration + 1 if item.number % length else 1 for item in store.generations()

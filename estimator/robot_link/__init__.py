@@ -26,6 +26,7 @@ def open_robot(
     driven: Callable[[Capabilities], Collection[int]],
     client_id: str,
     first_id: int,
+    keys: Path | None = None,
 ) -> RobotLink:
     """Reaches a robot, or opens a record of one.
 
@@ -34,6 +35,7 @@ def open_robot(
         driven: Says which motors of a robot the problem drives.
         client_id: The name under which requests reach the robot.
         first_id: The first request id that this connection may use.
+        keys: The key directory, where the robot asks for keys.
 
     Raises:
         EstimatorError: The URI is of no known kind, or the record cannot be read.
@@ -45,7 +47,7 @@ def open_robot(
     if scheme == "replay" and rest:
         return open_replay(Path(rest))
     if scheme in ("tcp", "ipc") and rest.startswith("//"):
-        return WireLink(uri, client_id=client_id, first_id=first_id)
+        return WireLink(uri, client_id=client_id, first_id=first_id, keys=keys)
     raise EstimatorError(
         f"{uri!r} names no robot: write tcp://HOST:PORT, file:READINGS.csv or replay:DIR."
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Final
 
 from estimator.errors import InteractionError
@@ -27,15 +28,21 @@ class WireLink:
         uri: ``tcp://host:port``.
         client_id: The name under which requests reach the robot, the same for the whole run.
         first_id: The first request id of this connection; above all that were used before.
+        keys: The key directory, where the robot asks for keys.
 
     Raises:
         BodyschemaError: Nothing answers there, or what answers speaks no version of ours.
     """
 
-    def __init__(self, uri: str, *, client_id: str, first_id: int):
+    def __init__(self, uri: str, *, client_id: str, first_id: int, keys: Path | None = None):
         self._uri = uri
         self._client = RobotClient(
-            uri, client_id=client_id, next_id=first_id, timeout=PATIENCE, software="estimator"
+            uri,
+            client_id=client_id,
+            next_id=first_id,
+            timeout=PATIENCE,
+            software="estimator",
+            keys=keys,
         )
         self.client_id = client_id
         self.capabilities: Capabilities = self._client.capabilities
