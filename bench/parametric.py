@@ -45,7 +45,7 @@ def _robot(seed: int) -> Iterator[str]:
         assert process.stderr is not None
         try:
             for line in process.stderr:
-                if found := re.search(r"serving .* on (tcp://\S+)", line):
+                if found := re.search(r"serving \S+ on (tcp://[^\s,]+)", line):
                     yield found[1]
                     return
             raise SystemExit("sim-robotd did not start")

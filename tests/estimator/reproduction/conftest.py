@@ -1,0 +1,31 @@
+"""Runs small enough for tests: real in every other respect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from estimator.reproduction.plan import Budget, PlannedRun, topological_runs
+from estimator.reproduction.robot_process import print_body
+from estimator.reproduction.single_run import TRUTH
+
+TINY = Budget(physics="statics", interactions=2, population=4, generations=1)
+
+
+@pytest.fixture
+def topological() -> PlannedRun:
+    (run,) = topological_runs(1, TINY)
+    return run
+
+
+@pytest.fixture(scope="session")
+def body() -> str:
+    return print_body()
+
+
+@pytest.fixture
+def root(tmp_path: Path, body: str) -> Path:
+    """A directory with the truth in it."""
+    (tmp_path / TRUTH).write_text(body)
+    return tmp_path
