@@ -30,7 +30,8 @@ SERVO_SPEED: Final = math.radians(60)
 HOLD_TOLERANCE: Final = math.radians(0.1)
 
 _CALM_STEPS: Final = 72  # 0.3 s without motion is rest
-_CALM_SPEED: Final = 1e-3
+_CALM_SPEED: Final = 1e-3  # m/s, of the main body
+_CALM_SPIN: Final = 0.01  # rad/s, of a joint
 
 
 class World:
@@ -257,8 +258,10 @@ class World:
 
     def _watch(self) -> None:
         """Says, once a pose, when the robot rests without having reached its angles."""
-        self._calm = self._calm + 1 if self.speed() < _CALM_SPEED else min(self._calm, 0)
-        if self._calm == _CALM_STEPS:
+        self._calm = self._calm + 1 if self.speed() < _CALM_SPEED else 0
+        if self._calm == _CALM_STEPS and self._slews():
+            self._calm = 0  # legs in the air leave the main body still
+        elif self._calm == _CALM_STEPS:
             miss = self.largest_miss()
             if miss > HOLD_TOLERANCE:
                 self._log.warning(
@@ -266,6 +269,10 @@ class World:
                     "(torques are the <limit effort> of the URDF)",
                     math.degrees(miss),
                 )
+
+    def _slews(self) -> bool:
+        states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
+        return any(abs(state[1]) > _CALM_SPIN for state in states)
 
     def _base_pose(self) -> tuple[tuple[float, float, float], tuple[float, ...]]:
         """Position and orientation of the root link's frame (PyBullet gives its inertial one)."""

@@ -123,3 +123,11 @@ def test_a_pressed_sensor_feels_it_besides_the_ground(world: World) -> None:
     assert world.loads() == pytest.approx([load + 2.5 * (n == 1) for n, load in enumerate(before)])
     world.press("lower_front", 0.0)
     assert world.loads() == before
+
+
+def test_legs_that_slew_in_the_air_are_not_weak(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.set_targets([math.radians(60)] * 8)
+    world.advance_to(2.0)
+    assert not caplog.records
