@@ -5,10 +5,10 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test check format bench parametric soak latency faults clean
+.PHONY: help install demo test check format bench compare-engines reproduce parametric soak latency faults fuzz clean
 
 help: ## List the targets
-	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 install: $(READY) ## Make the virtual environment and install everything into it
 
@@ -33,8 +33,16 @@ format: $(READY) ## Put the sources into their format
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-bench: $(READY) ## Print what an interaction and an idle daemon cost
+bench: $(READY) ## Print what an interaction, an idle daemon and a simulation cost
 	$(BIN)/python -m bench
+
+BODIES ?= 1000
+SEED ?= 0
+compare-engines: $(READY) ## Statics against PyBullet and MuJoCo; BODIES=1000 SEED=0, some minutes
+	$(BIN)/python -m bench.engines --bodies $(BODIES) --seed $(SEED) $(COMPARE)
+
+reproduce: $(READY) ## The paper's figures and claims, with statics; docs/reproduction.md says more
+	$(BIN)/estimator reproduce all --physics statics
 
 parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
 	$(BIN)/python -m bench.parametric
@@ -44,6 +52,10 @@ soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about
 
 latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes
 	$(BIN)/python -m bench.round_trip
+
+fuzz: $(READY) ## Two million frames through codec and server core; about a quarter of an hour
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt 'atheris>=3.0'
+	$(BIN)/python -m tests.fuzz.long
 
 faults: $(READY) ## Write docs/faults.md from the fault matrix
 	$(BIN)/python -m tests.faults.document

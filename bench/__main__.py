@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from bench import robot_cost
+from bench import robot_cost, statics_cost
 
 if __name__ == "__main__":
     robot_cost.main()
+    statics_cost.main()

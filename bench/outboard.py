@@ -1,15 +1,21 @@
 """``robotd`` in real time on still electronics, with its servo board in another process.
 
-So one can look at the board from outside, and the board outlives the daemon:
-``python -m bench.outboard --bind URI --port SERIAL_PORT``.
+So the board outlives the daemon: ``python -m bench.outboard --bind URI --port SERIAL_PORT``. With
+``--times FILE`` it leaves behind when it wrote what to the line, for the jitter of the control
+loop: a pseudo-terminal passes bytes on when the kernel finds the time, so its far end cannot tell.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import logging
 import math
+import time
 from dataclasses import replace
+from pathlib import Path
+
+import serial
 
 from protocol.server import Server
 from robot.clock import WallClock
@@ -28,14 +34,17 @@ def main() -> None:
     parser.add_argument("--port", required=True, help="serial port of the servo board")
     parser.add_argument("--speed", type=float, default=60.0, help="of the joints, degrees/s")
     parser.add_argument("--telemetry-rate", type=float, default=2.0, help="publications/s")
+    parser.add_argument("--times", type=Path, help="write the lines there at the end, as JSON")
     options = parser.parse_args()
     set_up_logging()
     log = logging.getLogger("robotd")
     clock = WallClock()
     config = replace(example_config(options.port), speed=math.radians(options.speed))
     world = StillWorld.around(config)
+    line = open_serial(options.port)
+    times = watch_writes(line)
     electronics = Electronics(
-        serial=open_serial(options.port),
+        serial=line,
         ports=DMM32Emulator(world.input, clock),
         i2c=VL6180XEmulator(lambda: world.distance_mm, clock),
     )
@@ -45,6 +54,21 @@ def main() -> None:
     )
     server = Server(controller, bind=options.bind, telemetry_rate=options.telemetry_rate, log=log)
     serve(controller, server, log)
+    if options.times is not None:
+        options.times.write_text(json.dumps(times), encoding="utf-8")
+
+
+def watch_writes(line: serial.Serial) -> list[tuple[float, str]]:
+    """When each line is handed to the kernel, s, and what it says; grows as it goes."""
+    found: list[tuple[float, str]] = []
+    write = line.write
+
+    def watched(data: bytes) -> int | None:
+        found.append((time.perf_counter(), data.decode("ascii")))
+        return write(data)
+
+    line.write = watched  # type: ignore[method-assign, assignment]
+    return found
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ INTERACTIONS = 9
 PLAIN = 300  # simulations of the plain loop
 
 
-def _workload() -> tuple[Problem, Genome, list[Observation]]:
+def workload() -> tuple[Problem, Genome, list[Observation]]:
     """The topological problem, and what one of its bodies feels."""
     body = load_body(default_body_path())
     capabilities = describe(configure(body, port="", levels=NoiseLevels()))
@@ -70,7 +70,7 @@ def _pairs(genome: Genome, observations: list[Observation], count: int) -> list[
 
 def plain_loop() -> float:
     """Simulations per CPU second of the plain loop: a fresh world for every body, all steps."""
-    _, genome, observations = _workload()
+    _, genome, observations = workload()
     pairs = _pairs(genome, observations, PLAIN)
     start = time.process_time()
     with PyBulletPhysics(Settings(full_steps=True)) as physics:
@@ -82,7 +82,7 @@ def plain_loop() -> float:
 
 def search(physics: Physics) -> tuple[int, int]:
     """A short topological search; returns simulations requested and run."""
-    problem, genome, observations = _workload()
+    problem, genome, observations = workload()
     modeller = Modeller(genome, physics, ("touch", "tilt", "clearance"), Counters())
     rng = np.random.default_rng(2)
     crowd = DeterministicCrowding(
@@ -111,7 +111,7 @@ def _search_here() -> tuple[int, int, float]:
 
 def _search_in_pool(jobs: int) -> float:
     with PhysicsPool(partial(PyBulletPhysics, Settings()), jobs) as pool:
-        pool.read(_pairs(*_workload()[1:], 4 * jobs))  # workers start
+        pool.read(_pairs(*workload()[1:], 4 * jobs))  # workers start
         start = time.perf_counter()
         search(pool)
         return time.perf_counter() - start

@@ -16,17 +16,19 @@ import platform
 import re
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
 
 import psutil
 
 from bench.daemons import Daemon, daemon
 from protocol.client import RobotClient
-from robot.drivers.sv203 import open_serial
 from sim_robot.electronics.sv203 import SV203Emulator
 
 REQUESTS = 10_000
@@ -34,34 +36,21 @@ VIEWERS = (1, 50)
 RATE = 10.0  # publications per second
 IDLE_SECONDS = 20.0
 LINE_GAP = 0.003  # s, and
+PHASE = 0.3  # s between lines: settling lies in between
 BYTE_TIME = 10 / 9600  # s: what a line takes
-_MOVES_TWO = re.compile(rb"BD1SV\dM\d+SV\dM\d+\r")
+_MOVES_TWO = re.compile(r"BD1SV\dM\d+SV\dM\d+\r")
 
 
-class TimedBoard(SV203Emulator):
-    """A servo board that notes when each line arrives.
+def jitter(lines: Sequence[tuple[float, str]]) -> list[float]:
+    """How much later than the line allows each next line was written, ms, ascending.
 
-    Attributes:
-        lines: When, s, and how many bytes, for lines that move two servos.
+    Only pairs of full lines count: elsewhere the loop may have had nothing to send.
     """
-
-    def __init__(self) -> None:
-        self.lines: list[tuple[float, int]] = []
-        super().__init__()
-
-    def _consume(self, data: bytes) -> bytes:
-        if _MOVES_TWO.fullmatch(data):
-            self.lines.append((time.perf_counter(), len(data)))
-        return super()._consume(data)
-
-    def jitter(self) -> list[float]:
-        """How much later than the line allows each next line came, ms; negative: earlier."""
-        found = []
-        for (before, length), (now, _) in zip(self.lines, self.lines[1:], strict=False):
-            due = length * BYTE_TIME + LINE_GAP
-            if now - before < 2 * due + 0.1:  # else another phase lies in between
-                found.append(1000 * (now - before - due))
-        return sorted(found)
+    return sorted(
+        1000 * (after - before - len(first) * BYTE_TIME - LINE_GAP)
+        for (before, first), (after, second) in pairwise(lines)
+        if after - before < PHASE and _MOVES_TWO.match(first) and _MOVES_TWO.match(second)
+    )
 
 
 @dataclass
@@ -142,31 +131,38 @@ def _share(process: psutil.Process, seconds: float) -> float:
 def measure(viewers: int, requests: int, idle_seconds: float) -> Outcome:
     """One run with so many viewers."""
     outcome = Outcome(viewers)
-    board = TimedBoard()
-    open_serial(board.port).close()
-    options = ("--port", board.port, "--telemetry-rate", str(RATE))
+    board = SV203Emulator()
     try:
-        with (
-            daemon("bench.outboard", *options) as robot,
-            _process("bench.echo") as echo,
-            _process("bench.viewers", robot.uri, str(viewers)) as watching,
-        ):
-            assert echo.stdout is not None
-            assert watching.stdout is not None
-            assert watching.stdin is not None
-            mirror = echo.stdout.readline().strip()
-            assert watching.stdout.readline() == "ready\n"
-            outcome.idle_share = _share(robot.process, idle_seconds)
-            with _moving(robot.uri):
-                _probe(robot, mirror, requests, outcome)
-            outcome.memory = robot.process.memory_info().rss / 1e6
-            watching.stdin.close()
-            outcome.seen = watching.stdout.readline().strip()
-            watching.stdin = None
-        outcome.jitter = board.jitter()
+        with tempfile.TemporaryDirectory() as folder:
+            times = Path(folder) / "times.json"
+            _measure(outcome, board, times, requests, idle_seconds)
+            outcome.jitter = jitter(json.loads(times.read_text(encoding="utf-8")))
     finally:
         board.close()
     return outcome
+
+
+def _measure(
+    outcome: Outcome, board: SV203Emulator, times: Path, requests: int, idle_seconds: float
+) -> None:
+    options = ("--port", board.port, "--telemetry-rate", str(RATE), "--times", str(times))
+    with (
+        daemon("bench.outboard", *options) as robot,
+        _process("bench.echo") as echo,
+        _process("bench.viewers", robot.uri, str(outcome.viewers)) as watching,
+    ):
+        assert echo.stdout is not None
+        assert watching.stdout is not None
+        assert watching.stdin is not None
+        mirror = echo.stdout.readline().strip()
+        assert watching.stdout.readline() == "ready\n"
+        outcome.idle_share = _share(robot.process, idle_seconds)
+        with _moving(robot.uri):
+            _probe(robot, mirror, requests, outcome)
+        outcome.memory = robot.process.memory_info().rss / 1e6
+        watching.stdin.close()
+        outcome.seen = watching.stdout.readline().strip()
+        watching.stdin = None
 
 
 def _probe(robot: Daemon, mirror: str, requests: int, outcome: Outcome) -> None:

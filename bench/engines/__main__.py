@@ -1,0 +1,138 @@
+"""Compares statics with PyBullet and MuJoCo, and both with themselves."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from rich.console import Console
+from rich.markdown import Markdown
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from bench.engines.bodies import PROBLEMS, draw
+from bench.engines.causes import list_causes
+from bench.engines.figures import Compared, figures
+from bench.engines.page import publish, tables, write_csv
+from bench.engines.plots import plot_differences, plot_risk
+from bench.engines.simulate import Piece, load, pieces, simulate
+from estimator.physics.statics import StaticsPhysics
+
+_ROOT: Final = Path(__file__).parents[2]
+_PICTURES: Final = (
+    ("statics-differences.png", plot_differences),
+    ("statics-risk.png", plot_risk),
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Simulates what is missing and writes tables and plots; returns the exit status."""
+    options = _options(arguments)
+    console = Console()
+    work = {
+        name: pieces(options.out, name, options.seed, options.bodies) for name in options.problems
+    }
+    try:
+        _simulate_missing(work, options.jobs, console)
+        compared = [_compared(found, options.bodies) for found in work.values()]
+        causes = _explain(compared, work, options.seed, console)
+    except KeyboardInterrupt:
+        console.print("Interrupted: the same command goes on from here.")
+        return 130
+    found = [figures(item) for item in compared]
+    command = f"make compare-engines BODIES={options.bodies} SEED={options.seed}"
+    measured = tables(found, causes, command)
+    options.out.mkdir(parents=True, exist_ok=True)
+    report = {"command": command, "problems": found, "disagreements": causes}
+    (options.out / "engines.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
+    (options.out / "engines.md").write_text(measured, encoding="utf-8")
+    write_csv(options.out / "engines.csv", found)
+    for name, plot in _PICTURES:
+        plot(options.out / name, compared)
+        if options.publish:
+            plot(_ROOT / "docs" / "images" / name, compared)
+    if options.publish:
+        publish(_ROOT / "docs" / "statics.md", measured)
+    if console.is_terminal:
+        console.print(Markdown(measured))
+    else:
+        print(measured)
+    console.print(f"Tables, figures (CSV, JSON) and plots are in {options.out}.")
+    return 0
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make compare-engines", description=__doc__)
+    parser.add_argument("--problems", nargs="+", choices=PROBLEMS, default=PROBLEMS)
+    parser.add_argument("--bodies", type=int, default=1000, help="of each problem (%(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of bodies and poses (%(default)s)")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="worker processes")
+    parser.add_argument(
+        "--out", type=Path, default=Path("runs") / "engines", help="folder (%(default)s)"
+    )
+    parser.add_argument(
+        "--publish", action="store_true", help="put tables and plots into docs/statics.md"
+    )
+    options = parser.parse_args(arguments)
+    for name in ("bodies", "jobs"):
+        if getattr(options, name) < 1:
+            parser.error(f"--{name} must be at least 1")
+    if options.seed < 0:
+        parser.error("--seed must be at least 0")
+    return options
+
+
+def _simulate_missing(work: dict[str, list[Piece]], jobs: int, console: Console) -> None:
+    everything = [piece for found in work.values() for piece in found]
+    everything.sort(key=lambda piece: piece.start)  # all problems grow alike
+    missing = [piece for piece in everything if not piece.path.exists()]
+    if not missing:
+        return
+    with _progress(console) as progress:
+        task = progress.add_task("pieces simulated", total=len(everything))
+        progress.advance(task, len(everything) - len(missing))
+        simulate(missing, jobs, lambda: progress.advance(task))
+
+
+def _compared(found: list[Piece], bodies: int) -> Compared:
+    problem, seed = found[0].problem, found[0].seed
+    pairs = [draw(problem, seed, number)[1] for number in range(bodies)]
+    with StaticsPhysics() as physics:
+        return Compared(
+            problem=problem,
+            statics=physics.read(pairs),
+            margins=physics.path_margins(pairs),
+            simulated=load(found, bodies),
+        )
+
+
+def _explain(
+    compared: Sequence[Compared], work: dict[str, list[Piece]], seed: int, console: Console
+) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
+    with _progress(console) as progress:
+        total = sum(len(item.disagreements()) for item in compared)
+        task = progress.add_task("disagreements explained", total=total)
+        for item in compared:
+            memory = work[item.problem][0].path.parent / "causes.json"
+            found += list_causes(item, seed, memory, lambda: progress.advance(task))
+    return found
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=console,
+        speed_estimate_period=600.0,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

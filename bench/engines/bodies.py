@@ -1,0 +1,51 @@
+"""Random bodies and motor programs, each from a seed of its own."""
+
+from __future__ import annotations
+
+import zlib
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from estimator.genome import Genome
+from estimator.morphology import Morphology
+from estimator.physics.base import Pair
+from estimator.problem import Problem
+from protocol.capabilities import Capabilities
+from robot.daemon import describe
+from sim_robot.body import default_body_path, load_body
+from sim_robot.noise import NoiseLevels
+from sim_robot.wiring import configure
+
+PROBLEMS: Final = ("parametric", "topological", "topological-20", "topological-24")
+NUDGE: Final = np.radians(0.1)
+"""How far off a target may be for a reading to count, rad."""
+
+
+@cache
+def _prepared(name: str) -> tuple[Problem, Genome, Capabilities]:
+    """A problem written out for the default body's robot."""
+    body = load_body(default_body_path())
+    capabilities = describe(configure(body, port="", levels=NoiseLevels()))
+    problem = Problem.load(name).for_robot(capabilities)
+    return problem, Genome(problem, problem.base(capabilities)), capabilities
+
+
+def draw(name: str, seed: int, number: int) -> tuple[Morphology, Pair, Pair]:
+    """Body ``number`` of a problem: genes and motor program uniform in their ranges.
+
+    Args:
+        name: Of the problem.
+        seed: Of the comparison.
+        number: Which body; it does not depend on how many others are drawn.
+
+    Returns:
+        The body; it with its motor program; and it with each target 0.1° off, to either side.
+    """
+    problem, genome, capabilities = _prepared(name)
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
+    body = genome.decode(rng.random(genome.size))
+    program = problem.random_program(rng, capabilities)
+    nudged = program + NUDGE * rng.choice([-1.0, 1.0], len(program)) * (program != 0)
+    return body, (body, program), (body, nudged)

@@ -1,0 +1,90 @@
+"""Why statics disagrees with the reference.
+
+Each body on which it does is simulated again in worlds that differ in one thing or two, unless a
+run of all bodies shows the cause already. The first in which the body comes to lie as statics says
+names the cause.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from bench.engines.bodies import draw
+from bench.engines.figures import CLOSE, Compared, differences
+from bench.engines.runs import KNOWN_FIRST, KNOWN_LAST, TRIALS
+from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.pybullet import PyBulletPhysics
+
+UNEXPLAINED: Final = "unexplained"
+
+
+def cause(pair: Pair, computed: Readings, trials: Mapping[str, Settings] = TRIALS) -> str:
+    """The first trial in which PyBullet agrees with statics, or ``UNEXPLAINED``.
+
+    Args:
+        pair: Body and motor program.
+        computed: Its reading by statics, one row.
+        trials: Worlds by the cause that they are to show.
+    """
+    for name, settings in trials.items():
+        with PyBulletPhysics(settings) as physics:
+            found = physics.read([pair])
+        if found.valid[0] and differences(computed, found)[0] <= CLOSE:
+            return name
+    return UNEXPLAINED
+
+
+def list_causes(
+    compared: Compared, seed: int, memory: Path, done: Callable[[], None]
+) -> list[dict[str, Any]]:
+    """Every disagreement of a problem with its poses and cause.
+
+    Args:
+        compared: The readings.
+        seed: Of the comparison.
+        memory: A file that remembers causes by body and pose, so that work goes on where it was.
+        done: Called after each.
+    """
+    known: dict[str, str] = json.loads(memory.read_text("utf-8")) if memory.exists() else {}
+    suspects = set(compared.suspects())
+    found = []
+    for row in compared.disagreements():
+        tilt = np.degrees(compared.statics.tilt[row])
+        name = _shown(compared, row, KNOWN_FIRST)
+        key = f"{row} {tilt.round(2).tolist()}"
+        if name is None and key not in known:
+            _, pair, _ = draw(compared.problem, seed, row)
+            known[key] = cause(pair, compared.statics[row : row + 1])
+            partial = memory.with_suffix(".part")
+            partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
+            partial.replace(memory)
+        if name is None:
+            name = known[key]
+        if name == UNEXPLAINED:
+            name = _shown(compared, row, KNOWN_LAST) or UNEXPLAINED
+        found.append(
+            {
+                "problem": compared.problem,
+                "seed": seed,
+                "body": row,
+                "statics_tilt_deg": tilt.round(2).tolist(),
+                "reference_tilt_deg": np.degrees(compared.simulated["fine"].tilt[row])
+                .round(2)
+                .tolist(),
+                "margin_deg": round(float(np.degrees(compared.margins[row])), 2),
+                "suspect": row in suspects,
+                "cause": name,
+            }
+        )
+        done()
+    return found
+
+
+def _shown(compared: Compared, row: int, causes: Mapping[str, str]) -> str | None:
+    """The cause that a run of all bodies shows, if one does."""
+    return next((name for name, run in causes.items() if compared.agrees(run)[row]), None)

@@ -1,0 +1,162 @@
+"""Differences between readings, shares, and the risk–coverage curve of the path margin."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from bench.engines.runs import CEILINGS, RIVALS
+from bench.engines.simulate import Simulated
+from estimator.morphology import Array
+from estimator.physics.base import Flags, Readings
+
+CLOSE: Final = 0.5
+"""Poses whose tilts differ by less are the same, degrees."""
+COVERED: Final = 0.85
+"""Share of the poses, those with the largest margins, that must be sure."""
+STILL: Final = 1e-3
+"""A main body that is slower is at rest, m/s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """All readings of the bodies of one problem.
+
+    Attributes:
+        problem: Its name.
+        statics: Computed.
+        margins: Path margins, rad, shape (n,).
+        simulated: Readings of each run.
+    """
+
+    problem: str
+    statics: Readings
+    margins: Array
+    simulated: Simulated
+
+    def counted(self, run: str) -> Flags:
+        """Where statics and a run both say something, shape (n,)."""
+        return self.statics.valid & ~self.statics.undecided & self.simulated[run].valid
+
+    def differences(self, run: str) -> Array:
+        """Of tilt between statics and a run, degrees, shape (n,)."""
+        return differences(self.statics, self.simulated[run])
+
+    def least_margin(self) -> float:
+        """The margin that the surest 85 % of the decided poses have, rad."""
+        decided = self.margins[self.statics.valid & ~self.statics.undecided]
+        return float(np.quantile(decided, 1 - COVERED)) if decided.size else 0.0
+
+    def agrees(self, run: str) -> Flags:
+        """Where a run and statics find the same pose, shape (n,)."""
+        return self.counted(run) & (self.differences(run) <= CLOSE)
+
+    def disagreements(self) -> list[int]:
+        """Bodies on which statics and the reference, ``fine``, disagree."""
+        found = self.counted("fine") & (self.differences("fine") > CLOSE)
+        return [int(row) for row in np.flatnonzero(found)]
+
+    def suspects(self) -> list[int]:
+        """Those of them with large margins on which the engines agree with each other."""
+        coarse, fine, mujoco = (self.simulated[run] for run in ("coarse", "fine", "mujoco"))
+        agreed = (differences(coarse, fine) <= CLOSE) & (differences(mujoco, fine) <= CLOSE)
+        agreed &= coarse.valid & mujoco.valid & (self.margins >= self.least_margin())
+        return [row for row in self.disagreements() if agreed[row]]
+
+
+def differences(one: Readings, other: Readings) -> Array:
+    """The larger difference of the two tilts, degrees, shape (n,)."""
+    found: Array = np.degrees(np.max(np.abs(one.tilt - other.tilt), axis=1, initial=0.0))
+    return found
+
+
+def share(close: Flags) -> dict[str, float]:
+    """Share that is true, with the ends of its 95 % interval (Wilson's)."""
+    count, z = len(close), 1.96
+    if not count:
+        return {"n": 0, "share": math.nan, "low": math.nan, "high": math.nan}
+    part = float(np.mean(close))
+    scale = 1 + z * z / count
+    middle = (part + z * z / (2 * count)) / scale
+    half = z * math.sqrt(part * (1 - part) / count + z * z / (4 * count * count)) / scale
+    return {"n": count, "share": part, "low": middle - half, "high": middle + half}
+
+
+def risk_coverage(compared: Compared, run: str) -> tuple[Array, Array]:
+    """Share of poses kept, surest first, and the share of those that disagree by over 0.5°.
+
+    Of poses with equal margins, such as the largest that is told, none comes first: each counts as
+    the mean of them.
+    """
+    counted = compared.counted(run)
+    apart = (compared.differences(run)[counted] > CLOSE).astype(float)
+    _, tie, sizes = np.unique(-compared.margins[counted], return_inverse=True, return_counts=True)
+    rate = np.bincount(tie, apart, minlength=len(sizes)) / sizes
+    wrong = np.repeat(rate, sizes)
+    kept = np.arange(1, len(wrong) + 1)
+    return kept / max(1, len(wrong)), np.cumsum(wrong) / kept
+
+
+def figures(compared: Compared) -> dict[str, Any]:
+    """Everything that is reported of one problem, for JSON."""
+    statics = compared.statics
+    return {
+        "problem": compared.problem,
+        "bodies": len(statics),
+        "undecided": int(np.sum(statics.undecided)),
+        "margin_of_85_percent_deg": math.degrees(compared.least_margin()),
+        "statics_and": {run: _against(compared, run) for run in RIVALS},
+        "ceilings": {
+            name: _pair(compared.simulated[one], compared.simulated[two])
+            for name, one, two, _ in CEILINGS
+        },
+    }
+
+
+def _against(compared: Compared, run: str) -> dict[str, Any]:
+    counted = compared.counted(run)
+    sure = counted & (compared.margins >= compared.least_margin())
+    engine = compared.simulated[run]
+    still = counted & (engine.speed < STILL)
+    apart = compared.differences(run)
+    kept, risk = risk_coverage(compared, run)
+    points = [0.5, 0.7, COVERED, 0.95, 1.0]
+    rows = [max(0, math.ceil(point * len(kept)) - 1) for point in points] if len(kept) else []
+    lift = np.abs(compared.statics.clearance - engine.clearance)[counted] * 1e3
+    return {
+        "invalid": int(np.sum(~engine.valid)),
+        "moving": int(np.sum(engine.valid & (engine.speed >= STILL))),
+        "within": share(apart[counted] <= CLOSE),
+        "within_where_sure": share(apart[sure] <= CLOSE),
+        "within_where_still": share(apart[still] <= CLOSE),
+        "median_deg": _quantile(apart[counted], 0.5),
+        "quantile_95_deg": _quantile(apart[counted], 0.95),
+        "median_clearance_mm": _quantile(lift, 0.5),
+        "touch_alike": _touch(compared.statics, engine, counted),
+        "risk_at_coverage": {
+            f"{point:g}": float(risk[row]) for point, row in zip(points, rows, strict=False)
+        },
+    }
+
+
+def _pair(one: Readings, two: Readings) -> dict[str, Any]:
+    counted = one.valid & two.valid
+    apart = differences(one, two)[counted]
+    return {
+        "within": share(apart <= CLOSE),
+        "median_deg": _quantile(apart, 0.5),
+        "touch_alike": _touch(one, two, counted),
+    }
+
+
+def _touch(one: Readings, two: Readings, counted: Flags) -> float:
+    """Share of touch bits that are alike."""
+    alike = (one.touch == two.touch)[counted]
+    return float(np.mean(alike)) if alike.size else math.nan
+
+
+def _quantile(values: Array, part: float) -> float:
+    return float(np.quantile(values, part)) if values.size else math.nan

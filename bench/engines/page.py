@@ -1,0 +1,169 @@
+"""Tables as markdown, and their place in ``docs/statics.md``."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from bench.engines.runs import CEILINGS, RIVALS, RUNS
+from estimator.errors import EstimatorError
+
+_BEGIN: Final = "<!-- measured: begin (make compare-engines writes from here) -->"
+_END: Final = "<!-- measured: end -->"
+
+
+def tables(found: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]], command: str) -> str:
+    """All tables.
+
+    Args:
+        found: Figures of each problem.
+        causes: Disagreements of all problems.
+        command: What was run.
+    """
+    sizes = ", ".join(f"{item['bodies']} ({item['problem']})" for item in found)
+    lines = [f"`{command}`; random bodies, each with a random motor program: {sizes}.", ""]
+    lines += [
+        "Share of valid, decided poses whose tilt statics and the engine agree on within 0.5°, "
+        "with its 95 % interval:",
+        "",
+        _row("", *(item["problem"] for item in found)),
+        _rule(len(found)),
+    ]
+    for run in RIVALS:
+        cells = (_interval(item["statics_and"][run]["within"]) for item in found)
+        lines.append(_row(RUNS[run].label, *cells))
+    lines += [
+        "",
+        "The same among the 85 % of poses with the largest path margin (more, where margins tie):",
+        "",
+    ]
+    lines += [_row("", *(item["problem"] for item in found)), _rule(len(found))]
+    for run in RIVALS:
+        cells = (_interval(item["statics_and"][run]["within_where_sure"]) for item in found)
+        lines.append(_row(RUNS[run].label, *cells))
+    lines += ["", "The ceiling: how far an engine agrees with itself, or another engine with it:"]
+    lines += ["", _row("", *(item["problem"] for item in found)), _rule(len(found))]
+    for name, _, _, label in CEILINGS:
+        cells = (_interval(item["ceilings"][name]["within"]) for item in found)
+        lines.append(_row(label, *cells))
+    lines += ["", *_details(found), "", *_causes(found, causes)]
+    return "\n".join(lines) + "\n"
+
+
+def _details(found: Sequence[dict[str, Any]]) -> list[str]:
+    lines = [
+        "Statics and each engine in detail. *Moving*: the main body is faster than 1 mm/s at the "
+        "end; *touch*: share of touch bits that are alike.",
+        "",
+        "| problem | engine | invalid | moving | median | 95 % of poses within | clearance, median "
+        "| touch | within 0.5°, those at rest |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for item in found:
+        for run in RIVALS:
+            one = item["statics_and"][run]
+            lines.append(
+                _row(
+                    item["problem"],
+                    RUNS[run].label,
+                    str(one["invalid"]),
+                    str(one["moving"]),
+                    f"{one['median_deg']:.4f}°",
+                    f"{one['quantile_95_deg']:.2f}°",
+                    f"{one['median_clearance_mm']:.3f} mm",
+                    _percent(one["touch_alike"]),
+                    _percent(one["within_where_still"]["share"]),
+                )
+            )
+    lines.append("")
+    lines += [
+        f"{item['problem']}: {item['undecided']} of {item['bodies']} poses are undecided; 85 % of "
+        f"the others have a path margin above {item['margin_of_85_percent_deg']:.1f}°.  "
+        for item in found
+    ]
+    return lines
+
+
+def _causes(found: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]]) -> list[str]:
+    problems = [item["problem"] for item in found]
+    counts = Counter((item["cause"], item["problem"]) for item in causes)
+    totals = Counter(item["cause"] for item in causes)
+    lines = [
+        "Every pose on which statics and the reference (PyBullet at 1/240 s) differ by over 0.5°, "
+        "by cause: what has to be changed in the simulation for the body to lie as statics says. "
+        "Numbers of poses:",
+        "",
+        _row("", *problems),
+        _rule(len(problems)),
+    ]
+    for name, _ in totals.most_common():
+        lines.append(_row(name, *(str(counts[name, problem]) for problem in problems)))
+    all_of = (str(sum(item["problem"] == problem for item in causes)) for problem in problems)
+    lines += [_row("**all**", *all_of), ""]
+    suspects = [item for item in causes if item["suspect"]]
+    lines.append(
+        "Of these, poses of large path margin (among the 85 %) on which PyBullet at both steps and "
+        f"MuJoCo agree with each other: {len(suspects)}."
+    )
+    if suspects:
+        lines += [
+            "",
+            "| problem | body | statics (°) | engines (°) | margin (°) | cause |",
+            "|---|---|---|---|---|---|",
+        ]
+    for item in suspects:
+        statics, engines = (
+            ", ".join(f"{angle:.1f}" for angle in item[name])
+            for name in ("statics_tilt_deg", "reference_tilt_deg")
+        )
+        number, margin = str(item["body"]), f"{item['margin_deg']:.1f}"
+        lines.append(_row(item["problem"], number, statics, engines, margin, item["cause"]))
+    return lines
+
+
+def write_csv(path: Path, found: Sequence[dict[str, Any]]) -> None:
+    """One row per problem and pair: share within 0.5° and its interval."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["problem", "pair", "n", "share", "low", "high", "median_deg", "touch"])
+        for item in found:
+            sides = {f"statics and {run}": one for run, one in item["statics_and"].items()}
+            for name, one in {**sides, **item["ceilings"]}.items():
+                numbers = [*one["within"].values(), one["median_deg"], one["touch_alike"]]
+                writer.writerow([item["problem"], name, *(f"{number:.6g}" for number in numbers)])
+
+
+def publish(page: Path, measured: str) -> None:
+    """Puts the tables into their place in a page.
+
+    Raises:
+        EstimatorError: The page has no such place.
+    """
+    text = page.read_text("utf-8")
+    before, begin, rest = text.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        raise EstimatorError(f"{page} has no lines {_BEGIN!r} and {_END!r} to write between")
+    page.write_text(f"{before}{begin}\n\n{measured}\n{end}{after}", encoding="utf-8")
+
+
+def _interval(part: dict[str, float]) -> str:
+    if math.isnan(part["share"]):
+        return "–"
+    return f"{_percent(part['share'])} ({100 * part['low']:.1f}–{100 * part['high']:.1f})"
+
+
+def _percent(part: float) -> str:
+    return "–" if math.isnan(part) else f"{100 * part:.1f} %"
+
+
+def _row(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _rule(columns: int) -> str:
+    return "|" + "---|" * (columns + 1)

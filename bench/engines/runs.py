@@ -1,0 +1,117 @@
+"""Which engines simulate every body, in which worlds.
+
+Two runs that differ in one thing, which should not matter to a resting pose, show how far an
+engine agrees with itself. That is the most which agreement with it can mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+from bench.engines.mujoco_engine import MuJoCoPhysics
+from estimator.physics.base import Pair, Physics, Readings, Settings
+from estimator.physics.pybullet import PyBulletPhysics
+
+_COARSE: Final = Settings()
+_FINE: Final = Settings(step=1 / 240, steps=1200, full_steps=True)
+LIGHT: Final = 0.001  # kg·m²
+
+
+_ENGINES: Final[dict[str, Callable[[Settings], Physics]]] = {
+    "pybullet": PyBulletPhysics,
+    "mujoco": MuJoCoPhysics,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One engine in one world.
+
+    Attributes:
+        engine: ``pybullet`` or ``mujoco``.
+        settings: The world.
+        nudged: The targets are 0.1° off.
+        label: For people.
+    """
+
+    engine: str
+    settings: Settings
+    label: str
+    nudged: bool = False
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        """Simulates one interaction per pair."""
+        physics = _ENGINES[self.engine](self.settings)
+        try:
+            return physics.read(pairs)
+        finally:
+            physics.close()
+
+
+RUNS: Final = {
+    "fine": Run(engine="pybullet", settings=_FINE, label="PyBullet, 1/240 s"),
+    "coarse": Run(engine="pybullet", settings=_COARSE, label="PyBullet, 1/60 s"),
+    "light": Run(
+        engine="pybullet",
+        settings=replace(_FINE, least_inertia=LIGHT),
+        label="PyBullet, 1/240 s, inertia ≥ 0.001",
+    ),
+    "friction": Run(
+        engine="pybullet",
+        settings=replace(_COARSE, friction=0.5),
+        label="PyBullet, 1/60 s, friction 0.5",
+    ),
+    "slew": Run(
+        engine="pybullet",
+        settings=replace(_COARSE, slew=math.radians(30)),
+        label="PyBullet, 1/60 s, slew 30°/s",
+    ),
+    "targets": Run(
+        engine="pybullet",
+        settings=_COARSE,
+        nudged=True,
+        label="PyBullet, 1/60 s, targets ± 0.1°",
+    ),
+    "mujoco": Run(engine="mujoco", settings=_FINE, label="MuJoCo, 1/240 s"),
+}
+"""By name. ``fine`` is the reference, ``coarse`` what models are simulated with."""
+
+RIVALS: Final = ("fine", "light", "coarse", "mujoco")
+"""What statics is compared with."""
+
+CEILINGS: Final = (
+    ("step", "coarse", "fine", "PyBullet: 1/60 s or 1/240 s"),
+    ("friction", "friction", "coarse", "PyBullet: friction 0.5 or 0.7"),
+    ("slew", "slew", "coarse", "PyBullet: slew 30°/s or 60°/s"),
+    ("targets", "targets", "coarse", "PyBullet: targets 0.1° off"),
+    ("inertia", "light", "fine", "PyBullet: inertia ≥ 0.001 or ≥ 0.01"),
+    ("engine", "mujoco", "fine", "MuJoCo or PyBullet, 1/240 s"),
+)
+"""Pairs of runs that differ in one thing: name, the two runs, and what differs."""
+
+_SLOW: Final = replace(_FINE, slew=math.radians(60) / 8, steps=2400)
+TRIALS: Final = {
+    "time: at rest only after 10 s": replace(_FINE, steps=2400),
+    "momentum: slew eight times slower": _SLOW,
+    "inertia and momentum: floor 0.001, slew eight times slower": replace(
+        _SLOW, least_inertia=LIGHT
+    ),
+    "inertia: the true one, at 1/960 s": replace(
+        _FINE, step=1 / 960, steps=4800, least_inertia=0.0
+    ),
+    "inertia and momentum: the true one at 1/960 s, slew eight times slower": replace(
+        _SLOW, step=1 / 960, steps=9600, least_inertia=0.0
+    ),
+    "sliding: friction 5": replace(_FINE, friction=5.0),
+}
+"""Causes of a disagreement: PyBullet comes to lie as statics says as soon as its world is so."""
+
+KNOWN_FIRST: Final = {"inertia: floor 0.001": "light"}
+KNOWN_LAST: Final = {
+    "the step: PyBullet at 1/60 s lies as statics says": "coarse",
+    "the engine: MuJoCo lies as statics says": "mujoco",
+}
+"""Causes that runs of all bodies show; looked at before and after the trials."""

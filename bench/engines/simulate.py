@@ -1,0 +1,126 @@
+"""Simulates what was not simulated yet, in worker processes; each piece of work is one file."""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, fields
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from bench.engines.bodies import draw
+from bench.engines.runs import RUNS
+from estimator.child_process import end_with_parent, interrupts_blocked, silence_stdout
+from estimator.physics.base import Pair, Readings
+from estimator.physics.quiet import quiet
+
+PIECE: Final = 20
+"""Bodies simulated at a time, in all runs: some seconds of work."""
+
+Simulated: TypeAlias = dict[str, Readings]
+"""Readings of the same bodies in each run."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """Bodies ``start`` to ``start + size`` of a problem."""
+
+    problem: str
+    seed: int
+    start: int
+    size: int
+    path: Path
+
+
+def pieces(folder: Path, problem: str, seed: int, bodies: int) -> list[Piece]:
+    """The pieces that so many bodies are made of; the last may hold more than is asked for."""
+    place = folder / f"{_worlds()}-seed-{seed}" / problem
+    size = min(PIECE, bodies)
+    return [
+        Piece(
+            problem=problem,
+            seed=seed,
+            start=start,
+            size=size,
+            path=place / f"{start:06d}-{size}.npz",
+        )
+        for start in range(0, bodies, size)
+    ]
+
+
+def simulate(missing: Sequence[Piece], jobs: int, done: Callable[[], None]) -> None:
+    """Simulates pieces; when interrupted, those that are under way are lost.
+
+    Args:
+        missing: What to simulate.
+        jobs: Number of worker processes.
+        done: Called after each piece.
+    """
+    with interrupts_blocked():
+        executor = ProcessPoolExecutor(
+            jobs,
+            mp_context=multiprocessing.get_context("forkserver"),
+            initializer=_start_worker,
+        )
+        waiting = [executor.submit(_simulate_one, piece) for piece in missing]
+    try:
+        for future in as_completed(waiting):
+            future.result()
+            done()
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+def _start_worker() -> None:
+    silence_stdout()
+    end_with_parent()
+
+
+def _simulate_one(piece: Piece) -> None:
+    drawn = [draw(piece.problem, piece.seed, piece.start + row) for row in range(piece.size)]
+    found = simulate_here([pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn])
+    arrays: dict[str, Any] = {
+        f"{run}:{item.name}": getattr(readings, item.name)
+        for run, readings in found.items()
+        for item in fields(Readings)
+    }
+    piece.path.parent.mkdir(parents=True, exist_ok=True)
+    partial = piece.path.with_suffix(f".{os.getpid()}.part")
+    with partial.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    partial.replace(piece.path)
+
+
+def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
+    """All runs of some bodies, in this process."""
+    with quiet():
+        return {name: run.read(nudged if run.nudged else pairs) for name, run in RUNS.items()}
+
+
+def load(found: Sequence[Piece], bodies: int) -> Simulated:
+    """What was simulated of the first bodies."""
+    parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
+    for piece in found:
+        with np.load(piece.path) as arrays:
+            for name in RUNS:
+                parts[name].append(_unpacked(arrays, name))
+    return {name: Readings.concatenate(found)[:bodies] for name, found in parts.items()}
+
+
+def _unpacked(arrays: Mapping[str, Any], run: str) -> Readings:
+    return Readings(**{item.name: arrays[f"{run}:{item.name}"] for item in fields(Readings)})
+
+
+def _worlds() -> str:
+    """Names the runs and the engines' versions: what was simulated otherwise is not mixed in.
+
+    Whoever changes a back-end itself has to delete the folder.
+    """
+    versions = [metadata.version(engine) for engine in ("pybullet", "mujoco")]
+    return hashlib.sha256(repr((RUNS, versions)).encode()).hexdigest()[:8]

@@ -1,0 +1,202 @@
+"""What a simulation costs: statics, PyBullet's plain loop, our PyBullet back-end, and MuJoCo.
+
+All rates are per second of CPU of one core, in one run, so that other work on the machine weighs on
+all alike. ``bench/pybullet_cost.py`` explains the plain loop.
+
+The *arithmetic floor* is the time that the additions, multiplications and comparisons of the pose
+alone would take, one after another at the rate at which this machine does them when it does nothing
+else. They are counted for the bodies at hand, in ``count_operations``, from the formulas of
+``estimator/physics/kernel``: moving links and points, the plane under three contacts, the moments
+about them and the lowest point, once per step. Rolling is left out, and so is all bookkeeping;
+on the other hand a body that still lies on its belly needs less than is counted.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numba
+import numpy as np
+
+from bench.engines.bodies import draw
+from bench.engines.mujoco_engine import MuJoCoPhysics
+from bench.pybullet_cost import workload as topological_workload
+from estimator.modelling import Modeller
+from estimator.morphology import BASE, Morphology
+from estimator.physics.base import Pair, Physics, Settings
+from estimator.physics.bodies import Bodies
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.records import Counters
+from estimator.search.deterministic_crowding import DeterministicCrowding
+
+KINDS: Final = (("quadruped", "parametric"), ("8-part trees", "topological-24"))
+SEED: Final = 7
+FLOOR: Final = 600
+AIM: Final = 2000
+AIM_OVER_ARITHMETIC: Final = 5
+
+_COMPUTED: Final = 2000  # bodies
+_SIMULATED: Final = 100
+_REPEATS: Final = 5
+_POPULATION: Final = 300
+_GENERATIONS: Final = 40
+_JOBS: Final = 2
+
+# Operations: multiplications, additions, subtractions, comparisons; a root or quotient counts as 1.
+_PER_LINK: Final = 3 * 23 + 3  # three rows of origin, axes, hinge and moment; then the sum
+_PER_MOVED_POINT: Final = 3 * 4
+_PER_POINT: Final = 7  # its depth, and whether it is the deepest
+_PER_STEP: Final = 3 + 26 + 9 + 3 * 17 + 6  # centre of mass, plane, arms, moments, comparisons
+_CORNERS: Final = 8
+
+_CHAINS: Final = 8
+_ROUNDS: Final = 20_000_000
+
+
+def pairs_of(problem: str, count: int) -> list[Pair]:
+    """Random bodies with random motor programs."""
+    return [draw(problem, SEED, number)[1] for number in range(count)]
+
+
+def simulations_per_second(physics: Physics, pairs: list[Pair], *, afresh: bool = False) -> float:
+    """Simulations per CPU second of an engine in this process."""
+    start = time.process_time()
+    if afresh:
+        for pair in pairs:
+            assert isinstance(physics, PyBulletPhysics)
+            physics.start_afresh()
+            physics.read([pair])
+    else:
+        physics.read(pairs)
+    return len(pairs) / (time.process_time() - start)
+
+
+def statics_rate(pairs: list[Pair]) -> float:
+    """Poses per CPU second of statics on one core: the best of a few times."""
+    bodies = Bodies.of([body for body, _ in pairs])
+    programs = np.array([program for _, program in pairs])
+    with StaticsPhysics() as physics:
+        physics.read_bodies(bodies, programs)  # compiles, or loads what was compiled
+        return best_rate(lambda: physics.read_bodies(bodies, programs), len(pairs))
+
+
+def best_rate(work: Callable[[], object], count: int) -> float:
+    """How many per CPU second: the best of a few times, which other work disturbs least."""
+    best = math.inf
+    for _ in range(_REPEATS):
+        start = time.process_time()
+        work()
+        best = min(best, time.process_time() - start)
+    return count / best
+
+
+def count_operations(body: Morphology, program: np.ndarray) -> int:
+    """Operations that the pose of one body needs at the least; see the module."""
+    angles = body.part_angles(program)
+    steps = [math.ceil(abs(angle) / PACE) for angle in angles]
+    longest = max(steps, default=0)
+    moves: list[int] = []  # steps until each part is where it will be
+    operations = (longest + 1) * _PER_STEP
+    points = _CORNERS
+    for part, own in zip(body.parts, steps, strict=True):
+        carrier = 0 if part.parent == BASE else moves[part.parent]
+        moves.append(max(carrier, own))
+        is_link = part.motor is not None or part.parent == BASE
+        ends = 2 if is_link else 1  # a part that goes on from another has one new end
+        points += ends
+        operations += (moves[-1] + 1) * (ends * _PER_MOVED_POINT + (_PER_LINK if is_link else 0))
+    return operations + (longest + 1) * points * _PER_POINT
+
+
+@numba.njit(error_model="numpy")  # type: ignore[misc,unused-ignore]
+def _chains(rounds: int, factor: float, term: float) -> float:  # pragma: no cover
+    a = b = c = d = e = f = g = h = 1.0
+    for _ in range(rounds):
+        a, b, c, d = a * factor + term, b * factor + term, c * factor + term, d * factor + term
+        e, f, g, h = e * factor + term, f * factor + term, g * factor + term, h * factor + term
+    return a + b + c + d + e + f + g + h
+
+
+def scalar_rate() -> float:
+    """Operations per CPU second: eight independent chains of multiplications and additions.
+
+    Each depends on the one before, so the compiler cannot put several into one instruction.
+    """
+    _chains(1, 0.5, 0.5)
+    return best_rate(lambda: _chains(_ROUNDS, 0.999, 0.001), 2 * _CHAINS * _ROUNDS)
+
+
+def topological_run() -> tuple[float, float, Counters]:
+    """A whole topological search with statics; returns wall s, CPU s and what it has cost."""
+    problem, genome, observations = topological_workload()
+    with StaticsPhysics(jobs=_JOBS) as physics:
+        rng = np.random.default_rng(SEED)
+        bodies = genome.bodies(rng.random((1, genome.size)))
+        physics.read_bodies(bodies, np.array(observations[0].angles))  # compiles, or loads
+        modeller = Modeller(genome, physics, ("touch", "tilt", "clearance"), Counters())
+        crowd = DeterministicCrowding(
+            _POPULATION, genome.size, rng, operators=problem.search.operators()
+        )
+        wall, cpu = time.perf_counter(), time.process_time()
+        for number in range(1, len(observations) + 1):
+            modeller.introduce(crowd, observations[:number])
+            for _ in range(_GENERATIONS):
+                modeller.evolve(crowd, observations[:number])
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        return wall, cpu, modeller.counters(0.0)
+
+
+def report(kind: str, problem: str, operations_per_second: float) -> None:
+    """Prints the rates for one kind of body."""
+    pairs = pairs_of(problem, _COMPUTED)
+    computed = statics_rate(pairs)
+    few = pairs[:_SIMULATED]
+    fine = Settings(step=1 / 240, steps=1200)
+    with PyBulletPhysics(Settings(full_steps=True)) as physics:
+        plain = simulations_per_second(physics, few, afresh=True)
+    with PyBulletPhysics() as physics:
+        ours = simulations_per_second(physics, few)
+    with MuJoCoPhysics() as mujoco:
+        coarse = simulations_per_second(mujoco, few)
+    with MuJoCoPhysics(fine) as mujoco:
+        slow = simulations_per_second(mujoco, few)
+    operations = float(np.mean([count_operations(body, program) for body, program in pairs]))
+    arithmetic = operations / operations_per_second
+    rows: list[tuple[str, float]] = [
+        ("PyBullet, plain loop, 300 × 1/60 s", plain),
+        ("PyBullet, our back-end, until it rests", ours),
+        ("MuJoCo, compiling and mujoco.rollout, 300 × 1/60 s", coarse),
+        ("MuJoCo, compiling and mujoco.rollout, 1,200 × 1/240 s", slow),
+        ("statics", computed),
+        (f"arithmetic floor, {operations:.0f} operations", 1 / arithmetic),
+    ]
+    print(f"{kind}, one core:")
+    for name, rate in rows:
+        print(f"  {name:<54} {1e6 / rate:>10.2f} µs {rate / plain:>9.1f} × the plain loop")
+    print(
+        f"  statics: {computed / plain:.0f} times the plain loop (floor {FLOOR}, aim {AIM:,}), "
+        f"{1 / computed / arithmetic:.1f} times the arithmetic floor (aim {AIM_OVER_ARITHMETIC})"
+    )
+
+
+def main() -> None:
+    """Prints all of it; takes about a minute."""
+    rate = scalar_rate()
+    print(f"scalar arithmetic: {rate / 1e9:.2f} thousand million operations per CPU second")
+    for kind, problem in KINDS:
+        report(kind, problem, rate)
+    wall, cpu, counters = topological_run()
+    print(
+        f"topological search with statics, {_POPULATION} models × {_GENERATIONS} generations × 9 "
+        f"interactions: {wall:.2f} s on {_JOBS} threads, {cpu:.2f} s of CPU; "
+        f"{counters.simulations_requested:,} simulations requested, "
+        f"{counters.simulations_run:,} run"
+    )
+
+
+if __name__ == "__main__":
+    main()

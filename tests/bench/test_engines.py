@@ -1,0 +1,199 @@
+"""The comparison of engines: MuJoCo's bodies are ours, and its figures say what they mean."""
+
+import csv
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bench.engines.__main__ import main
+from bench.engines.bodies import PROBLEMS, draw
+from bench.engines.causes import UNEXPLAINED, cause
+from bench.engines.figures import Compared, differences, risk_coverage, share
+from bench.engines.mujoco_engine import MuJoCoPhysics
+from bench.engines.page import publish
+from bench.engines.runs import CEILINGS, RIVALS, RUNS
+from bench.statics_cost import count_operations
+from estimator.errors import EstimatorError
+from estimator.morphology import BASE, Base, Morphology, Part
+from estimator.physics.base import Readings, Settings
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
+
+BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+FINE = Settings(step=1 / 240, steps=1200)
+
+
+def four_legs(length: float) -> Morphology:
+    legs = [
+        Part(parent=BASE, side=leg, hinge=2, length=length, radius=0.006, motor=leg, sensor=leg)
+        for leg in range(4)
+    ]
+    return Morphology(base=BODY, parts=tuple(legs), density=1000.0)
+
+
+def readings(tilts: list[float]) -> Readings:
+    """Poses that differ in one tilt, degrees; everything else is alike."""
+    found = Readings.empty(len(tilts), 1)
+    found.tilt[:, 0] = np.radians(tilts)
+    found.valid[:] = True
+    return found
+
+
+def test_mujoco_lifts_a_body_as_geometry_says() -> None:
+    with MuJoCoPhysics(FINE) as physics:
+        found = physics.read([(four_legs(0.15), np.radians([-30.0] * 4))])
+    lift = (0.15 - 0.006) * math.sin(math.radians(30)) + 0.006 - 0.085 / 2
+    assert found.clearance == pytest.approx([lift], abs=3e-4)
+    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
+    assert found.valid.all()
+    assert found.touch.all()
+
+
+def test_a_body_without_joints_lies_flat_in_mujoco() -> None:
+    with MuJoCoPhysics(replace(FINE, steps=50)) as physics:
+        found = physics.read([(Morphology(base=BODY, parts=(), density=1.0), np.zeros(0))])
+    assert found.clearance == pytest.approx([0.0], abs=1e-4)
+    assert found.valid.all()
+
+
+def test_mujoco_agrees_with_statics_on_sure_trees() -> None:
+    """Trees of eight driven parts: a joint, part or sensor mistaken for another would show."""
+    pairs = [draw("topological-24", 3, number)[1] for number in range(30)]
+    with StaticsPhysics() as statics:
+        sure = [pairs[row] for row in np.argsort(-statics.path_margins(pairs))[:6]]
+        computed = statics.read(sure)
+    with MuJoCoPhysics(FINE) as physics:
+        found = physics.read(sure)
+    assert found.valid.all()
+    assert np.median(differences(computed, found)) < 0.1
+    assert np.mean(computed.touch == found.touch) > 0.9
+    assert np.ptp(computed.tilt) > math.radians(5)  # not all of them flat
+
+
+def test_a_step_too_few_for_the_slew_is_no_valid_reading() -> None:
+    with MuJoCoPhysics(replace(FINE, steps=60)) as physics:
+        found = physics.read([(four_legs(0.1), np.radians([30.0] * 4))])
+    assert not found.valid.any()
+    assert found.joint_miss > math.radians(10)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS)
+def test_bodies_depend_on_seed_and_number_alone(problem: str) -> None:
+    body, (_, program), (_, nudged) = draw(problem, 5, 17)
+    again = draw(problem, 5, 17)
+    assert again[0] == body
+    assert np.array_equal(again[1][1], program)
+    assert draw(problem, 5, 18)[0] != body
+    assert draw(problem, 6, 17)[0] != body
+    off = np.degrees(np.abs(nudged - program))
+    assert off[program != 0] == pytest.approx(0.1)
+    assert not off[program == 0].any()
+
+
+def test_the_least_inertia_is_a_setting_of_the_world() -> None:
+    _, pair, _ = draw("parametric", 0, 0)
+    speeds = []
+    for least in (0.01, 1.0):
+        with PyBulletPhysics(Settings(steps=20, least_inertia=least)) as physics:
+            speeds.append(float(physics.read([pair]).speed[0]))
+    assert speeds[0] != speeds[1]
+
+
+def test_ceilings_name_runs_that_exist() -> None:
+    assert {run for _, one, two, _ in CEILINGS for run in (one, two)} <= set(RUNS)
+    assert set(RIVALS) <= set(RUNS)
+
+
+def test_wilson_interval() -> None:
+    found = share(np.ones(10, dtype=bool))
+    assert found["share"] == 1
+    assert found["low"] == pytest.approx(0.7225, abs=1e-4)
+    assert found["high"] == pytest.approx(1)
+    assert math.isnan(share(np.zeros(0, dtype=bool))["share"])
+
+
+def test_the_surest_poses_come_first_and_what_says_nothing_is_left_out() -> None:
+    computed = readings([0.0, 0.0, 0.0, 0.0, 0.0])
+    computed.undecided[4] = True
+    engine = readings([0.1, 9.0, 0.2, 9.0, 9.0])
+    engine.valid[3] = False
+    compared = Compared(
+        problem="parametric",
+        statics=computed,
+        margins=np.array([0.1, 0.2, 0.3, 0.4, 0.5]),
+        simulated=dict.fromkeys(RUNS, engine),
+    )
+    kept, risk = risk_coverage(compared, "fine")
+    assert kept == pytest.approx([1 / 3, 2 / 3, 1])
+    assert risk == pytest.approx([0, 1 / 2, 1 / 3])
+    assert compared.disagreements() == [1]
+    assert compared.suspects() == [1]
+    compared.simulated["mujoco"] = readings([0.0] * 5)  # now the engines are not of one opinion
+    assert compared.suspects() == []
+
+
+def test_poses_that_are_equally_sure_come_in_no_order() -> None:
+    for wrong in range(4):
+        engine = readings([9.0 if row == wrong else 0.0 for row in range(4)])
+        compared = Compared(
+            problem="parametric",
+            statics=readings([0.0] * 4),
+            margins=np.full(4, 0.3),
+            simulated={"fine": engine},
+        )
+        assert risk_coverage(compared, "fine")[1] == pytest.approx([0.25] * 4)
+
+
+def test_the_cause_is_the_first_world_that_agrees_with_statics() -> None:
+    pair = (four_legs(0.15), np.radians([-30.0] * 4))
+    with StaticsPhysics() as statics:
+        computed = statics.read([pair])
+    worlds = {"too short": Settings(steps=1), "long enough": Settings(), "never": Settings()}
+    assert cause(pair, computed, worlds) == "long enough"
+    computed.tilt[0] = 1.0
+    assert cause(pair, computed, {"settled": Settings()}) == UNEXPLAINED
+
+
+def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:
+    command = ["--bodies", "1", "--seed", "2", "--jobs", "1", "--problems", "topological"]
+    assert main([*command, "--out", str(tmp_path)]) == 0
+    report = json.loads((tmp_path / "engines.json").read_text("utf-8"))
+    assert [item["problem"] for item in report["problems"]] == ["topological"]
+    with (tmp_path / "engines.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == len(RIVALS) + len(CEILINGS)
+    assert {path.name for path in tmp_path.glob("*.png")} == {
+        "statics-differences.png",
+        "statics-risk.png",
+    }
+    [kept] = tmp_path.rglob("*.npz")
+    before = kept.stat().st_mtime_ns
+    assert main([*command, "--out", str(tmp_path)]) == 0
+    assert kept.stat().st_mtime_ns == before
+
+
+def test_tables_replace_the_old_ones_in_the_page_and_nothing_else(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    begin = "<!-- measured: begin (make compare-engines writes from here) -->"
+    page.write_text(f"above\n{begin}\nold\n<!-- measured: end -->\nbelow\n", encoding="utf-8")
+    publish(page, "new\n")
+    text = page.read_text("utf-8")
+    assert text.startswith("above\n")
+    assert text.endswith("\nbelow\n")
+    assert "new" in text
+    assert "old" not in text
+    page.write_text("no place\n", encoding="utf-8")
+    with pytest.raises(EstimatorError, match="no lines"):
+        publish(page, "new\n")
+
+
+def test_operations_grow_with_the_body_and_its_turn() -> None:
+    body = four_legs(0.1)
+    still, far = (count_operations(body, np.radians([angle] * 4)) for angle in (0, 30))
+    assert 0 < still < far
+    smaller = replace(body, parts=body.parts[:1])
+    assert count_operations(smaller, np.radians([30.0] * 4)) < far
