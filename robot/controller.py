@@ -18,7 +18,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 
 from protocol.capabilities import Capabilities
@@ -28,40 +27,11 @@ from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRe
 from protocol.states import REFUSALS, TRANSITIONS, Event, State
 from robot.errors import DeviceError
 from robot.interaction import Aborted, Interaction, Outcome
+from robot.jobs import INTERRUPTS, NEWS, SENTENCES, STOPPED, Job
 from robot.notify import ServiceManager
-
-_INTERRUPTS = {
-    Event.HOLD: "aborted_hold",
-    Event.RELAX: "aborted_relax",
-    Event.STOP: "aborted_stop",
-}
-_SENTENCES = {
-    "aborted_hold": "A hold request ended the motion.",
-    "aborted_relax": "A relax request ended the motion.",
-    "aborted_stop": "A stop request ended the motion; the robot is frozen.",
-    "aborted_silent": "The controller was silent for too long; the robot holds its pose.",
-    "shutting_down": "The daemon is shutting down.",
-}
-_STOPPED = "A client sent stop."
-_NEWS = {  # what a person wants to know afterwards: request → level, sentence about a client
-    Event.STOP: (logging.WARNING, "stopped by client {}; frozen until it is cleared"),
-    Event.RELAX: (logging.WARNING, "limp; relaxed by client {}"),
-    Event.CLEAR: (logging.INFO, "cleared by client {}"),
-}
 
 _RARELY = 86_400.0  # s; a wait that needs no end
 PROGRESS_PERIOD = 0.1  # s of robot time between progress messages of one phase
-
-
-@dataclass(eq=False)
-class _Job:
-    ticket: int
-    request: RobotRequest
-    faults: int  # that had happened when it was submitted
-    stops: int  # likewise
-    clears_fault: bool
-    interrupt: str | None = None
-    reported: tuple[str, float] = ("", 0.0)
 
 
 class Controller:
@@ -93,12 +63,12 @@ class Controller:
         self._lock = threading.Lock()
         self._state = State.RELAXED if interaction.limp else State.IDLE
         self._reason: str | None = None
-        self._motion: _Job | None = None  # the last motion that was accepted and has not ended
+        self._motion: Job | None = None  # the last motion that was accepted and has not ended
         self._faults = 0
         self._stops = 0
         self._leaving = False
         self._sequence = 0
-        self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
         self._events: deque[RobotEvent] = deque()
         self._notify: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
@@ -125,15 +95,15 @@ class Controller:
             if following is None:
                 raise self._refusal(event)
             clears_fault = event is Event.CLEAR and before is State.FAULT
-            job = _Job(ticket, request, self._faults, self._stops, clears_fault)
+            job = Job(ticket, request, self._faults, self._stops, clears_fault)
             if event is Event.PERFORM:
                 self._motion = job
-            elif self._motion is not None and event in _INTERRUPTS:
-                self._motion.interrupt = _INTERRUPTS[event]
+            elif self._motion is not None and event in INTERRUPTS:
+                self._motion.interrupt = INTERRUPTS[event]
             if clears_fault:
                 following = before  # until the devices are found in order
             elif event is Event.STOP:
-                self._reason = self._reason or _STOPPED
+                self._reason = self._reason or STOPPED
                 self._stops += 1
             elif event in (Event.CLEAR, Event.PERFORM):
                 self._reason = None
@@ -145,9 +115,9 @@ class Controller:
     def _submit_late(self, ticket: int, request: RobotRequest) -> None:
         """While the robot parks: only a stop is for it, and ends that motion, too."""
         if request.TYPE != Event.STOP:
-            raise RobotError("shutting_down", _SENTENCES["shutting_down"])
+            raise RobotError("shutting_down", SENTENCES["shutting_down"])
         self._state = TRANSITIONS[self._state, Event.STOP]
-        self._reason = _STOPPED
+        self._reason = STOPPED
         self._tell_news(request)
         # Answered here: the control thread takes no more jobs, or has ended.
         reply = Ok(id=request.id, state=self._state)
@@ -209,7 +179,7 @@ class Controller:
             self._guarded(partial(self._carry_out, job), job)
         self._guarded(self._park)
 
-    def _next_job(self) -> _Job | None:
+    def _next_job(self) -> Job | None:
         """Waits for work; meanwhile looks after the board and shows that the loop turns."""
         due = time.monotonic() + (self._housekeeping or _RARELY)
         while True:
@@ -221,7 +191,7 @@ class Controller:
                 self._guarded(self._check_board)
                 due = time.monotonic() + self._housekeeping
 
-    def _guarded(self, action: Callable[[], None], job: _Job | None = None) -> None:
+    def _guarded(self, action: Callable[[], None], job: Job | None = None) -> None:
         try:
             action()
         except DeviceError as error:
@@ -230,7 +200,7 @@ class Controller:
             self._log.exception("the control loop failed")
             self._fail(f"internal error: {error!r}", job)
 
-    def _carry_out(self, job: _Job) -> None:
+    def _carry_out(self, job: Job) -> None:
         request = job.request
         with self._lock:
             overtaken = job.faults != self._faults and request.TYPE != Event.STOP
@@ -239,12 +209,12 @@ class Controller:
         if overtaken:
             self._finish(job, self._error(job, RobotError("fault", sentence)))
         elif too_late:
-            error = RobotError("shutting_down", _SENTENCES["shutting_down"])
+            error = RobotError("shutting_down", SENTENCES["shutting_down"])
             self._finish(job, self._error(job, error))
         elif isinstance(request, Perform):
             self._finish(job, self._perform(job, request.targets))
         elif request.TYPE == Event.READ:
-            self._finish(job, self._observation(job, self._interaction.read()))
+            self._finish(job, self._read(job))
         else:
             if request.TYPE == Event.RELAX:
                 self._interaction.relax()
@@ -254,26 +224,20 @@ class Controller:
                 self._interaction.hold()
             self._finish(job, Ok(id=request.id, state=self.snapshot().state))
 
-    def _perform(self, job: _Job, targets: Mapping[str, float]) -> FinalReply:
+    def _perform(self, job: Job, targets: Mapping[str, float]) -> FinalReply:
         def report(phase: str, fraction: float) -> None:
             wanted = Event.ARRIVED if phase in ("settling", "sampling") else Event.DEPARTED
             with self._lock:
                 if job.interrupt is not None:
                     raise Aborted(job.interrupt)
                 self._state = TRANSITIONS.get((self._state, wanted), self._state)
-            now = self._interaction.now()
-            last_phase, last_time = job.reported
-            if phase != last_phase or now - last_time >= PROGRESS_PERIOD:
-                job.reported = (phase, now)
-                self._emit(
-                    Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
-                )
+            self._progress(job, phase, fraction)
 
         reply: FinalReply
         try:
             reply = self._observation(job, self._interaction.perform(targets, report))
         except Aborted as error:
-            reply = self._error(job, RobotError(error.code, _SENTENCES[error.code]))
+            reply = self._error(job, RobotError(error.code, SENTENCES[error.code]))
         except RobotError as error:
             reply = self._error(job, error)
         with self._lock:
@@ -282,7 +246,28 @@ class Controller:
                 self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
         return reply
 
-    def _recover(self, job: _Job) -> None:
+    def _read(self, job: Job) -> FinalReply:
+        def report(phase: str, fraction: float) -> None:
+            with self._lock:
+                if self._leaving:
+                    raise Aborted("shutting_down")
+            self._progress(job, phase, fraction)
+
+        try:
+            return self._observation(job, self._interaction.read(report))
+        except Aborted as error:
+            return self._error(job, RobotError(error.code, SENTENCES[error.code]))
+
+    def _progress(self, job: Job, phase: str, fraction: float) -> None:
+        now = self._interaction.now()
+        last_phase, last_time = job.reported
+        if phase != last_phase or now - last_time >= PROGRESS_PERIOD:
+            job.reported = (phase, now)
+            self._emit(
+                Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
+            )
+
+    def _recover(self, job: Job) -> None:
         with self._lock:
             if self._state is not State.FAULT:  # an earlier clear did it
                 return
@@ -290,10 +275,10 @@ class Controller:
         with self._lock:
             stopped = job.stops != self._stops  # a stop that comes after a clear outlasts it
             self._state = State.STOPPED if stopped else TRANSITIONS[self._state, Event.CLEAR]
-            self._reason = _STOPPED if stopped else None
+            self._reason = STOPPED if stopped else None
         self._tell_news(job.request)
 
-    def _observation(self, job: _Job, outcome: Outcome) -> Observation:
+    def _observation(self, job: Job, outcome: Outcome) -> Observation:
         with self._lock:
             self._sequence += 1
             sequence = self._sequence
@@ -337,7 +322,7 @@ class Controller:
         try:
             self._interaction.park(unless_stopped)
         except Aborted:
-            self._log.warning("not parked: %s", _SENTENCES["aborted_stop"])
+            self._log.warning("not parked: %s", SENTENCES["aborted_stop"])
         else:
             self._log.info("parked")
 
@@ -346,9 +331,9 @@ class Controller:
             if self._motion is not None and self._state in (State.MOVING, State.SETTLING):
                 self._motion.interrupt = code
                 self._state = TRANSITIONS[self._state, Event.HOLD]
-                self._reason = _SENTENCES[code]
+                self._reason = SENTENCES[code]
 
-    def _fail(self, sentence: str, job: _Job | None) -> None:
+    def _fail(self, sentence: str, job: Job | None) -> None:
         self._announce(logging.ERROR, f"fault: {sentence}")
         with self._lock:
             self._motion = None
@@ -359,7 +344,7 @@ class Controller:
             self._finish(job, self._error(job, RobotError("fault", sentence)))
 
     def _tell_news(self, request: RobotRequest) -> None:
-        if (news := _NEWS.get(Event(request.TYPE))) is not None:
+        if (news := NEWS.get(Event(request.TYPE))) is not None:
             level, sentence = news
             self._announce(level, sentence.format(request.client))
 
@@ -374,10 +359,10 @@ class Controller:
         )
 
     @staticmethod
-    def _error(job: _Job, error: RobotError) -> ErrorReply:
+    def _error(job: Job, error: RobotError) -> ErrorReply:
         return ErrorReply.of(error, request_id=job.request.id)
 
-    def _finish(self, job: _Job, reply: FinalReply) -> None:
+    def _finish(self, job: Job, reply: FinalReply) -> None:
         self._emit(Finished(ticket=job.ticket, reply=reply))
 
     def _emit(self, event: RobotEvent) -> None:

@@ -174,20 +174,23 @@ class Interaction:
             settle_time=settle_time,
         )
 
-    def read(self) -> Outcome:
-        """Averages the sensors in the present pose.
+    def read(self, report: Report) -> Outcome:
+        """Waits for rest in the present pose, and averages the sensors.
 
         Raises:
+            Aborted: ``report`` ended it.
             DeviceError: A device failed.
         """
         self._clock.watch()
+        settled, settle_time = self._settle(report)
+        report("sampling", 0.0)
         reading = self._average()
         self._verify()
         return Outcome(
             reading=reading,
             saturated_joints=(),
-            settled=True,
-            settle_time=0.0,
+            settled=settled,
+            settle_time=settle_time,
         )
 
     def hold(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fcntl
 from typing import Protocol, cast
 
-from smbus2 import SMBus, i2c_msg
+from smbus2 import I2cFunc, SMBus, i2c_msg
 
 from robot.errors import DeviceMissingError
 
@@ -30,7 +30,8 @@ def open_i2c(path: str) -> SMBus:
     """Opens a bus such as ``/dev/i2c-1``; a transfer hangs for at most about 100 ms.
 
     Raises:
-        DeviceMissingError: There is no such bus, or it is not ours to use.
+        DeviceMissingError: There is no such bus, it is not ours to use, or it cannot do combined
+            transfers.
     """
     try:
         bus = SMBus(path)
@@ -40,4 +41,10 @@ def open_i2c(path: str) -> SMBus:
             f"The I²C bus {path} cannot be opened: {error.strerror}.",
             "Load i2c-dev (modprobe i2c-dev), and add the user to the group i2c.",
         ) from error
+    if not bus.funcs & I2cFunc.I2C:
+        bus.close()
+        raise DeviceMissingError(
+            f"The I²C bus {path} speaks only SMBus, as the ones on PC boards do.",
+            "Use an adapter of which i2cdetect -F says that it does I2C.",
+        )
     return bus

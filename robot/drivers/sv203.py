@@ -39,7 +39,7 @@ _BITS_PER_BYTE: Final = 10  # 8N1
 _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
 _MAX_REPLY: Final = 16
 _ATTEMPTS: Final = 3
-_WRITE_TIMEOUT: Final = 0.2
+_WRITE_TIMEOUT: Final = 1.0  # pyserial counts a moment without the processor as the line's delay
 _PLUG: Final = "Check that the adapter is plugged in and the board has power, then clear the fault."
 
 

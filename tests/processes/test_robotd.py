@@ -88,6 +88,8 @@ def test_the_service_manager_and_the_journal_hear_what_happened(tmp_path: Path) 
             while not heard[-1].startswith(b"READY=1"):
                 heard.append(manager.recv(999))
             with RobotClient(uri, client_id="operator") as client:
+                with pytest.raises(RobotError, match="control"):
+                    client.hold()
                 client.acquire()
                 client.stop()
                 for _ in range(3):
@@ -107,6 +109,7 @@ def test_the_service_manager_and_the_journal_hear_what_happened(tmp_path: Path) 
         r"<6>bodyschema \S+: robot quadruped \(dry run\), .*robot.toml \(configuration \w{12}\)",
         r"<4>dry run: no hardware is touched, and there are no sensors",
         rf"<6>serving quadruped \(dry run\) on {uri}, telemetry on tcp://127.0.0.1:\d+",
+        r"<6>refused: hold of client operator: not_controller: .*",
         r"<6>control: .*client operator.* acquired it",
         r"<4>stopped by client operator; frozen until it is cleared",
         r"<6>refused: relax of client operator: stopped: .*",  # once, not three times

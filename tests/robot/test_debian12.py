@@ -18,29 +18,39 @@ DEBIAN_12 = ("pyzmq==24.0.1", "msgpack==1.0.3", "pyserial==3.5", "smbus2==0.4.2"
 
 SCRIPT = """
 import logging, sys, threading
+from importlib import resources
 from protocol.client import RobotClient
+from protocol.keys import ROBOT, KeyDirectory, Known, read_public
 from protocol.server import Server
 from protocol.telemetry import TelemetrySubscriber
 from robot.clock import WallClock
 from sim_robot.still import still_robot
 
+ours, theirs = KeyDirectory("robot-keys"), KeyDirectory("client-keys")
+name, robot_key = read_public(ours.create("robot"))
+theirs.create("ann")
+theirs.add(Known(name=name, public=robot_key, role=ROBOT))
+ours.add(Known(name="ann", public=theirs.pair().public, role="controller"))
+
 log = logging.getLogger("robotd")
 with still_robot(WallClock(), housekeeping=None, log=log) as robot:
-    with Server(robot.controller, bind="tcp://127.0.0.1:*", log=log) as server:
+    with Server(robot.controller, bind="tcp://127.0.0.1:*", keys="robot-keys", log=log) as server:
         thread = threading.Thread(target=server.run)
         thread.start()
         robot.controller.start()
-        with RobotClient(server.endpoint) as client:
+        with RobotClient(server.endpoint, keys="client-keys") as client:
             client.acquire()
             targets = {joint.name: 0.1 for joint in client.capabilities.joints}
             seen = client.perform(targets)
-            with TelemetrySubscriber(client.capabilities.telemetry) as telemetry:
+            place = client.capabilities.telemetry
+            with TelemetrySubscriber(place, keys="client-keys") as telemetry:
                 print(telemetry.next(timeout=5).state)
         robot.controller.shut_down()
         server.request_stop()
         thread.join()
 assert seen.settled and len(seen.angles) == 8, seen
 assert not {"numpy", "pybullet", "pydantic"} & sys.modules.keys()
+assert resources.files("robot").joinpath("systemd", "robotd.service").is_file()
 print("good")
 """
 

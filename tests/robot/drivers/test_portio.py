@@ -3,6 +3,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from smbus2 import I2cFunc, SMBus
 
 from robot.drivers.i2c import open_i2c
 from robot.drivers.portio import DevPort, claimed_by, open_dev_port
@@ -58,6 +59,21 @@ def test_ports_that_cannot_be_opened_say_why(tmp_path: Path, claims: str) -> Non
     with pytest.raises(DeviceMissingError, match="CAP_SYS_RAWIO"):
         open_dev_port(0x280, path=str(tmp_path), claims=claims)
     assert claimed_by(0x280, 16, str(tmp_path / "none")) is None
+
+
+@pytest.mark.parametrize("functions", [I2cFunc.I2C | I2cFunc.SMBUS_QUICK, I2cFunc.SMBUS_QUICK])
+def test_a_bus_must_do_combined_transfers(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, functions: I2cFunc
+) -> None:
+    plain = tmp_path / "i2c-0"
+    plain.touch()
+    monkeypatch.setattr(SMBus, "_get_funcs", lambda self: functions)
+    monkeypatch.setattr("fcntl.ioctl", lambda *_: 0)
+    if I2cFunc.I2C in functions:
+        open_i2c(str(plain)).close()
+    else:
+        with pytest.raises(DeviceMissingError, match="speaks only SMBus"):
+            open_i2c(str(plain))
 
 
 def test_a_bus_that_cannot_be_opened_says_why(tmp_path: Path) -> None:

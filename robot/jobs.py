@@ -1,0 +1,65 @@
+"""A request on its way through the control loop, and the sentences about what becomes of it."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from protocol.robot import RobotRequest
+from protocol.states import Event
+
+INTERRUPTS: Final = MappingProxyType(
+    {
+        Event.HOLD: "aborted_hold",
+        Event.RELAX: "aborted_relax",
+        Event.STOP: "aborted_stop",
+    }
+)
+"""The requests that end a motion, and the error code with which it then ends."""
+
+SENTENCES: Final = MappingProxyType(
+    {
+        "aborted_hold": "A hold request ended the motion.",
+        "aborted_relax": "A relax request ended the motion.",
+        "aborted_stop": "A stop request ended the motion; the robot is frozen.",
+        "aborted_silent": "The controller was silent for too long; the robot holds its pose.",
+        "shutting_down": "The daemon is shutting down.",
+    }
+)
+"""What each of those codes means."""
+
+STOPPED: Final = "A client sent stop."
+
+NEWS: Final = MappingProxyType(
+    {
+        Event.STOP: (logging.WARNING, "stopped by client {}; frozen until it is cleared"),
+        Event.RELAX: (logging.WARNING, "limp; relaxed by client {}"),
+        Event.CLEAR: (logging.INFO, "cleared by client {}"),
+    }
+)
+"""What a person wants to know afterwards: level, and a sentence about a client."""
+
+
+@dataclass(eq=False)
+class Job:
+    """One request that was accepted.
+
+    Attributes:
+        ticket: Ties its events to it.
+        request: What was asked.
+        faults: How many faults had happened when it was submitted; after another it is void.
+        stops: How many stops, likewise; a clear does not outlast a later one.
+        clears_fault: Whether it is to bring a robot back from a fault.
+        interrupt: The error code with which it shall end.
+        reported: Phase and robot time of the last progress.
+    """
+
+    ticket: int
+    request: RobotRequest
+    faults: int
+    stops: int
+    clears_fault: bool
+    interrupt: str | None = None
+    reported: tuple[str, float] = ("", 0.0)

@@ -1,0 +1,262 @@
+"""The rows of the fault matrix that are about devices, injected by way of the control socket."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tests.faults.matrix import AT_ONCE, DeviceRow
+
+CLEAR: Final = "Once it is mended, `clear` works."
+
+
+def _device(
+    fault: str,
+    spec: str,
+    does: str,
+    words: str,
+    back: str = CLEAR,
+    *,
+    code: str | None = "fault",
+    after: float = 0.0,
+    lasts: bool = True,
+    mended_first: bool = False,
+    sometimes: bool = False,
+) -> DeviceRow:
+    return DeviceRow(
+        fault=fault,
+        injected=spec,
+        does=does,
+        state="holding" if code is None else "fault",
+        code=code,
+        words=words,
+        back=back,
+        after=after,
+        lasts=lasts,
+        mended_first=mended_first,
+        sometimes=sometimes,
+    )
+
+
+def _unnoticed(
+    fault: str, spec: str, does: str, told: str, back: str, *, after: float = 0.0
+) -> DeviceRow:
+    return _device(fault, spec, does, told, back, code=None, after=after)
+
+
+FREEZES: Final = "freezes at the last commanded counts"
+NO_READING: Final = "ends the motion without a reading; the servos hold"
+
+DEVICES: Final = {
+    "Serial line and servo board": (
+        _device(
+            "serial cable unplugged while moving",
+            "servo_board.unplugged",
+            FREEZES + " (the board does so by itself)",
+            "failed while",
+            "Plug it in and `clear`, which opens the port named in the configuration anew; the "
+            "adapter may have become another device behind that name. Motion goes on from the "
+            "counts that the board has.",
+            after=0.4,
+        ),
+        _device(
+            "serial cable unplugged and plugged in again while idle",
+            "servo_board.unplugged",
+            "notices before it moves, at the next request (on a real robot: within 3 s)",
+            "failed while",
+            AT_ONCE,
+            lasts=False,
+            mended_first=True,
+        ),
+        _device(
+            "every third byte to the board lost",
+            "servo_board.drop=3",
+            "repeats each query twice, then " + FREEZES,
+            "The servo board",
+        ),
+        _device(
+            "one byte in 61 to the board lost while moving",
+            "servo_board.drop=61",
+            "queries are repeated; where a position was lost, the board's counts differ at the end "
+            "of the motion. A line that lost a digit moves a servo elsewhere for a moment: the "
+            "board's language has no checksum",
+            "does not have the commands",
+            "If `clear` finds the board's counts readable, it works; else it is refused.",
+            after=0.2,
+            lasts=False,
+            sometimes=True,
+        ),
+        _device(
+            "every third byte to the board corrupted",
+            "servo_board.corrupt=3",
+            "repeats each query twice, then " + FREEZES,
+            "The servo board",
+        ),
+        _device(
+            "one byte in 67 to the board corrupted while moving",
+            "servo_board.corrupt=67",
+            "as with lost bytes",
+            "does not have the commands",
+            "As with lost bytes.",
+            after=0.2,
+            lasts=False,
+            sometimes=True,
+        ),
+        _device(
+            "the board's answers are garbage",
+            "servo_board.garbage=1",
+            "repeats each query twice, then " + FREEZES,
+            "instead of a number 0 to 255",
+        ),
+        _device(
+            "every third answer of the board is garbage",
+            "servo_board.garbage=3",
+            "repeats the query: nothing is lost",
+            "(an observation)",
+            "By itself.",
+            code=None,
+        ),
+        _device(
+            "the board answers nothing",
+            "servo_board.mute",
+            "repeats each query twice, then " + FREEZES,
+            "did not answer",
+        ),
+        _device(
+            "brown-out while moving: the board is deselected, servos jump to neutral",
+            "servo_board.brown_out",
+            "cannot see it at once: servos under way go on from neutral, the others stay there. "
+            "Checks the board's counts after the reading, and gives no observation",
+            "it was reset",
+            "`clear` works at once; motion goes on from where the board stands now.",
+            after=0.4,
+            lasts=False,
+        ),
+        _device(
+            "brown-out while idle",
+            "servo_board.brown_out",
+            "notices before it moves, at the next request (on a real robot: within 3 s)",
+            "it was reset",
+            "`clear` works at once; motion goes on from where the board stands now.",
+            lasts=False,
+            mended_first=True,
+        ),
+    ),
+    "Servos": (
+        _unnoticed(
+            "a servo is dead",
+            "servos.dead=1",
+            "nothing: servos report nothing, and a robot that does not know its body cannot tell "
+            "which reading would be right",
+            "**not noticed** (an observation: what was commanded, and what was felt)",
+            "`robotd doctor --move` and `estimator validate` show it; repair the servo.",
+        ),
+        _unnoticed(
+            "a servo is jammed",
+            "servos.jammed=2",
+            "nothing, likewise",
+            "**not noticed** (an observation, likewise)",
+            "Likewise.",
+            after=1.0,
+        ),
+        _unnoticed(
+            "two servos have exchanged their plugs",
+            "servos.swapped=1",
+            "nothing, likewise",
+            "**not noticed** (an observation, likewise)",
+            "`robotd calibrate` and `robotd doctor --move` show it; exchange the plugs.",
+        ),
+    ),
+    "Analogue inputs (DMM-32)": (
+        _device("board gone", "daq.absent", NO_READING, "everything there reads 0xFF", after=0.9),
+        _device("stuck WAIT", "daq.stuck_wait", NO_READING, "the input to settle (WAIT)"),
+        _device("stuck STS", "daq.stuck_busy", NO_READING, "the conversion (STS)", after=1.5),
+        _device("FIFO overflow", "daq.overflow", NO_READING, "its FIFO overflowed"),
+        _device("a sample is lost", "daq.lost_sample", NO_READING, "its FIFO held fewer samples"),
+        _device(
+            "an axis of the accelerometer is stuck",
+            "daq.stuck_channel=0",
+            "notices the same 16-bit code 20 scans running (live inputs dither), and gives no "
+            "observation",
+            "is stuck: it gave exactly",
+            CLEAR,
+        ),
+        _device(
+            "a strain gauge's input is stuck",
+            "daq.stuck_channel=4",
+            "likewise",
+            "the gauge of",
+        ),
+        _device(
+            "an axis of the accelerometer is railed",
+            "daq.railed_channel=1",
+            NO_READING,
+            "is at the end of its range",
+        ),
+        _device(
+            "a strain gauge's input is railed",
+            "daq.railed_channel=5",
+            NO_READING,
+            "is at the end of its range",
+        ),
+        _unnoticed(
+            "two gauges, or the x and y axes, have exchanged their wires",
+            "daq.swapped_channels=3",
+            "nothing: both readings are possible. (The z axis exchanged with another shows as a "
+            "robot that does not lie flat: `not_planar`)",
+            "**not noticed** (an observation)",
+            "`robotd calibrate` asks for each gauge and axis in turn; exchange the wires.",
+        ),
+    ),
+    "Distance sensor (VL6180X)": (
+        _device("no acknowledge", "distance.nak", NO_READING, "Nothing acknowledges"),
+        _device("bus hangs", "distance.hang", NO_READING, "The I²C bus hangs"),
+        _device("measurement never ends", "distance.busy", NO_READING, "within 0.1 s"),
+        _device("it reports a laser failure", "distance.error=3", NO_READING, "(error 3)"),
+        _device(
+            "frozen value",
+            "distance.frozen",
+            "notices that ten measurements counted exactly the same photons, and gives no "
+            "observation. (A value that is wrong but alive is noticed where it contradicts the "
+            "tilt: a belly that leans cannot be on the ground)",
+            "is frozen",
+        ),
+        _device(
+            "reset while moving: its settings are lost",
+            "distance.reset",
+            NO_READING,
+            "has been reset",
+            "`clear` identifies it again and loads its settings.",
+            after=0.4,
+            lasts=False,
+        ),
+    ),
+    "Robot clock": (
+        _device(
+            "jumps by +10 s while moving",
+            "clock.jump=10",
+            FREEZES + "; no joint leaps",
+            "The robot clock jumped by +10",
+            AT_ONCE,
+            after=0.4,
+            lasts=False,
+        ),
+        _device(
+            "jumps by −10 s while moving",
+            "clock.jump=-10",
+            FREEZES + "; `robot_time` never runs backwards",
+            "The robot clock jumped by -10",
+            AT_ONCE,
+            after=0.4,
+            lasts=False,
+        ),
+        _device(
+            "jumps by −100 s while idle",
+            "clock.jump=-100",
+            "nothing; `robot_time` never runs backwards",
+            "(an observation)",
+            "By itself.",
+            code=None,
+        ),
+    ),
+}
+"""Faults of devices, by section."""

@@ -1,0 +1,84 @@
+"""Writes ``docs/faults.md`` from the fault matrix: ``python -m tests.faults.document``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from sim_robot.faults import KNOWN
+from tests.faults.devices import DEVICES
+from tests.faults.matrix import NETWORK, PROCESSES, Row
+
+CABLE = ("cut", "pulled")  # scenarios that belong to the network
+PAGE = Path(__file__).parents[2] / "docs" / "faults.md"
+
+HEAD = """\
+# Faults
+
+What the robot does when something fails, what its controller is told, and how it comes back. This
+page is written from the tables that the tests run (`matrix.py` and `devices.py` in `tests/faults`):
+each row is injected there, in a real `sim-robotd` or `robotd` process, and checked. `make faults`
+writes the page anew.
+
+Three rules hold throughout:
+
+1. **A fault is a state.** The servos freeze at the counts last commanded, never limp. The request
+   ends with an error; `status` and telemetry say `fault` and why. Every motion and reading is
+   refused until somebody sends `clear`, which opens, identifies and tries every device, and is
+   refused with a sentence while one of them still fails.
+2. **No reading is invented, repeated or stale.** An observation is given only if every sample of it
+   was fresh and possible, and if the servo board, which acknowledges nothing, was asked before and
+   after whether it has the counts that it was sent.
+3. **Nothing is done twice.** A request is carried out once, however often it arrives.
+
+What cannot be noticed stands here as such.
+"""
+
+GRAMMAR = """
+## Injecting faults
+
+    sim-robotd --fault daq.stuck_channel=3@2i+10s
+    sim-robotd --control ipc:///tmp/faults
+    python -m sim_robot.control ipc:///tmp/faults inject servo_board.unplugged
+    python -m sim_robot.control ipc:///tmp/faults mend
+    python -m sim_robot.control ipc:///tmp/faults report
+
+A fault is written `DEVICE.FAULT[=N][@START][+DURATION]`. START is `3i`, in the zero pose of the
+third interaction, or `12.5s`, at that robot time; without it the fault begins at once. DURATION is
+`2i` (interactions), `5s` (robot time) or `5w` (seconds on the wall: the virtual time of a robot
+that is down stands still); without it the fault lasts until it is mended.
+
+| fault | what it does |
+| --- | --- |
+"""
+
+
+def table(rows: Iterable[Row]) -> str:
+    """Rows as Markdown."""
+    lines = [
+        "| fault | how it is injected | the robot | its state | the controller is told | "
+        "how it comes back |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
+    for row in rows:
+        injected = f"`{row.injected}`" if "." in row.injected.split()[0] else row.injected
+        told = row.words if row.code is None else f"`{row.code}`: “…{row.words}…”"
+        lines.append(
+            f"| {row.fault} | {injected} | {row.does} | {row.state} | {told} | {row.back} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def page() -> str:
+    """The whole page."""
+    parts = [HEAD]
+    parts += [f"\n## {section}\n\n{table(rows)}" for section, rows in DEVICES.items()]
+    parts.append(f"\n## Network\n\n{table([*NETWORK, *(PROCESSES[name] for name in CABLE)])}")
+    rest = [row for name, row in PROCESSES.items() if name not in CABLE]
+    parts.append(f"\n## Processes and computers\n\n{table(rest)}")
+    known = "".join(f"| `{name}` | {what} |\n" for name, what in KNOWN.items())
+    return "".join(parts) + GRAMMAR + known
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,104 @@
+"""What the scenarios have in common: a board, a daemon on it, a controller, a motion under way."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from typing import Final
+
+from protocol.client import RobotClient
+from protocol.errors import BodyschemaError, RobotError
+from protocol.messages import Observation, Status
+from sim_robot.electronics.sv203 import SV203Emulator
+from sim_robot.still import example_config
+from tests.faults.matrix import PROCESSES
+from tests.processes.simulator import Simulator, simulator
+
+DAEMON: Final = "bench.outboard"
+FAR: Final = -90.0
+ZERO: Final = tuple(joint.quantise(0.0)[0] for joint in example_config("").joints)
+"""The counts of the zero pose."""
+
+
+@contextmanager
+def servo_board() -> Iterator[SV203Emulator]:
+    """A board that belongs to nobody."""
+    found = SV203Emulator()
+    try:
+        yield found
+    finally:
+        found.close()
+
+
+def daemon(
+    board: SV203Emulator,
+    speed: float = 60.0,
+    *,
+    bind: str = "tcp://127.0.0.1:*",
+    environment: Mapping[str, str] | None = None,
+) -> AbstractContextManager[Simulator]:
+    """A ``robotd`` on the board; speed in degrees per second."""
+    options = ("--port", board.port, "--speed", str(speed))
+    return simulator(*options, bind=bind, module=DAEMON, environment=environment)
+
+
+@contextmanager
+def controller(uri: str) -> Iterator[RobotClient]:
+    """A client in control."""
+    with RobotClient(uri, timeout=30) as client:
+        client.acquire()
+        yield client
+
+
+class Motion:
+    """A motion of the first hip, asked for in a thread of its own; leave it to wait for its end."""
+
+    def __init__(self, client: RobotClient, degrees: float = FAR):
+        self._client = client
+        self._targets = {joint.name: 0.0 for joint in client.capabilities.joints}
+        self._targets["hip_left"] = math.radians(degrees)
+        self.end: Observation | BodyschemaError | None = None
+        self._thread = threading.Thread(target=self._run)
+
+    def _run(self) -> None:
+        try:
+            self.end = self._client.perform(self._targets)
+        except BodyschemaError as error:
+            self.end = error
+
+    def __enter__(self) -> Motion:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._thread.join(40)
+        assert not self._thread.is_alive()
+
+
+def wait_until(condition: Callable[[], bool], timeout: float = 30) -> None:
+    """Looks again and again."""
+    deadline = time.monotonic() + timeout
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def wait_for_motion(board: SV203Emulator) -> None:
+    """Until the first hip is well on its way from zero downwards."""
+    wait_until(lambda: board.pulses()[0] < ZERO[0] - 25)
+
+
+def check(name: str, end: object, status: Status | None = None) -> None:
+    """Holds an outcome against the matrix."""
+    row = PROCESSES[name]
+    if row.code is None:
+        assert isinstance(end, Observation), end
+    else:
+        assert isinstance(end, RobotError), end
+        assert end.code == row.code
+        assert row.words in end.message
+    if status is not None:
+        assert status.state == row.state

@@ -1,0 +1,167 @@
+"""Every device fault of the matrix, injected into a real ``sim-robotd`` while it works."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import pytest
+from _pytest.mark import ParameterSet
+
+from protocol.client import RobotClient
+from protocol.errors import RobotError
+from protocol.messages import Observation
+from sim_robot.control import FaultClient
+from tests.faults.devices import DEVICES
+from tests.faults.matrix import DeviceRow
+from tests.processes.simulator import simulator
+
+# Rests on three feet, the fourth in the air, and always the same: not every pose is as stable.
+POSE = {"hip_left": -40.0, "hip_front": -25.0, "hip_back": -25.0}
+
+
+@dataclass
+class Patient:
+    """A robot, its controller and whoever breaks it."""
+
+    client: RobotClient
+    faults: FaultClient
+    reference: Observation
+    pulses: list[int]
+
+    def perform(self) -> Observation:
+        joints = self.client.capabilities.joints
+        targets = {joint.name: math.radians(POSE.get(joint.name, 0.0)) for joint in joints}
+        return self.client.perform(targets)
+
+    def outcome(self) -> Observation | RobotError:
+        try:
+            return self.perform()
+        except RobotError as error:
+            return error
+
+    def sequence(self) -> int:
+        return self.client.status().sequence
+
+
+def rows(wanted: Callable[[DeviceRow], bool]) -> list[ParameterSet]:
+    found = (row for rows in DEVICES.values() for row in rows)
+    return [pytest.param(row, id=row.injected) for row in found if wanted(row)]
+
+
+@pytest.fixture(scope="module")
+def robot() -> Iterator[Patient]:
+    with (
+        simulator("--noise", "none", "--control", "tcp://127.0.0.1:*") as process,
+        FaultClient(process.control) as faults,
+        RobotClient(process.uri) as client,
+    ):
+        client.acquire()
+        patient = Patient(client, faults, reference=None, pulses=[])  # type: ignore[arg-type]
+        patient.reference = patient.perform()
+        patient.pulses = faults.report()["pulses"]
+        yield patient
+
+
+@pytest.fixture
+def patient(robot: Patient) -> Iterator[Patient]:
+    yield robot
+    robot.faults.mend()
+    if robot.client.status().state == "fault":
+        robot.client.clear()
+
+
+def inject(row: DeviceRow, patient: Patient) -> None:
+    now = patient.faults.report()["robot_time"]
+    start = f"@{now + row.after:.6f}s" if row.after else ""
+    patient.faults.inject(row.injected + start)
+    if row.mended_first:
+        patient.faults.mend()
+
+
+def refused(patient: Patient, ask: str) -> RobotError:
+    with pytest.raises(RobotError) as error:
+        patient.perform() if ask == "perform" else getattr(patient.client, ask)()
+    return error.value
+
+
+@pytest.mark.parametrize("row", rows(lambda row: bool(row.code) and not row.sometimes))
+def test_a_fault_takes_the_robot_down_until_it_is_cleared(row: DeviceRow, patient: Patient) -> None:
+    before = patient.sequence()
+    inject(row, patient)
+    error = refused(patient, "perform")
+    assert error.code == row.code
+    assert row.words in error.message
+    status = patient.client.status()
+    assert status.state == row.state
+    assert row.words in (status.reason or "")
+    for ask in ("perform", "read", "hold", "relax"):
+        assert refused(patient, ask).code == "fault"
+    if row.lasts:
+        assert refused(patient, "clear").code == "fault"
+        assert patient.client.status().state == row.state
+    assert 0 not in patient.faults.report()["pulses"]  # stiff, all the time
+    patient.faults.mend()
+    assert patient.client.clear().state == "holding"
+    assert patient.client.status().reason is None
+    check_health(patient, after=before)
+
+
+@pytest.mark.parametrize("row", rows(lambda row: row.sometimes))
+def test_what_comes_through_is_true(row: DeviceRow, patient: Patient) -> None:
+    sentences = []
+    for _ in range(6):
+        before = patient.sequence()
+        inject(row, patient)
+        end = patient.outcome()
+        patient.faults.mend()
+        if isinstance(end, RobotError):
+            sentences.append(end.message)
+            assert end.code == row.code
+            assert patient.sequence() == before
+            patient.client.clear()
+        else:  # a servo may have leapt and thrown the body over, but this is how it lies now
+            assert patient.faults.report()["pulses"] == patient.pulses
+            assert same(end, patient.client.read())
+    assert any(row.words in sentence for sentence in sentences)
+    check_health(patient, after=patient.sequence())
+
+
+@pytest.mark.parametrize("row", rows(lambda row: not row.code))
+def test_what_is_not_noticed_is_answered_with_what_was_felt(
+    row: DeviceRow, patient: Patient
+) -> None:
+    inject(row, patient)
+    before = patient.sequence()
+    seen = patient.perform()
+    assert seen.sequence == before + 1
+    assert seen.angles == patient.reference.angles  # what was commanded
+    assert patient.client.status().state == row.state
+    # A fault that changes what is felt shows in the reading, which is not smoothed over.
+    assert same(seen, patient.reference) == (not row.injected.startswith(("servos.", "daq.")))
+    patient.faults.mend()
+    check_health(patient, after=seen.sequence)
+
+
+def check_health(patient: Patient, *, after: int) -> None:
+    seen = patient.perform()
+    assert seen.sequence == after + 1
+    assert same(seen, patient.reference)
+    assert seen.robot_time > patient.reference.robot_time
+    assert patient.faults.report()["pulses"] == patient.pulses
+
+
+def same(one: Observation, other: Observation) -> bool:
+    return (
+        one.angles == other.angles
+        and one.touch == other.touch
+        and one.tilt == pytest.approx(other.tilt, abs=math.radians(0.3))
+        and one.clearance == pytest.approx(other.clearance, abs=2e-3)
+    )
+
+
+def test_a_brown_out_is_noticed_by_a_reading_too(patient: Patient) -> None:
+    patient.perform()
+    patient.faults.inject("servo_board.brown_out")
+    assert "it was reset" in refused(patient, "read").message

@@ -1,0 +1,16 @@
+"""The page on faults says what the tests test."""
+
+from __future__ import annotations
+
+from sim_robot.faults import KNOWN, FaultSpec
+from tests.faults.devices import DEVICES
+from tests.faults.document import PAGE, page
+
+
+def test_the_page_is_current() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "run: make faults"
+
+
+def test_every_fault_that_can_be_injected_is_in_the_matrix() -> None:
+    tested = {FaultSpec.parse(row.injected).name for rows in DEVICES.values() for row in rows}
+    assert tested == set(KNOWN)

@@ -1,0 +1,22 @@
+"""Faults of processes, computers and cables. They run side by side, for they mostly wait."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import pytest
+
+from tests.faults.matrix import PROCESSES
+from tests.faults.scenarios import SCENARIOS
+
+
+@pytest.fixture(scope="module")
+def ends() -> Iterator[Mapping[str, Future[None]]]:
+    with ThreadPoolExecutor(len(SCENARIOS)) as pool:
+        yield {name: pool.submit(scenario) for name, scenario in SCENARIOS.items()}
+
+
+@pytest.mark.parametrize("name", PROCESSES)
+def test_the_robot_survives(name: str, ends: Mapping[str, Future[None]]) -> None:
+    ends[name].result()

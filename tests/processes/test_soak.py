@@ -1,0 +1,26 @@
+"""A few virtual minutes of the soak: random commands, faults and clients, and every check of it."""
+
+from __future__ import annotations
+
+from bench.crowd import Sample
+from bench.soak import growth, soak
+
+
+def sample(memory: float) -> Sample:
+    return Sample(hours=0, memory=memory, descriptors=1, threads=1, latency=1, worst=1)
+
+
+def test_nothing_is_lost_and_nothing_repeated() -> None:
+    with soak(seed=1) as found:
+        found.run(0.06, every=0.03, deaths=0, tell=lambda sample: None)
+    assert found.counts["observations"] > 30
+    assert found.counts["faults noticed"] > 0
+    assert len({sample.descriptors for sample in found.samples[1:]}) == 1
+    assert max(sample.hours for sample in found.samples) >= 0.06
+
+
+def test_a_leak_would_show() -> None:
+    still = [sample(100 + 3 * (number % 2)) for number in range(24)]
+    leaking = [sample(100 + number / 2) for number in range(24)]
+    assert growth(still, lambda one: one.memory) == 0
+    assert growth(leaking, lambda one: one.memory) == 4
