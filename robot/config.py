@@ -95,6 +95,13 @@ class RobotConfig:
         gauges = [gauge.name for gauge in self.gauges]
         if len(set(gauges)) < len(gauges):
             raise ConfigError(f"two gauges share a name: {gauges}.", key="touch")
+        for gauge in self.gauges:
+            if gauge.debounce > self.samples:
+                raise ConfigError(
+                    f"a debounce of {gauge.debounce} can never set the bit: an observation has "
+                    f"only {self.samples} samples.",
+                    key=f"touch ({gauge.name})",
+                )
 
     @property
     def hash(self) -> str:

@@ -14,6 +14,7 @@ import pytest
 from protocol.client import RobotClient
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from protocol.messages import Observation, Progress
+from sim_robot.proxy import lasting_port
 from tests.processes.simulator import simulator
 
 
@@ -87,19 +88,18 @@ def test_wrong_targets_are_refused(change: Mapping[str, float] | None, code: str
 
 
 def test_a_restarted_daemon_does_not_repeat_a_move() -> None:
-    with simulator() as robot:
-        bind = robot.uri
-        with RobotClient(bind, timeout=20) as client:
-            client.acquire()
-            client.perform(program(client, hip_left=10))
-            robot.kill()
-            with simulator(bind=bind):
-                with pytest.raises(RobotRestartedError, match="restarted"):
-                    client.perform(program(client, hip_left=20))
-                client.hello()
-                assert client.status().sequence == 0  # nothing was performed
-                client.acquire()
+    bind = f"tcp://127.0.0.1:{lasting_port()}"
+    with simulator(bind=bind) as robot, RobotClient(bind, timeout=20) as client:
+        client.acquire()
+        client.perform(program(client, hip_left=10))
+        robot.kill()
+        with simulator(bind=bind):
+            with pytest.raises(RobotRestartedError, match="restarted"):
                 client.perform(program(client, hip_left=20))
+            client.hello()
+            assert client.status().sequence == 0  # nothing was performed
+            client.acquire()
+            client.perform(program(client, hip_left=20))
 
 
 def test_nothing_listens() -> None:

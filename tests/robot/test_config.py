@@ -66,6 +66,7 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         ("limits_deg = [-96, 74]", "limits_deg = [74, -96]", ["joint[0].limits_deg", "rise"]),
         ("output = 2", "output = 1", ["joint", "share an output"]),
         ('name = "hip_front"', 'name = "hip_left"', ["joint", "share a name"]),
+        ("debounce = 3", "debounce = 30", ["touch (lower_left)", "30", "10 samples"]),
         ("joints = 8", "joints = 7", ["robot.joints", "says 7", "8 [[joint]]"]),
         ("[noise]", "[nois]", ["noise", "missing"]),
         ("[motion]", "[motion", ["TOML"]),
