@@ -40,7 +40,7 @@ that miss their targets.
 
 @contextmanager
 def _robot(seed: int) -> Iterator[str]:
-    command = [BIN / "sim-robotd", "--bind", "tcp://127.0.0.1:*", "--seed", str(seed)]
+    command = [str(BIN / "sim-robotd"), "--bind", "tcp://127.0.0.1:*", "--seed", str(seed)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         try:
@@ -54,7 +54,7 @@ def _robot(seed: int) -> Iterator[str]:
 
 
 def _estimator(*arguments: str) -> None:
-    command = [BIN / "estimator", *arguments]
+    command = [str(BIN / "estimator"), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(f"estimator {' '.join(arguments)}: {done.stderr}")
