@@ -6,8 +6,11 @@ For                     Use
 controlling a robot     ``RobotClient``: acquire, perform, read, hold, relax, stop, clear, release
 listening to a robot    ``TelemetrySubscriber``
 serving a robot         ``Server`` around anything that is a ``protocol.robot.Robot``
+keys and roles          ``protocol.keys``: ``KeyDirectory``; ``protocol.roles``: who may do what
+nobody answers: why?    ``protocol.probe``: ``probe``
+trying any robot        ``python -m protocol.conformance URI``: which clauses of the page hold
 what can go wrong       ``protocol.errors``: ``RobotError``, ``RobotUnreachableError``,
-                        ``RobotRestartedError``, and the table ``ERROR_CODES``
+                        ``RobotRestartedError``, ``KeysError``, and the table ``ERROR_CODES``
 messages                ``protocol.messages``, ``protocol.capabilities``
 frames                  ``protocol.codec``: ``encode``, ``decode``
 states of a robot       ``protocol.states``: ``TRANSITIONS``
@@ -23,11 +26,13 @@ from protocol.client import RobotClient
 from protocol.errors import (
     BodyschemaError,
     EndpointError,
+    KeysError,
     ProtocolError,
     RobotError,
     RobotRestartedError,
     RobotUnreachableError,
 )
+from protocol.keys import KeyDirectory
 from protocol.messages import Observation, Ok, Progress, Status, Telemetry
 from protocol.server import Server
 from protocol.states import State
@@ -38,6 +43,8 @@ __all__ = [
     "Capabilities",
     "EndpointError",
     "Joint",
+    "KeyDirectory",
+    "KeysError",
     "Observation",
     "Ok",
     "Progress",

@@ -10,9 +10,9 @@ from __future__ import annotations
 import itertools
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
+from protocol.actions import Action, ControllerChanged, Send, Silence, Submit
 from protocol.capabilities import Capabilities
 from protocol.checks import MAX_TEXT
 from protocol.codec import decode, encode
@@ -47,40 +47,8 @@ from protocol.robot import Finished, Progressed, RobotRequest, Snapshot
 from protocol.roles import Role
 from protocol.targets import check_targets
 
-
-@dataclass(frozen=True, slots=True)
-class Send:
-    """Send this frame to this peer."""
-
-    peer: bytes
-    frame: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class Submit:
-    """Give this request to the robot; then call ``accept``, or ``finish`` if it refuses."""
-
-    ticket: int
-    request: RobotRequest
-
-
-@dataclass(frozen=True, slots=True)
-class Silence:
-    """Tell the robot that nobody steers any more."""
-
-
-@dataclass(frozen=True, slots=True)
-class ControllerChanged:
-    """Tell the robot who controls it now; ``reason``, for the log, says how that came about."""
-
-    client: str | None
-    reason: str = field(default="", compare=False)
-
-
-Action: TypeAlias = Send | Submit | Silence | ControllerChanged
 Authorise: TypeAlias = Callable[[str | None, Request], None]
 OnRefusal: TypeAlias = Callable[[Request, RobotError], None]
-
 RoleOf: TypeAlias = Callable[[str | None], Role | None]
 
 MAX_READS: Final = 8

@@ -16,8 +16,8 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import secrets
 import struct
-import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -207,7 +207,8 @@ class KeyDirectory:
     def _write(self, name: str, text: str, mode: int = 0o600) -> None:
         """Replaces a file in one step; it belongs to whom the directory belongs."""
         try:
-            handle, new = tempfile.mkstemp(prefix=f".{name}.", dir=self.path)
+            new = self._file(f".{name}.{secrets.token_hex(4)}")
+            handle = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             try:
                 with open(handle, "w", encoding="utf-8") as file:
                     os.fchmod(handle, mode)

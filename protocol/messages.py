@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Final, TypeVar, cast
 
 from protocol import checks
 from protocol.capabilities import Capabilities
+from protocol.codec import request_id_of
 from protocol.errors import LocalProtocolError, RemoteProtocolError, RobotError
 from protocol.states import State
 
@@ -347,9 +348,7 @@ def parse_telemetry(found: Mapping[str, Any]) -> Telemetry:
 
 
 def _parse(found: Mapping[str, Any], kinds: Mapping[str, type[Any]]) -> Message:
-    request_id = found.get("id")
-    if isinstance(request_id, bool) or not isinstance(request_id, int) or request_id < 0:
-        request_id = None
+    request_id = request_id_of(found)
     name = found.get("type")
     kind = kinds.get(name) if isinstance(name, str) else None
     if kind is None:

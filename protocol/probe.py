@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import math
 import socket
+import sys
 import time
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
 import zmq
-from zmq.utils.monitor import recv_monitor_message
 
 from protocol.endpoints import Endpoint
 from protocol.keys import ClientKeys
-from protocol.sockets import connected
+from protocol.sockets import unconnected
 
 _GREETING: Final = 64  # bytes of ZMTP 3: signature 10, version 2, mechanism 20, as-server, filler
 _SIGNATURE: Final = b"\xff" + bytes(8) + b"\x7f"
@@ -71,40 +71,64 @@ def probe(uri: str, keys: ClientKeys | None = None, *, patience: float = 2.0) ->
         EndpointError: ``uri`` is no address.
     """
     place = Endpoint.parse(uri)
-    try:
-        mechanism = _mechanism(place, patience)
-    except ConnectionRefusedError:
-        return _found(Obstacle.NO_LISTENER, f"Nothing listens at {place}: no robot daemon runs.")
-    except TimeoutError:
-        return _found(
-            Obstacle.NO_ANSWER,
-            f"{place} does not answer: no robot daemon runs there, it is switched off, or a "
-            "firewall is in between.",
-        )
-    except ConnectionError:
-        mechanism = b""
-    except OSError as error:
-        return _found(Obstacle.NO_HOST, f"{place} cannot be reached: {error.strerror or error}.")
-    wanted = _NULL if keys is None else _CURVE
-    if mechanism not in (_NULL, _CURVE):
-        return _found(
+    found = _knock(place, patience)
+    if isinstance(found, Diagnosis):
+        return found
+    if found not in (_NULL, _CURVE):
+        return Diagnosis(
             Obstacle.NO_ZEROMQ, f"What listens at {place} is no robot daemon: it speaks no ZeroMQ."
         )
-    if mechanism != wanted:
+    if found != (_NULL if keys is None else _CURVE):
         return _mismatch(place, keys)
     return _shake_hands(place, keys, patience)
 
 
-def _mechanism(place: Endpoint, patience: float) -> bytes:
-    """The security mechanism in the peer's greeting; empty: that was no greeting."""
+def _knock(place: Endpoint, patience: float) -> bytes | Diagnosis:
+    """The security mechanism in the peer's greeting, or why there is none."""
+    try:
+        mechanism = _mechanism(place, patience)
+    except ConnectionRefusedError:
+        obstacle = Obstacle.NO_LISTENER
+        sentence = f"Nothing listens at {place}: no robot daemon runs."
+    except TimeoutError:
+        obstacle = Obstacle.NO_ANSWER
+        sentence = (
+            f"{place} does not answer: no robot daemon runs there, it is switched off, or a "
+            "firewall is in between."
+        )
+    except OSError as error:
+        obstacle = Obstacle.NO_HOST
+        sentence = f"{place} cannot be reached: {error.strerror or error}."
+    else:
+        if mechanism is not None:
+            return mechanism
+        obstacle = Obstacle.NO_ANSWER
+        sentence = (
+            f"{place} accepts connections, but says nothing: it is no robot daemon, or it hangs."
+        )
+    return Diagnosis(obstacle, sentence)
+
+
+def _mechanism(place: Endpoint, patience: float) -> bytes | None:
+    """The security mechanism in the peer's greeting; empty: that was none; ``None``: silence.
+
+    Raises:
+        OSError: There is no connection.
+    """
     end = time.monotonic() + patience
     ours = _SIGNATURE + b"\x03\x00"  # no mechanism: at a wrong one, a peer hangs up unanswered
     with socket.create_connection((place.host, place.port), timeout=patience) as stream:
-        stream.sendall(ours)
         theirs = b""
         while len(theirs) < _GREETING:
             stream.settimeout(max(end - time.monotonic(), 0.001))
-            received = stream.recv(_GREETING - len(theirs))
+            try:
+                if not theirs:
+                    stream.sendall(ours)
+                received = stream.recv(_GREETING - len(theirs))
+            except TimeoutError:
+                return None
+            except OSError:
+                received = b""
             if not received:
                 return b""
             theirs += received
@@ -116,11 +140,13 @@ def _mechanism(place: Endpoint, patience: float) -> bytes:
 def _shake_hands(place: Endpoint, keys: ClientKeys | None, patience: float) -> Diagnosis:
     context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
     try:
-        dealer = connected(context, zmq.DEALER, str(place), keys, {zmq.IMMEDIATE: 1})
-        watch = dealer.get_monitor_socket(_EVENTS)
+        dealer = unconnected(context, zmq.DEALER, place, keys, {zmq.IMMEDIATE: 1})
+        watch = dealer.get_monitor_socket(_EVENTS)  # before there is anything to be missed
         try:
+            dealer.connect(str(place))
             heard = watch.poll(math.ceil(patience * 1000))
-            event = recv_monitor_message(watch)["event"] if heard else None
+            # The event stands first; pyzmq's own reader of it would load asyncio and TLS, 5 MB.
+            event = int.from_bytes(watch.recv_multipart()[0][:2], sys.byteorder) if heard else None
         finally:
             dealer.disable_monitor()
             watch.close()
@@ -129,33 +155,29 @@ def _shake_hands(place: Endpoint, keys: ClientKeys | None, patience: float) -> D
     if event == zmq.EVENT_HANDSHAKE_SUCCEEDED:
         return Diagnosis(None, f"{place} can be reached.")
     if event == zmq.EVENT_HANDSHAKE_FAILED_AUTH:
-        return _found(
+        return Diagnosis(
             Obstacle.UNKNOWN_KEY,
             f"The robot at {place} does not know this key: its owner must add it there, with "
             "robotd keys add.",
         )
     if keys is not None and event is not None:
-        return _found(
+        return Diagnosis(
             Obstacle.OTHER_ROBOT,
             f"What is at {place} does not have the key that is known here as the robot's: it is "
             "another robot, or it got a new key.",
         )
-    return _found(Obstacle.NO_ANSWER, f"{place} accepts connections, but does not answer.")
+    return Diagnosis(Obstacle.NO_ANSWER, f"{place} accepts connections, but does not answer.")
 
 
 def _mismatch(place: Endpoint, keys: ClientKeys | None) -> Diagnosis:
     if keys is None:
-        return _found(
+        return Diagnosis(
             Obstacle.KEYS_WANTED,
             f"The robot at {place} asks for a key: make one with robotd keys new, let the robot's "
             "owner add it, and give --keys DIR.",
         )
-    return _found(
+    return Diagnosis(
         Obstacle.NO_KEYS_THERE,
         f"The robot at {place} does without keys, so nothing shows that it is the one that is "
         "known here: leave --keys out, if that is meant.",
     )
-
-
-def _found(obstacle: Obstacle, sentence: str) -> Diagnosis:
-    return Diagnosis(obstacle, sentence)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import math
+import time
 from typing import Final
 
 import zmq
@@ -13,6 +15,8 @@ from protocol.keys import KeyPair
 from protocol.sockets import listening, real_endpoint
 
 TOPIC: Final = b"telemetry"
+
+_MOMENT: Final = 3.0  # s after which an address that cannot be had again is worth a line
 
 
 class Publisher:
@@ -41,7 +45,7 @@ class Publisher:
         self._context = context
         self._pair = pair
         self._log = log
-        self._lost = False
+        self._complain_at = math.inf
         self._socket: zmq.Socket[bytes] | None = listening(context, zmq.PUB, place, pair)
         self.place = real_endpoint(self._socket, place)
 
@@ -57,13 +61,12 @@ class Publisher:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+            self._complain_at = time.monotonic() + _MOMENT
 
     def _reopen(self) -> None:
         try:
             self._socket = listening(self._context, zmq.PUB, self.place, self._pair)
         except EndpointError as error:  # ZeroMQ frees an address a moment after closing it
-            if self._lost:
-                self._log.error("no telemetry for now: %s", error)
-            self._lost = True
-        else:
-            self._lost = False
+            if time.monotonic() > self._complain_at:
+                self._complain_at = math.inf
+                self._log.error("no telemetry: %s", error)

@@ -19,15 +19,8 @@ from typing import Final, Self
 import zmq
 
 from protocol.access import Access
-from protocol.core import (
-    Action,
-    ControllerChanged,
-    Send,
-    ServerCore,
-    Silence,
-    Submit,
-    allow_all,
-)
+from protocol.actions import Action, ControllerChanged, Send, Silence, Submit
+from protocol.core import ServerCore, allow_all
 from protocol.endpoints import DEFAULT_BIND
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.gate import Gate
@@ -40,6 +33,7 @@ from protocol.tally import Tally
 from protocol.waker import Waker
 
 _BATCH: Final = 100  # frames before the robot and the clock have their turn
+_LOOK: Final = 0.5  # s between two looks at the list of clients
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
 
@@ -145,7 +139,7 @@ class Server:
                 self._carry_out(self._core.tick(now))
                 if now >= publish_at:
                     self._publisher.publish(self._core.publication())
-                    publish_at = now + self._period
+                    publish_at = max(publish_at + self._period, now)  # late once, not slow
             self._take_events()
 
     def wake(self) -> None:
@@ -179,6 +173,8 @@ class Server:
 
     def _patience(self, publish_at: float) -> int:
         due = publish_at
+        if self._access is not None:
+            due = min(due, self._clock() + _LOOK)
         if self._core.deadline is not None:
             due = min(due, self._core.deadline)
         return max(0, math.ceil((due - self._clock()) * 1000))

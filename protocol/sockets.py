@@ -101,19 +101,30 @@ def connected(
         EndpointError: The address cannot be connected to.
     """
     place = Endpoint.parse(uri)
-    if keys is not None:
-        options = dict(options) | {
-            zmq.CURVE_SERVERKEY: keys.robot.encode(),
-            zmq.CURVE_PUBLICKEY: keys.own.public.encode(),
-            zmq.CURVE_SECRETKEY: keys.own.secret.encode(),
-        }
-    made = _made(context, kind, place, options)
+    made = unconnected(context, kind, place, keys, options)
     try:
         made.connect(str(place))
     except zmq.ZMQError as error:
         made.close()
         raise EndpointError(f"Cannot connect to {place}: {error.strerror}.") from None
     return made
+
+
+def unconnected(
+    context: zmq.Context[zmq.Socket[bytes]],
+    kind: int,
+    place: Endpoint,
+    keys: ClientKeys | None,
+    options: Mapping[int, Any],
+) -> zmq.Socket[bytes]:
+    """What ``connected`` makes, before it connects."""
+    if keys is not None:
+        options = dict(options) | {
+            zmq.CURVE_SERVERKEY: keys.robot.encode(),
+            zmq.CURVE_PUBLICKEY: keys.own.public.encode(),
+            zmq.CURVE_SECRETKEY: keys.own.secret.encode(),
+        }
+    return _made(context, kind, place, options)
 
 
 def real_endpoint(bound: zmq.Socket[bytes], place: Endpoint) -> Endpoint:

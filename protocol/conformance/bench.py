@@ -99,14 +99,18 @@ class Party:
         self.line.send(request)
         return self.line.final(request["id"], patience=patience)
 
-    def ask_raw(self, frame: bytes, request_id: int | None) -> Map | None:
-        """Sends a frame, then a hello; the answer to the frame with this id, if there is any."""
+    def ask_raw(self, frame: bytes, *request_ids: int | None) -> Map | None:
+        """Sends a frame, then a hello; the answer to the frame with one of these ids, if any."""
         self.line.send_parts(frame)
         after = self.request("hello", versions=[1])
         self.line.send(after)
         answer = self.line.reply(after["id"])
         expect(answer is not None, "After that, the robot does not answer any more.")
-        return self.line.reply(request_id, patience=GRACE)
+        for patience in (0.0, GRACE):
+            for request_id in request_ids:
+                if (found := self.line.reply(request_id, patience=patience)) is not None:
+                    return found
+        return None
 
     def refused(self, frame: bytes, code: str, request_id: int | None, what: str) -> None:
         """Expects that a frame is answered with an error; ``what`` names it in the sentence."""

@@ -72,6 +72,67 @@ _by_vectors("1.7", "The vector with too many levels is malformed")
 _by_vectors("1.8", "The vector that claims 2^31 items is malformed")
 
 
+def _with_extra(request: Map, key: bytes, value: bytes) -> bytes:
+    """A frame with one more entry, given in bytes."""
+    items = [pack_small(item) for pair in request.items() for item in pair]
+    return bytes([0x80 + len(request) + 1]) + b"".join(items) + key + value
+
+
+def _refused_for(party: Party, frame: bytes, request: Map, what: str) -> None:
+    """A frame that is fine but for one thing is malformed; its id may be told or not."""
+    found = party.ask_raw(frame, None, request["id"])
+    expect(
+        found is not None and found.get("code") == "malformed",
+        f"{what}: answered with {said(found)} instead of malformed.",
+    )
+
+
+@check("2.1")
+def more_than_a_frame(bench: Bench) -> None:
+    """A request with anything before or after it is malformed."""
+    party = bench.party()
+    beat = party.request("heartbeat")
+    frame = pack(beat)
+    for spoilt, what in (
+        (frame + b"\xc0", "A byte after a frame"),
+        (frame + frame, "A frame twice"),
+        (b"\xc0" + frame, "A byte before a frame"),
+        (b"\x91" + frame, "A frame in an array"),
+        (frame[:-1], "A frame without its last byte"),
+    ):
+        _refused_for(party, spoilt, beat, what)
+
+
+@check("2.2")
+def odd_keys(bench: Bench) -> None:
+    """A request with a key twice, or one that is no string, is malformed."""
+    party = bench.party()
+    beat = party.request("heartbeat")
+    for key, what in (
+        (pack_small("id"), "The key id twice"),
+        (b"\x05", "The key 5"),
+        (b"\xc4\x01x", "A binary key"),
+        (b"\xc0", "The key nil"),
+    ):
+        _refused_for(party, _with_extra(beat, key, pack_small(beat["id"])), beat, what)
+
+
+@check("2.3")
+def odd_values(bench: Bench) -> None:
+    """A request with what no value may be is malformed, also in a field that is unknown."""
+    party = bench.party()
+    beat = party.request("heartbeat")
+    for value, what in (
+        (b"\xc4\x01x", "Binary"),
+        (b"\xc7\x01\x05x", "An extension"),
+        (b"\xd6\xff\0\0\0\0", "A timestamp"),
+        (b"\xcb\x7f\xf8" + bytes(6), "NaN"),
+        (b"\xca\xff\x80\0\0", "An infinity"),
+        (b"\xa2\xc3\x28", "A string that is not UTF-8"),
+    ):
+        _refused_for(party, _with_extra(beat, pack_small("extra"), value), beat, what)
+
+
 @check("2.12")
 def ids_of_errors(bench: Bench) -> None:
     """An error carries the id of a frame that has a valid one, and else none."""

@@ -89,7 +89,7 @@ def a_crowd_and_the_controller(bench: Bench) -> None:
 def unknown_session(bench: Bench) -> None:
     """A request in an unknown session is restarted, and nothing else."""
     party = bench.party()
-    for kind in ("heartbeat", "read", "acquire", "release"):
+    for kind in ("heartbeat", "read"):
         party.expect("restarted", kind, session="no such session")
     stranger = bench.stranger()
     stranger.session = party.session
@@ -103,6 +103,7 @@ def answers_follow(bench: Bench) -> None:
     second = bench.party(first.name)
     read = first.request("read")
     first.line.send(read)
+    expect(first.line.reply(read["id"]) is not None, "A read was not answered.")
     _, felt = second.answer_to(read)
     _, again = second.answer_to(read)
     expect(again == felt, f"Asked again, the robot answered {said(again)}, not as before.")

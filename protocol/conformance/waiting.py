@@ -44,10 +44,11 @@ def heartbeats_keep_control(bench: Bench) -> None:
     """Any valid request in the session is a sign of life; garbage and stop are none."""
     viewer = bench.party()
     with bench.controlled() as party:
-        for _ in range(3):
-            _silent_for(bench, viewer, EXPIRY / 2)
+        for _ in range(2):
             party.status()
+            _silent_for(bench, viewer, EXPIRY * 0.6)
         expect(viewer.status().get("controller") == party.name, "Heartbeats did not keep control.")
+        party.status()
         end = bench.settings.clock() + EXPIRY + _TOLERANCE
         while bench.settings.clock() < end:
             party.line.send_parts(b"\xc1")

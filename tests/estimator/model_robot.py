@@ -24,16 +24,14 @@ from protocol.states import State
 
 JOINTS = ("left", "front", "right", "back")
 TRUE_LENGTHS = (0.17, 0.15, 0.18, 0.16)
-PROBLEM = (
-    """
+PROBLEM = """
 name = "legs"
 description = "Four legs of one part each."
 density = 1000.0
 motors = { driven = [1, 2, 3, 4], range_deg = [-30.0, 30.0], slew_deg_per_s = 60.0 }
 search = { population = 8, generations = 2, interactions = 2 }
-"""
-    + "".join(
-        f"""
+""" + "".join(
+    f"""
 [[parts]]
 name = "{name}"
 parent = 0
@@ -44,8 +42,7 @@ radius = 0.006
 motor = {number}
 sensor = {number}
 """
-        for number, name in enumerate(JOINTS, 1)
-    )
+    for number, name in enumerate(JOINTS, 1)
 )
 
 

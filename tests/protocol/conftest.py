@@ -157,6 +157,8 @@ class FakeRobot:
 
     def abort(self, code: str) -> None:
         under_way, self._under_way = self._under_way, {}
+        if under_way:
+            self.state = State.HOLDING
         for ticket, request in under_way.items():
             error = RobotError(code, "The motion ended early.")
             reply = ErrorReply.of(error, request_id=request.id)

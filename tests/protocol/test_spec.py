@@ -12,9 +12,11 @@ import pytest
 
 from protocol.capabilities import Capabilities
 from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
+from protocol.core import MAX_READS
 from protocol.errors import ERROR_CODES
 from protocol.lease import EXPIRY, SILENCE
 from protocol.messages import REPLIES, REQUESTS, Request, Telemetry
+from protocol.roles import MAY
 from protocol.states import REFUSALS, TRANSITIONS, Event, State
 
 SPEC = resources.files("protocol").joinpath("SPEC.md").read_text("utf-8")
@@ -55,6 +57,15 @@ def test_the_table_of_errors() -> None:
     ]
 
 
+def test_the_table_of_roles() -> None:
+    tables = [line for line in rows(section("Transport")) if len(line) == 2]
+    assert tables[0] == ["role", "requests"]
+    said = {role.strip("`"): set(re.findall(r"`(\w+)`", kinds)) for role, kinds in tables[1:3]}
+    assert said == {role.value: set(kinds) for role, kinds in MAY.items()}
+    assert tables[3][1] == "none"
+    assert f"may have {MAX_READS} requests under way" in section("Transport")
+
+
 KINDS: dict[str, Any] = {
     **REQUESTS,
     **REPLIES,
@@ -87,7 +98,7 @@ def test_the_limits(number: str) -> None:
 
 
 def test_the_patience_with_a_silent_controller() -> None:
-    delays = [row[0] for row in rows(section("Control"))[1:]]
+    delays = [row[1] for row in rows(section("Control"))[1:]]
     assert delays == [f"{SILENCE:g} s", f"{EXPIRY:g} s"]
 
 

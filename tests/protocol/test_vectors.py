@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from protocol.actions import Send, Submit
 from protocol.capabilities import Capabilities
 from protocol.codec import decode, encode
-from protocol.core import Send, ServerCore, Submit
+from protocol.core import ServerCore
 from protocol.errors import ERROR_CODES
 from protocol.messages import (
     REPLIES,

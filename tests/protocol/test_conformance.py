@@ -1,0 +1,250 @@
+"""The conformance suite: our own robots pass, and each broken rule is found."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from protocol.conformance.__main__ import main
+from protocol.conformance.bench import Settings
+from protocol.conformance.registry import CHECKS
+from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, clauses, run
+from protocol.errors import RobotUnreachableError
+from protocol.keys import KeyDirectory
+from protocol.messages import Clear
+from protocol.robot import Robot
+from robot.controller import Controller
+from sim_robot.still import still_robot
+from tests.processes.simulator import simulator
+from tests.protocol.faults import FAULTS
+from tests.protocol.spoilt import Fault, SpoiltServer
+from tests.robot.stepped import SteppedClock
+
+if TYPE_CHECKING:
+    from tests.protocol.conftest import FakeRobot, Keyring, Serve
+
+
+@pytest.fixture(scope="module")
+def controller() -> Iterator[Controller]:
+    """A robot's control loop on still electronics, whose clock runs as fast as it can."""
+    with still_robot(SteppedClock(), housekeeping=None, log=logging.getLogger("still")) as robot:
+        robot.controller.start()
+        yield robot.controller
+        assert robot.controller.shut_down()
+
+
+@pytest.fixture
+def calm(controller: Controller) -> Controller:
+    """The same, at rest, whatever the test before did."""
+    if controller.snapshot().state not in ("idle", "holding"):
+        controller.submit(0, Clear(id=0, client="test", session="s"))
+        while not controller.events():
+            threading.Event().wait(0.005)
+    return controller
+
+
+@contextmanager
+def serving(robot: Robot, fault: Fault | None = None, **options: Any) -> Iterator[str]:
+    options = {"bind": "tcp://127.0.0.1:*", "telemetry_rate": 20.0} | options
+    server = SpoiltServer(robot, fault or Fault(), **options)
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        yield server.endpoint
+    finally:
+        server.close()
+        thread.join()
+
+
+def broken(results: list[Result]) -> list[str]:
+    return [
+        f"{', '.join(result.check.clauses)} {result.check.title}: {result.sentence}"
+        for result in results
+        if result.verdict is Verdict.BROKEN
+    ]
+
+
+def untried(results: list[Result]) -> set[str]:
+    return {result.sentence for result in results if result.verdict is Verdict.UNTRIED}
+
+
+# --- robots of ours -------------------------------------------------------------------------------
+
+
+def test_our_daemon_holds_every_clause(calm: Controller) -> None:
+    with serving(calm) as uri:
+        results = run(Settings(uri=uri, move=True))
+    assert broken(results) == []
+    assert untried(results) == {
+        "This needs --slow.",
+        "This needs a robot with keys, and --keys.",
+    }
+    assert len(results) == len(CHECKS)
+
+
+def test_without_move_it_never_moves(calm: Controller) -> None:
+    seen = []
+
+    class Watched:
+        """The robot, and what reaches it."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(calm, name)
+
+        def submit(self, ticket: int, request: Any) -> None:
+            seen.append(request.TYPE)
+            calm.submit(ticket, request)
+
+    with serving(Watched()) as uri:
+        results = run(Settings(uri=uri))
+    assert broken(results) == []
+    assert set(seen) == {"read", "stop", "clear"}
+
+
+def test_with_keys(calm: Controller, keyring: Keyring) -> None:
+    keys = {
+        role: KeyDirectory(keyring.client(role, role)).client_keys()
+        for role in ("controller", "viewer")
+    }
+    with serving(calm, keys=keyring.robot) as uri:
+        chosen = ["1.2", "1.5", "1.6", "1.13", "1.15", "3.5", "5.2", "5.9", "8.1", "11.1"]
+        results = run(Settings(uri=uri, keys=keys["controller"], move=True), only=chosen)
+        assert broken(results) == []
+        assert untried(results) == {"This key is a controller's."}
+        results = run(Settings(uri=uri, keys=keys["viewer"]), only=chosen)
+        assert broken(results) == []
+        assert untried(results) == {"This needs --move.", "This key is a viewer's."}
+        with pytest.raises(RobotUnreachableError, match="asks for a key"):
+            run(Settings(uri=uri))
+
+
+def quick_clock() -> float:
+    return time.monotonic() * 25
+
+
+def test_silence(serve: Serve, slow_robot: FakeRobot) -> None:
+    server = serve(slow_robot, clock=quick_clock)
+    settings = Settings(uri=server.endpoint, slow=True, move=True, clock=quick_clock)
+    results = run(settings, only=["5.5", "5.6", "5.7"])
+    assert broken(results) == []
+    assert untried(results) == set()
+
+
+def test_a_silence_that_is_too_short_or_too_long(
+    serve: Serve, robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for expiry, sentence in ((10.0, "was gone before 28 s"), (60.0, "was kept for 32 s")):
+        monkeypatch.setattr("protocol.lease.EXPIRY", expiry)
+        server = serve(robot, clock=quick_clock)
+        settings = Settings(uri=server.endpoint, slow=True, clock=quick_clock)
+        (found,) = broken(run(settings, only=["5.7"]))
+        assert sentence in found
+
+
+def test_the_simulated_robot_as_a_user_runs_it() -> None:
+    with simulator() as robot:
+        done = subprocess.run(
+            [sys.executable, "-m", "protocol.conformance", robot.uri],
+            capture_output=True,
+            text=True,
+            timeout=55,
+            check=False,
+        )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert " 0 are broken" in done.stdout
+
+
+# --- robots of strangers --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_robot_that(name: str, calm: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
+    clause, fault = FAULTS[name]
+    fault.patch(monkeypatch)
+    with serving(calm, fault) as uri:
+        settings = Settings(uri=uri, move=fault.move, patience=0.5, motion=10.0)
+        results = run(settings, only=[clause])
+    assert broken(results)
+
+
+def test_each_clause_that_is_checked_without_time_or_keys_has_a_fault() -> None:
+    tried = {each.clauses[0] for each in CHECKS if each.need.value not in ("time", "keys")}
+    assert tried - {clause for clause, _ in FAULTS.values()} == {"4.5", "5.8", "5.13", "6.2"}
+
+
+def test_a_robot_that_hangs_is_given_up(calm: Controller) -> None:
+    gone: list[bool] = []
+
+    def lose(parts: list[bytes]) -> list[bytes] | None:
+        if b"dance" in parts[-1]:
+            gone.append(True)
+        return None if gone else parts
+
+    with serving(calm, Fault(request=lose)) as uri:
+        begun = time.monotonic()
+        results = run(Settings(uri=uri, patience=0.2))
+        assert time.monotonic() - begun < 10
+    assert 1 <= len(broken(results)) <= 3
+    assert any("does not answer any more, since" in sentence for sentence in untried(results))
+
+
+def test_a_robot_in_use_is_left_alone(calm: Controller) -> None:
+    from protocol.client import RobotClient
+
+    with serving(calm) as uri, RobotClient(uri, software="estimator") as owner:
+        owner.acquire()
+        results = run(Settings(uri=uri, move=True), only=["5.4", "5.9", "5.11", "7.4", "6.1"])
+        assert {result.verdict for result in results} == {Verdict.UNTRIED}
+        assert untried(results) == {f"The robot is held by {owner.client_id}."}
+        assert owner.status().state in ("idle", "holding")
+        owner.stop()
+        owner.release()
+        results = run(Settings(uri=uri, move=True), only=["5.4", "5.11"])
+        assert untried(results) == {"The robot is stopped, and was left so."}
+        owner.acquire()
+        owner.clear()
+
+
+# --- the page and the suite -----------------------------------------------------------------------
+
+
+def test_every_clause_is_tried_or_named_with_a_reason() -> None:
+    tried = {clause for each in CHECKS for clause in each.clauses}
+    assert tried | NOT_CHECKED.keys() == set(clauses())
+    assert not tried & NOT_CHECKED.keys()
+
+
+def test_clauses_are_numbered_in_the_order_of_the_page() -> None:
+    numbers = [tuple(map(int, clause.split("."))) for clause in clauses()]
+    assert numbers == sorted(numbers)
+    for section in {section for section, _ in numbers}:
+        found = [number for place, number in numbers if place == section]
+        assert found == list(range(1, len(found) + 1))
+
+
+def test_the_command(calm: Controller, capsys: pytest.CaptureFixture[str]) -> None:
+    with serving(calm) as uri:
+        assert main([uri, "--only", "2.5,2.6"]) == 0
+        out = capsys.readouterr().out
+        assert "2.5         holds" in out
+        assert "2 checks hold, 0 are broken, 0 were not tried" in out
+        assert main([uri, "--only", "99.1"]) == 1
+        assert "no clauses of SPEC.md: 99.1" in capsys.readouterr().err
+    with serving(calm, FAULTS["takes any version"][1]) as uri:
+        assert main([uri, "--only", "3.3"]) == 1
+        out = capsys.readouterr().out
+        assert "3.3         broken     Versions that are not spoken are unsupported_version" in out
+        assert "hello was answered with welcome instead of unsupported_version" in out
+
+
+def test_nobody_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tcp://127.0.0.1:1"]) == 1
+    assert "Nothing listens at tcp://127.0.0.1:1" in capsys.readouterr().err
