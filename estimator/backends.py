@@ -31,9 +31,23 @@ def maker(name: str, settings: Settings) -> MakePhysics:
     Raises:
         EstimatorError: There is no back-end of this name.
     """
+    check_name(name)
+    return partial(_BACKENDS[name], settings)
+
+
+def check_name(name: str) -> None:
+    """Refuses what is no back-end.
+
+    Raises:
+        EstimatorError: There is no back-end of this name.
+    """
     if name not in _BACKENDS:
         raise EstimatorError(f"there is no physics {name!r}: choose {', '.join(BACKENDS)}")
-    return partial(_BACKENDS[name], settings)
+
+
+def foresight_of(name: str, settings: Settings) -> StaticsPhysics | None:
+    """What guesses the readings of a slower back-end; ``None`` where it would be that back-end."""
+    return None if name == "statics" else StaticsPhysics(settings)
 
 
 def in_processes(jobs: int) -> OpenPhysics:

@@ -23,6 +23,7 @@ from rich.text import Text
 
 from estimator.backends import BACKENDS, OpenPhysics, in_processes, on_cluster
 from estimator.cluster import Cluster
+from estimator.database import holds_run
 from estimator.doctor import Finding, Verdict, examine
 from estimator.error import MODALITIES
 from estimator.errors import RunDirectoryError
@@ -34,10 +35,10 @@ from estimator.report.tables import print_result, print_score, print_validation
 from estimator.reproduction.plan import FIGURES, SEEDS, Budget
 from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import Request, figures_of, reproduce
-from estimator.run import Order, identify, problem_of, reconnect, resume
+from estimator.run import Order, identify, problem_of, reconnect, resume, world_of
 from estimator.score import Score, score
 from estimator.screen import Screen
-from estimator.store import DATABASE, RunStore
+from estimator.store import RunStore
 from estimator.validate import validate
 from protocol.errors import BodyschemaError
 
@@ -194,7 +195,7 @@ def validate_command(
         Screen(err) as screen,
     ):
         problem = problem_of(store)
-        world = problem.settings(store.capabilities)
+        world = world_of(store, problem)
         with (
             closing(physics_of(store.settings.physics, world)) as physics,
             closing(reconnect(store, problem, robot, screen, keys=keys)) as link,
@@ -325,7 +326,7 @@ def _sentences(run: Path | None) -> Iterator[None]:
 
 def _fail(sentence: str, run: Path | None) -> NoReturn:
     err.print(f"estimator: {sentence}", markup=False, highlight=False, soft_wrap=True)
-    if run is not None and (run / DATABASE).exists():
+    if run is not None and holds_run(run):
         err.print(
             f"The run is safe in {run}. Go on with: estimator resume {run}",
             markup=False,

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from estimator.fit import fit_bodies
 from estimator.genome import Genome
-from estimator.modelling import subjective_errors
 from estimator.morphology import Array, Morphology
 from estimator.observation import Observation
 from estimator.physics.base import Physics
@@ -46,12 +46,13 @@ def finish(
     leaders = leading(genome, population, errors)
     bodies = genome.decode_all(population[leaders])
     simulations, steps = physics.simulations, physics.steps
-    found = subjective_errors(bodies, observations, modalities, physics)
+    found = fit_bodies(bodies, observations, modalities, physics)
     return Finish(
         models=tuple(leaders),
         searched=tuple(errors[leaders].tolist()),
-        simulated=tuple(found.tolist()),
+        simulated=tuple(found.errors.tolist()),
         simulations=physics.simulations - simulations,
+        invalid=found.invalid,
         steps=physics.steps - steps,
     )
 

@@ -15,6 +15,7 @@ from estimator.listener import Listener
 from estimator.modelling import Modeller
 from estimator.observation import Observation, Program
 from estimator.physics.base import Physics
+from estimator.physics.statics import StaticsPhysics
 from estimator.problem import Problem
 from estimator.randomness import Stream, generator
 from estimator.records import Counters, Generation, Interaction
@@ -36,6 +37,7 @@ class Identification:
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
         listener: Hears what happens.
+        foresight: Guesses what models feel, where ``physics`` is slower.
     """
 
     def __init__(
@@ -45,6 +47,8 @@ class Identification:
         physics: Physics,
         connect: Connect,
         listener: Listener,
+        *,
+        foresight: StaticsPhysics | None = None,
     ):
         self._store = store
         self._problem = problem
@@ -57,7 +61,9 @@ class Identification:
         counters = store.generations()[-1].counters if checkpoint else Counters()
         self._seconds_before = counters.wall_seconds
         self._started = time.monotonic()
-        self._modeller = Modeller(self._genome, physics, store.settings.modalities, counters)
+        self._modeller = Modeller(
+            self._genome, physics, store.settings.modalities, counters, foresight=foresight
+        )
         operators = problem.search.operators()
         if checkpoint is None:
             self._search = DeterministicCrowding(

@@ -233,7 +233,7 @@ class Problem(Strict):
         Raises:
             ProblemError: This robot cannot serve this problem.
         """
-        self.program_range(capabilities)
+        self._check_time(float(np.max(np.abs(self.program_range(capabilities)))))
         for modality in modalities:
             sensor = capabilities.sensor(modality)
             if sensor is None:
@@ -255,6 +255,15 @@ class Problem(Strict):
                     "problem"
                 )
         return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities))
+
+    def _check_time(self, farthest: float) -> None:
+        turn, slew = math.degrees(farthest), self.motors.slew_deg_per_s
+        lasts = self.world.steps * self.world.step_s
+        if turn > slew * lasts:
+            raise ProblemError(
+                f"problem {self.name!r}: {turn:.4g} degrees at {slew:.4g} degrees per second take "
+                f"{turn / slew:.4g} s, and a simulation lasts {lasts:.4g} s: correct motors or world"
+            )
 
     def _differing_speeds(self, capabilities: Capabilities) -> list[str]:
         slew = self.motors.slew_deg_per_s

@@ -15,6 +15,7 @@ from estimator.problem_values import (
     Name,
     Number,
     Parent,
+    Population,
     Positive,
     Side,
 )
@@ -111,19 +112,11 @@ class World(Strict):
 class SearchSettings(Strict):
     """How the models are optimised."""
 
-    population: Count
+    population: Population
     generations: Count
     interactions: Count
     crossover: Annotated[Crossover, Field(discriminator="kind")] = BlendCrossover()
     mutation: Annotated[Mutation, Field(discriminator="kind")] = GaussianMutation()
-
-    @model_validator(mode="after")
-    def _mates(self) -> Self:
-        if self.population % 2:
-            raise ValueError(
-                f"population must be even, not {self.population}: members mate in pairs"
-            )
-        return self
 
     def operators(self) -> Operators:
         """The search's operators."""

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from typing import Annotated, Any, Final, TypeAlias
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from estimator.morphology import HINGES, SIDES
 
@@ -74,9 +74,16 @@ def _count_from_0(value: Any) -> int:
     return value - 1
 
 
+def _even(value: int) -> int:
+    if value % 2:
+        raise ValueError(f"must be even, not {value}: members mate in pairs")
+    return value
+
+
 Ends: TypeAlias = tuple[float, float]
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
+Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
 Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
 """Of a joint or a sensor: counted from 1 in the file and from 0 in code."""

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.observation import Observation, Program
+from estimator.problem_values import Population
 
 
 class RunSettings(BaseModel):
@@ -36,7 +37,7 @@ class RunSettings(BaseModel):
     modalities: tuple[str, ...]
     seed: Annotated[int, Field(ge=0)]
     interactions: Annotated[int, Field(ge=1)]
-    population: Annotated[int, Field(ge=2, multiple_of=2)]
+    population: Population
     generations: Annotated[int, Field(ge=1)]
     full_steps: bool = False
 
@@ -48,6 +49,9 @@ class Counters(BaseModel):
         simulations_requested: Models x motor programs that the search asked for; the size by which
             searches are compared.
         simulations_run: How many of them had to be simulated.
+        simulations_invalid: How many of those cannot be believed, and lost for it; see
+            ``physics.base.Readings``.
+        simulations_undecided: How many of those had no weight, since the body lay in balance.
         steps: Physics steps simulated.
         wall_seconds: Time spent, over all processes that worked on the run.
     """
@@ -56,16 +60,21 @@ class Counters(BaseModel):
 
     simulations_requested: int = 0
     simulations_run: int = 0
+    simulations_invalid: int = 0
+    simulations_undecided: int = 0
     steps: int = 0
     wall_seconds: float = 0.0
 
     def including(self, finish: Finish, interactions: int) -> Counters:
         """The same with what the reference back-end cost at the end."""
-        return Counters(
-            simulations_requested=self.simulations_requested + len(finish.models) * interactions,
-            simulations_run=self.simulations_run + finish.simulations,
-            steps=self.steps + finish.steps,
-            wall_seconds=self.wall_seconds,
+        return self.model_copy(
+            update={
+                "simulations_requested": self.simulations_requested
+                + len(finish.models) * interactions,
+                "simulations_run": self.simulations_run + finish.simulations,
+                "simulations_invalid": self.simulations_invalid + finish.invalid,
+                "steps": self.steps + finish.steps,
+            }
         )
 
 
@@ -75,17 +84,20 @@ class Finish(BaseModel):
     Attributes:
         models: Indices in the final population, best first by the search's own physics.
         searched: Their subjective errors there.
-        simulated: Their subjective errors in the reference back-end.
+        simulated: Their subjective errors in the reference back-end; infinite where it cannot be
+            believed.
         simulations: Simulations that this took.
+        invalid: How many of them cannot be believed.
         steps: Physics steps that this took.
     """
 
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
 
     models: tuple[int, ...]
     searched: tuple[float, ...]
     simulated: tuple[float, ...]
     simulations: int
+    invalid: int = 0
     steps: int
 
 

@@ -12,14 +12,16 @@ from pathlib import Path
 import numpy as np
 from pydantic import ValidationError
 
-from estimator.backends import REFERENCE, OpenPhysics
+from estimator.backends import REFERENCE, OpenPhysics, check_name, foresight_of
 from estimator.error import check_modalities
 from estimator.errors import EstimatorError, InteractionError
 from estimator.finish import finish
 from estimator.genome import Genome
 from estimator.listener import Listener
 from estimator.loop import Identification
+from estimator.physics.base import Settings
 from estimator.problem import Problem
+from estimator.problem_values import complaint
 from estimator.records import RunSettings
 from estimator.report.files import write_report
 from estimator.report.result import Result, observed_so_far
@@ -72,6 +74,7 @@ def identify(
     """
     asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
+    check_name(order.physics)
     client_id = str(uuid.uuid4())
     link = open_robot(
         order.robot,
@@ -122,6 +125,11 @@ def problem_of(store: RunStore) -> Problem:
     """The problem that a run was started with, written out for its robot."""
     asked = Problem.parse(store.settings.problem_text, f"problem of {store.directory}")
     return asked.for_robot(store.capabilities)
+
+
+def world_of(store: RunStore, problem: Problem) -> Settings:
+    """The world in which a run's models are simulated."""
+    return replace(problem.settings(store.capabilities), full_steps=store.settings.full_steps)
 
 
 def reconnect(
@@ -191,8 +199,7 @@ def _settings(
             full_steps=order.full_steps,
         )
     except ValidationError as error:
-        first = error.errors()[0]
-        raise EstimatorError(f"{first['loc'][0]}: {first['msg']}, not {first['input']}") from error
+        raise EstimatorError(complaint(error, "such a run cannot be")) from error
 
 
 def _work(
@@ -204,10 +211,17 @@ def _work(
     *,
     report: Report,
 ) -> Result:
-    world = replace(problem.settings(store.capabilities), full_steps=store.settings.full_steps)
+    world = world_of(store, problem)
     physics = open_physics(store.settings.physics, world)
     with closing(physics):
-        identification = Identification(store, problem, physics, connect, listener)
+        identification = Identification(
+            store,
+            problem,
+            physics,
+            connect,
+            listener,
+            foresight=foresight_of(store.settings.physics, world),
+        )
         identification.run(after_iteration=lambda: report(store, problem))
     if store.settings.physics != REFERENCE and store.finish() is None:
         checkpoint = store.checkpoint()

@@ -15,24 +15,20 @@ Two rules make the run durable. What is about to be asked of the robot is commit
 request leaves, and what it answered is committed before anything else happens; so a restart knows
 the id with which to ask for the outcome. And a generation's record and the search's state go into
 one transaction, so that a restart continues from exactly one of the two.
-
-SQLite keeps a rollback journal rather than a write-ahead log: a closed run is then a single file
-that can be copied, it also works on network file systems, and a handful of commits per second
-costs nothing. ``synchronous=EXTRA`` makes each commit survive a power cut too.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import sqlite3
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Self
 
+from estimator.database import DATABASE, connect, holds_run, is_empty, make_tables, transaction
 from estimator.errors import RunDirectoryError
+from estimator.locking import lock
 from estimator.observation import Observation, Program
 from estimator.records import (
     Checkpoint,
@@ -46,29 +42,10 @@ from estimator.records import (
 )
 from protocol.capabilities import Capabilities
 
-DATABASE: Final = "run.sqlite"
 LOCK: Final = "run.lock"
 FORMAT: Final = 1
 IDS_PER_CONNECTION: Final = 2**20
 """Each connection numbers its requests from its own block, so no id is ever used for two."""
-
-_SCHEMA: Final = """
-CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
-CREATE TABLE interactions (
-    number INTEGER PRIMARY KEY, program TEXT NOT NULL,
-    request_id INTEGER, session TEXT, observation TEXT
-) STRICT;
-CREATE TABLE generations (
-    number INTEGER PRIMARY KEY, iteration INTEGER NOT NULL,
-    errors TEXT NOT NULL, best TEXT NOT NULL, counters TEXT NOT NULL
-) STRICT;
-CREATE TABLE checkpoint (only INTEGER PRIMARY KEY CHECK (only = 0), value TEXT NOT NULL) STRICT;
-CREATE TABLE predictions (
-    validation INTEGER, number INTEGER, program TEXT NOT NULL, readings TEXT NOT NULL,
-    request_id INTEGER, session TEXT, observation TEXT,
-    PRIMARY KEY (validation, number)
-) STRICT;
-"""
 
 
 class RunStore:
@@ -100,25 +77,17 @@ class RunStore:
         Raises:
             RunDirectoryError: The directory holds a run already, or cannot be made.
         """
+        held = lock(directory, LOCK)
+        database = None
         try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RunDirectoryError(f"{directory} cannot be made: {error.strerror}.") from error
-        lock = _lock(directory)
-        try:
-            database = _connect(directory)
-        except BaseException:
-            os.close(lock)
-            raise
-        try:
-            with _transaction(database):
-                if database.execute("SELECT 1 FROM sqlite_master").fetchone():
+            database = connect(directory)
+            with transaction(database):
+                if not is_empty(database):
                     raise RunDirectoryError(
                         f"{directory} holds a run already: go on with `estimator resume "
                         f"{directory}`, or give another --out."
                     )
-                for statement in _SCHEMA.split(";\n"):
-                    database.execute(statement)
+                make_tables(database)
                 first = {
                     "format": json.dumps(FORMAT),
                     "settings": settings.model_dump_json(),
@@ -127,10 +96,9 @@ class RunStore:
                     "connections": json.dumps(1),
                 }
                 database.executemany("INSERT INTO meta VALUES (?, ?)", first.items())
-            return cls(directory, database, lock)
+            return cls(directory, database, held)
         except BaseException:
-            database.close()
-            os.close(lock)
+            _close(database, held)
             raise
 
     @classmethod
@@ -141,24 +109,27 @@ class RunStore:
             RunDirectoryError: There is no run, its format is another version's, or another process
                 writes to it.
         """
-        if not (directory / DATABASE).is_file():
-            raise RunDirectoryError(f"{directory} holds no run: there is no {DATABASE} in it.")
-        lock = _lock(directory) if to_write else None
+        if not holds_run(directory):
+            raise RunDirectoryError(
+                f"{directory} holds no run: none was started there, or it was ended before it had "
+                "begun. Start one with `estimator identify`."
+            )
+        held = lock(directory, LOCK) if to_write else None
         database = None
         try:
-            database = _connect(directory)
+            database = connect(directory)
             found = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
             if json.loads(found[0]) != FORMAT:
                 raise RunDirectoryError(
                     f"{directory} was written in run format {found[0]}, and this version reads "
                     f"{FORMAT}: use the version of bodyschema that made it."
                 )
-            return cls(directory, database, lock)
+            return cls(directory, database, held)
         except (sqlite3.Error, TypeError, ValueError) as error:
-            _close(database, lock)
+            _close(database, held)
             raise RunDirectoryError(f"{directory / DATABASE} is not a run: {error}.") from error
         except BaseException:
-            _close(database, lock)
+            _close(database, held)
             raise
 
     def close(self) -> None:
@@ -176,7 +147,7 @@ class RunStore:
 
     def new_connection(self) -> int:
         """Counts a connection to the robot; returns the first request id it may use."""
-        with _transaction(self._database):
+        with transaction(self._database):
             number = int(json.loads(self._meta("connections")))
             self._database.execute(
                 "UPDATE meta SET value = ? WHERE key = 'connections'", (json.dumps(number + 1),)
@@ -185,7 +156,7 @@ class RunStore:
 
     def plan(self, number: int, program: Program) -> None:
         """Commits the motor program of an interaction that is still to be performed."""
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "INSERT INTO interactions (number, program) VALUES (?, ?)",
                 (number, json.dumps(program)),
@@ -193,7 +164,7 @@ class RunStore:
 
     def ask(self, number: int, ticket: Ticket | None) -> None:
         """Commits the id under which an interaction is about to be asked for; ``None``: no id."""
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "UPDATE interactions SET request_id = ?, session = ? WHERE number = ?",
                 (ticket and ticket.request_id, ticket and ticket.session, number),
@@ -201,7 +172,7 @@ class RunStore:
 
     def observe(self, number: int, observation: Observation) -> None:
         """Commits what an interaction returned."""
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "UPDATE interactions SET observation = ? WHERE number = ?",
                 (observation.model_dump_json(), number),
@@ -219,7 +190,7 @@ class RunStore:
     def save(self, generation: Generation, state: Mapping[str, Any]) -> None:
         """Commits a generation's record together with the search's state after it."""
         checkpoint = {"generation": generation.number, "state": state}
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "INSERT INTO generations VALUES (?, ?, ?, ?, ?)",
                 (
@@ -236,7 +207,7 @@ class RunStore:
 
     def save_finish(self, finish: Finish) -> None:
         """Commits what the reference back-end said of the leading models."""
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "INSERT INTO meta VALUES ('finish', ?)", (finish.model_dump_json(),)
             )
@@ -272,7 +243,7 @@ class RunStore:
 
         They cannot be changed afterwards, so a prediction is never made with the outcome in view.
         """
-        with _transaction(self._database):
+        with transaction(self._database):
             (number,) = self._database.execute(
                 "SELECT COALESCE(MAX(validation) + 1, 0) FROM predictions"
             ).fetchone()
@@ -288,7 +259,7 @@ class RunStore:
 
     def ask_validation(self, validation: int, number: int, ticket: Ticket | None) -> None:
         """Commits the id under which a predicted motor program is about to be performed."""
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "UPDATE predictions SET request_id = ?, session = ? "
                 "WHERE validation = ? AND number = ?",
@@ -297,7 +268,7 @@ class RunStore:
 
     def observe_validation(self, validation: int, number: int, observation: Observation) -> None:
         """Commits what a predicted motor program returned."""
-        with _transaction(self._database):
+        with transaction(self._database):
             self._database.execute(
                 "UPDATE predictions SET observation = ? WHERE validation = ? AND number = ?",
                 (observation.model_dump_json(), validation, number),
@@ -340,43 +311,8 @@ def _performed(
     }
 
 
-def _connect(directory: Path) -> sqlite3.Connection:
-    database = sqlite3.connect(directory / DATABASE, isolation_level=None, timeout=10.0)
-    database.execute("PRAGMA journal_mode = DELETE")
-    database.execute("PRAGMA synchronous = EXTRA")
-    return database
-
-
-def _lock(directory: Path) -> int:
-    """Takes the directory's lock, which the kernel frees when its holder dies."""
-    try:
-        lock = os.open(directory / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        raise RunDirectoryError(
-            f"Another process works on {directory}: let it finish or end it first."
-        ) from None
-    return lock
-
-
 def _close(database: sqlite3.Connection | None, lock: int | None) -> None:
     if database is not None:
         database.close()
     if lock is not None:
         os.close(lock)
-
-
-@contextmanager
-def _transaction(database: sqlite3.Connection) -> Iterator[None]:
-    """Everything in the block is committed together, or not at all."""
-    database.execute("BEGIN IMMEDIATE")
-    try:
-        yield
-    except BaseException:
-        database.execute("ROLLBACK")
-        raise
-    database.execute("COMMIT")

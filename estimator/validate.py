@@ -18,9 +18,9 @@ from pydantic import BaseModel, ConfigDict
 from estimator.acting import carry_out
 from estimator.errors import EstimatorError, InteractionError
 from estimator.final_population import FinalPopulation
+from estimator.fit import observed
 from estimator.genome import Genome
 from estimator.listener import Listener
-from estimator.modelling import observed
 from estimator.morphology import Array
 from estimator.observation import Observation, Program
 from estimator.physics.base import Physics, Readings

@@ -69,8 +69,9 @@ class Readings:
         saturated: Shape (n,): the ground lies beyond the sensor's range.
         speed: Shape (n,): speed of the main body at the last step, m/s.
         joint_miss: Shape (n,): largest distance of a joint from its target, rad.
-        valid: Shape (n,): the simulation can be believed; false where a joint missed its target
-            or the simulation diverged.
+        valid: Shape (n,): the simulation can be believed. False where a joint missed its target,
+            the simulation diverged, or the engine refused the body; such a body loses against any
+            other, and the search counts it.
         undecided: Shape (n,): the body is balanced on the rim of its support and might as well
             lie elsewhere, so the reading says nothing. Only a back-end that computes the pose can
             tell; one that simulates never says so.

@@ -116,13 +116,17 @@ class PyBulletPhysics:
             angles = morphology.part_angles(program)
             if not all(math.isfinite(angle) for angle in angles):
                 raise PhysicsError(f"a motor program must be finite, not {list(program)}")
+            self._simulations += 1
             try:
                 body = self._build(morphology, angles)
                 self._run(body, angles)
                 self._sense(body, morphology, angles, readings, row)
             except self._engine.error as error:
+                if not self._engine.isConnected(physicsClientId=self._client):
+                    raise PhysicsError(f"PyBullet is gone: {error}") from error
                 self.start_afresh()  # who knows what is left in the world
-                raise PhysicsError(f"PyBullet cannot simulate a body: {error}") from error
+                readings.valid[row] = False
+                readings.joint_miss[row] = math.inf
         return readings
 
     def _build(self, morphology: Morphology, angles: Sequence[float]) -> int:
@@ -231,7 +235,6 @@ class PyBulletPhysics:
             done += 1
             if done > unwatched and done % _STEPS_PER_LOOK == 0:
                 calm = calm + 1 if self._rests(body) else 0
-        self._simulations += 1
         self._steps += done
 
     def _rests(self, body: int) -> bool:

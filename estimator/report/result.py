@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Sequence
 from importlib import metadata
@@ -54,14 +55,15 @@ class ModelFound(_Record):
     """One model.
 
     Attributes:
-        sensor_error: Its subjective error; by PyBullet where that had the last word.
+        sensor_error: Its subjective error; by PyBullet where that had the last word; ``None``
+            where its simulations cannot be believed.
         searched_error: The same as the search's physics saw it.
         leg_lengths_m: Length of each leg (what one motor turns as one piece), m.
         parts: Its configuration.
     """
 
-    sensor_error: float
-    searched_error: float
+    sensor_error: float | None
+    searched_error: float | None
     leg_lengths_m: tuple[float, ...]
     parts: tuple[PartFound, ...]
 
@@ -120,9 +122,12 @@ class Result(_Record):
         interactions: Interactions performed.
         simulations_requested: Models x motor programs that the search asked for.
         simulations_run: How many of them had to be simulated.
+        simulations_invalid: How many of those cannot be believed, and lost for it.
+        simulations_undecided: How many of those had no weight, since the body lay in balance.
         steps: Physics steps simulated.
         wall_seconds: Time spent.
-        sensor_error: Smallest subjective error in the population; ``None`` before the first.
+        sensor_error: Smallest subjective error in the population; ``None`` before the first, and
+            where no model could be simulated.
         legs: The legs, in motor order.
         best_models: The best models, best first.
         finish: How far PyBullet agrees, where something else searched.
@@ -143,6 +148,8 @@ class Result(_Record):
     interactions: int
     simulations_requested: int
     simulations_run: int
+    simulations_invalid: int = 0
+    simulations_undecided: int = 0
     steps: int
     wall_seconds: float
     sensor_error: float | None
@@ -179,12 +186,12 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         robot=capabilities.to_map(),
         interactions=len(observations),
         **counters.model_dump(),
-        sensor_error=float(population.errors[population.best]) if bodies else None,
+        sensor_error=_known(population.errors[population.best]) if bodies else None,
         legs=legs,
         best_models=tuple(
             _model(
                 body,
-                (float(population.errors[index]), float(population.searched[index])),
+                (_known(population.errors[index]), _known(population.searched[index])),
                 problem,
                 capabilities,
                 bodies,
@@ -226,7 +233,7 @@ def touched(limb: Limb, observations: Sequence[Observation]) -> bool | None:
 def versions() -> dict[str, str]:
     """Versions of everything that computes."""
     found = {"python": platform.python_version()}
-    for name in ("bodyschema", "numpy", "pybullet"):
+    for name in ("bodyschema", "numpy", "numba", "pybullet"):
         try:
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
@@ -268,7 +275,7 @@ def _legs(
 
 def _model(
     body: Morphology,
-    errors: tuple[float, float],
+    errors: tuple[float | None, float | None],
     problem: Problem,
     capabilities: Capabilities,
     population: Sequence[Morphology],
@@ -291,6 +298,11 @@ def _model(
             for row, (name, part) in enumerate(zip(names, body.parts, strict=True))
         ),
     )
+
+
+def _known(error: float) -> float | None:
+    """An error for JSON, which knows no infinity."""
+    return float(error) if math.isfinite(error) else None
 
 
 def _alike(one: Part, other: Part) -> bool:

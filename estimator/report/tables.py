@@ -20,19 +20,24 @@ def print_result(console: Console, result: Result) -> None:
         f"Problem [bold]{result.problem}[/], seed {result.seed}, "
         f"{', '.join(result.modalities)}; {result.physics}; {state}."
     )
+    uncounted = f"{result.simulations_invalid:,} of them invalid"
+    if result.simulations_undecided:
+        uncounted += f", {result.simulations_undecided:,} undecided"
     console.print(
-        f"{result.interactions} interactions, {result.simulations_requested} simulations "
-        f"requested, {result.simulations_run} run, {result.wall_seconds:.0f} s."
+        f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
+        f"requested, {result.simulations_run:,} run ({uncounted}), {result.wall_seconds:.0f} s."
     )
-    if result.sensor_error is not None:
-        console.print(f"Sensor (subjective) error of the best model: {result.sensor_error:.3f}.")
+    if result.best_models:
+        error = number(result.sensor_error, 3)
+        console.print(f"Sensor (subjective) error of the best model: {error}.")
     if result.finish is not None and result.best_models:
         end, best = result.finish, result.best_models[0]
         console.print(
             f"PyBullet had the last word on {end.models} leading models: of {end.pairs} pairs it "
             f"orders {end.pairs_turned} otherwise than {result.physics}, and it "
             f"{'prefers another' if end.best_changed else 'keeps the'} best model (whose error "
-            f"is {best.sensor_error:.3f}, {best.searched_error:.3f} by {result.physics})."
+            f"is {number(best.sensor_error, 3)}, {number(best.searched_error, 3)} by "
+            f"{result.physics})."
         )
     if result.legs:
         table = _table("leg", "side", "length (mm)", "spread (mm)", "5–95 % (mm)", "touched")
@@ -138,11 +143,16 @@ def print_validation(console: Console, validation: Validation) -> None:
     )
     for name, errors in groups:
         touch = None if errors.touch is None else 100 * errors.touch
-        table.add_row(name, *map(_number, (touch, errors.tilt_deg, errors.clearance_mm)))
+        table.add_row(name, *map(number, (touch, errors.tilt_deg, errors.clearance_mm)))
     console.print(f"Prediction error on {validation.programs} fresh motor programs:")
     console.print(table)
     if validation.invalid_predictions:
         console.print(f"{validation.invalid_predictions} predictions were invalid and left out.")
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number, or a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
 
 
 def _table(*columns: str, justify: JustifyMethod = "right") -> Table:
@@ -154,10 +164,6 @@ def _table(*columns: str, justify: JustifyMethod = "right") -> Table:
 
 def _mm(length: float | None) -> str:
     return "–" if length is None else f"{length * 1000:.1f}"
-
-
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
 
 
 def _yes(value: bool | None) -> str:

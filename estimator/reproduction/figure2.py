@@ -5,6 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from estimator.report.plots import draw_errors, draw_lengths
+from estimator.report.tables import number
 from estimator.reproduction.figure import (
     HISTORY,
     Drawn,
@@ -65,6 +66,6 @@ def _sentence(found: FinishedRun) -> str:
     )
     return (
         f"With {', '.join(found.run.variant.modalities)} (seed {found.run.seed}) the last best "
-        f"model has a subjective error of {found.result.sensor_error or 0.0:.2f}; its legs are "
+        f"model has a subjective error of {number(found.result.sensor_error)}; its legs are "
         f"wrong by {legs} mm."
     )

@@ -20,7 +20,7 @@ from estimator.report.files import RESULT, VALIDATION
 from estimator.report.result import Result, leg_lengths
 from estimator.reproduction.plan import PlannedRun
 from estimator.reproduction.single_run import SCORE, TRUTH, is_finished
-from estimator.run import problem_of
+from estimator.run import problem_of, world_of
 from estimator.score import Score
 from estimator.store import RunStore
 from estimator.validate import Validation
@@ -69,7 +69,7 @@ class FinishedRun:
                 run=run,
                 problem=problem,
                 genome=Genome(problem, problem.base(store.capabilities)),
-                world=problem.settings(store.capabilities),
+                world=world_of(store, problem),
                 truth=Truth.read(root / TRUTH, problem, store.capabilities),
                 generations=_generations(store),
                 interactions=tuple(store.interactions()),

@@ -14,7 +14,6 @@ Layout of the directory::
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from collections.abc import Callable
@@ -25,6 +24,7 @@ from typing import Final, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from estimator.errors import RunDirectoryError
+from estimator.locking import lock
 from estimator.report.files import replace
 from estimator.report.result import versions
 from estimator.reproduction.plan import Budget
@@ -87,7 +87,7 @@ class Ledger:
         self._path = root / LEDGER
         self._clock = clock
         self._started = clock()
-        self._lock = _lock(root)
+        self._lock = lock(root, _LOCK)
         try:
             self._content = self._read(budget)
         except BaseException:
@@ -136,20 +136,3 @@ class Ledger:
                 f"{self._path.parent} holds runs with {differences}: give another --out."
             )
         return found
-
-
-def _lock(root: Path) -> int:
-    """Takes the directory's lock, which the kernel frees when its holder dies."""
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        lock = os.open(root / _LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    except OSError as error:
-        raise RunDirectoryError(f"{root} cannot be written: {error.strerror}.") from error
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        raise RunDirectoryError(
-            f"Another process works on {root}: let it finish or end it first."
-        ) from None
-    return lock

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Final, Self
 
 from estimator.cluster import Cluster, Future, still_wanted
+from estimator.database import DATABASE
 from estimator.errors import WorkerError
 from estimator.listener import Listener
 from estimator.report.files import replace
@@ -31,7 +32,7 @@ from estimator.reproduction.single_run import (
     work_done,
 )
 from estimator.reproduction.workers import Ended, News, Said, Worked
-from estimator.store import DATABASE, LOCK, RunStore
+from estimator.store import LOCK, RunStore
 from protocol.errors import BodyschemaError
 
 TURN: Final = 60.0

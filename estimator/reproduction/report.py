@@ -8,6 +8,7 @@ from typing import Final
 
 from estimator.backends import REFERENCE
 from estimator.report.files import replace
+from estimator.report.tables import number
 from estimator.reproduction.claims_table import ClaimsTable
 from estimator.reproduction.figure import Drawn
 from estimator.reproduction.ledger import Session
@@ -28,7 +29,8 @@ HEADER: Final = (
     *("mean_leg_error_touched_m", "mean_leg_error_never_touched_m"),
     *("configurations_right", "configurations_right_up_to_equivalence", "configurations_total"),
     *("touch_error", "tilt_error_deg", "clearance_error_mm"),
-    *("simulations_requested", "simulations_run", "wall_seconds", "failure"),
+    *("simulations_requested", "simulations_run", "simulations_invalid", "simulations_undecided"),
+    *("wall_seconds", "failure"),
 )
 
 
@@ -78,6 +80,8 @@ def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -
     seeds = sorted({item.run.seed for item in runs})
     requested = sum(result.simulations_requested for result in finished)
     done = sum(result.simulations_run for result in finished)
+    invalid = sum(result.simulations_invalid for result in finished)
+    undecided = sum(result.simulations_undecided for result in finished)
     used = sorted(
         {
             ", ".join(f"{name} {version}" for name, version in sorted(result.versions.items()))
@@ -110,7 +114,8 @@ def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -
         "whose noise has the run's seed.",
         f"Wall clock: {in_words(sum(item.seconds for item in sessions))}; the runs' own times "
         f"add up to {in_words(sum(result.wall_seconds for result in finished))}. "
-        f"{requested:,} simulations requested, {done:,} simulated.",
+        f"{requested:,} simulations requested, {done:,} simulated; of these {invalid:,} were "
+        f"invalid and {undecided:,} undecided.",
         *(f"Versions: {item}." for item in used),
     ]
 
@@ -164,7 +169,7 @@ def _markdown_row(item: Summary) -> str:
     searched = score.configurations_informative > 0
     cells = (
         item.run.name,
-        f"{result.sensor_error or 0.0:.2f}",
+        number(result.sensor_error),
         f"{score.mean_leg_error_m * 1000:.1f}",
         f"{score.configurations_right} of {total}" if searched else "–",
         f"{score.configurations_right_up_to_equivalence} of {total}" if searched else "–",
@@ -191,6 +196,8 @@ def _csv_row(item: Summary) -> tuple[object, ...]:
         *(errors and errors.touch, errors and errors.tilt_deg, errors and errors.clearance_mm),
         result and result.simulations_requested,
         result and result.simulations_run,
+        result and result.simulations_invalid,
+        result and result.simulations_undecided,
         result and round(result.wall_seconds, 3),
         item.failure,
     )

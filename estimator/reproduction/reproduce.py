@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from estimator.backends import BACKENDS
+from estimator.backends import check_name
 from estimator.cluster import Cluster
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.listener import Listener
@@ -124,10 +124,7 @@ def reproduce(
 
 
 def _check(request: Request) -> None:
-    if request.budget.physics not in BACKENDS:
-        raise EstimatorError(
-            f"there is no physics {request.budget.physics!r}: choose {', '.join(BACKENDS)}"
-        )
+    check_name(request.budget.physics)
     if request.runs is not None and not 1 <= request.runs <= len(SEEDS):
         raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {request.runs}")
     if (request.budget.population or 2) % 2:

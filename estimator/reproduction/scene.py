@@ -111,7 +111,7 @@ def robot_solids(urdf: Urdf, angles: Mapping[str, float], motors: Mapping[str, i
     limbs = {urdf.root: MAIN_BODY}
     for joint in urdf.joints:
         turn, place = _inside(frames[joint.parent.link], joint.origin)
-        if joint.kind == "revolute":
+        if joint.type == "revolute":
             x, y, z = numbers(joint.axis.xyz)
             norm = math.hypot(x, y, z)
             axis = (x / norm, y / norm, z / norm)

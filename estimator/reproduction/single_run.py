@@ -6,7 +6,6 @@ programs were predicted, and ``score.json``, which is written last: a run that h
 
 from __future__ import annotations
 
-import sqlite3
 from contextlib import closing
 from functools import partial
 from pathlib import Path
@@ -15,15 +14,16 @@ from typing import Final
 from pydantic import BaseModel
 
 from estimator.backends import in_this_process
+from estimator.database import holds_run
 from estimator.errors import InteractionError, RunDirectoryError
 from estimator.listener import Listener
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.files import VALIDATION, replace, write_report
 from estimator.reproduction.plan import PlannedRun
 from estimator.reproduction.robot_process import RobotProcess, catch_up
-from estimator.run import identify, problem_of, reconnect, resume
+from estimator.run import identify, problem_of, reconnect, resume, world_of
 from estimator.score import score
-from estimator.store import DATABASE, RunStore
+from estimator.store import RunStore
 from estimator.validate import compare, validate
 from protocol.errors import RobotUnreachableError
 
@@ -40,18 +40,8 @@ def is_finished(run: PlannedRun, root: Path) -> bool:
 
 
 def has_begun(run: PlannedRun, root: Path) -> bool:
-    """Whether there is anything to resume; a process may have died while it made the database.
-
-    A damaged database counts as something: whoever opens the run says what is wrong with it.
-    """
-    path = run.directory(root) / DATABASE
-    if not path.is_file():
-        return False
-    with closing(sqlite3.connect(path)) as database:
-        try:
-            return database.execute("SELECT 1 FROM sqlite_master").fetchone() is not None
-        except sqlite3.DatabaseError:
-            return True
+    """Whether there is anything to resume."""
+    return holds_run(run.directory(root))
 
 
 def work_done(run: PlannedRun, root: Path) -> float:
@@ -130,7 +120,7 @@ def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) ->
             found = compare(made[-1], seen)
         else:
             problem = problem_of(store)
-            world = problem.settings(store.capabilities)
+            world = world_of(store, problem)
             with (
                 closing(in_this_process(store.settings.physics, world)) as physics,
                 closing(reconnect(store, problem, uri, listener)) as link,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from estimator.report.files import RESULT, VALIDATION
 from estimator.report.result import Result
+from estimator.report.tables import number
 from estimator.reproduction.plan import PlannedRun
 from estimator.reproduction.single_run import SCORE, is_finished
 from estimator.score import Score
@@ -43,7 +44,7 @@ class Summary:
                 "configurations right"
             )
         return (
-            f"error {self.result.sensor_error or 0.0:.2f}, legs wrong by "
+            f"error {number(self.result.sensor_error)}, legs wrong by "
             f"{self.score.mean_leg_error_m * 1000:.0f} mm{right}, {self.result.wall_seconds:.0f} s"
         )
 

@@ -68,7 +68,7 @@ def true_limbs(path: Path, motors: Mapping[str, int]) -> tuple[TrueLimb, ...]:
         TruthError: The file is no URDF of the supported subset, or lacks one of the joints.
     """
     urdf = read_urdf(path)
-    revolute = {joint.name for joint in urdf.joints if joint.kind == "revolute"}
+    revolute = {joint.name for joint in urdf.joints if joint.type == "revolute"}
     missing = sorted(motors.keys() - revolute)
     if missing:
         raise TruthError(

@@ -121,7 +121,7 @@ class Joint(_Element, tag="joint"):
     """Holds a child link in its parent's frame; a revolute one turns it about ``axis``."""
 
     name: str = attr(min_length=1)
-    kind: Literal["fixed", "revolute"] = attr(name="type")
+    type: Literal["fixed", "revolute"] = attr()
     parent: Neighbour = element(tag="parent")
     child: Neighbour = element(tag="child")
     origin: Origin = element(default=Origin())
@@ -150,15 +150,16 @@ def read_urdf(path: Path) -> Urdf:
             no tree; the message names file, element and reason.
     """
     try:
-        urdf = Urdf.from_xml_tree(_grouped(path.read_bytes()))  # type: ignore[arg-type]
+        root = _grouped(path.read_bytes())
     except OSError as error:
         raise TruthError(f"{path} cannot be read: {error.strerror}.") from error
     except SyntaxError as error:  # what lxml raises derives from it
         raise TruthError(f"{path} is no XML file: {error}.") from error
+    try:
+        urdf = Urdf.from_xml_tree(root)  # type: ignore[arg-type]
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(step) for step in first["loc"])
-        raise TruthError(f"{path}: {where or 'robot'}: {first['msg']}.") from error
+        raise TruthError(f"{path}: {_where(root, first['loc'])}: {first['msg']}.") from error
     except ParsingError as error:
         raise TruthError(f"{path} is no URDF file: {error}.") from error
     _check_tree(path, urdf)
@@ -175,6 +176,18 @@ def _grouped(text: bytes) -> etree._Element:
     for parent in root.iter():
         parent[:] = sorted(parent, key=lambda child: child.tag in ("joint", "collision"))
     return root
+
+
+def _where(root: etree._Element, place: tuple[int | str, ...]) -> str:
+    """A validator's location by the names that stand in the file."""
+    names = []
+    if len(place) > 1 and place[0] in ("links", "joints") and isinstance(place[1], int):
+        tag = str(place[0])[:-1]
+        name = root.findall(tag)[place[1]].get("name")
+        names.append(f"{tag} {name or f'number {place[1] + 1}'}")
+        place = place[2:]
+    inner = ".".join(str(step) for step in place if isinstance(step, str))
+    return ": ".join([*names, *([inner] if inner else [])]) or "robot"
 
 
 def _check_tree(path: Path, urdf: Urdf) -> None:

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from estimator.error import interaction_errors
+from estimator.fit import observed
 from estimator.genome import Genome
-from estimator.modelling import Modeller, observed
+from estimator.modelling import Modeller
 from estimator.morphology import Array
 from estimator.observation import Observation
 from estimator.physics.base import Pair, Readings
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
 from estimator.records import Counters
 from estimator.search.deterministic_crowding import DeterministicCrowding
 from tests.estimator.model_robot import make_capabilities, make_problem
@@ -62,11 +64,15 @@ def in_full(
     return found
 
 
-def test_the_early_verdict_decides_as_full_evaluation_would(genome: Genome) -> None:
+@pytest.mark.parametrize("foresight", [None, StaticsPhysics()], ids=["none", "wrong"])
+def test_the_early_verdict_decides_as_full_evaluation_would(
+    genome: Genome, foresight: StaticsPhysics | None
+) -> None:
+    # Toy bodies do not move as statics says, so that its guesses put interactions in any order.
     observations = make_observations(4)
     quick, full = (DeterministicCrowding(20, 4, np.random.default_rng(1)) for _ in range(2))
     physics, reference = ToyPhysics(), ToyPhysics()
-    modeller = Modeller(genome, physics, MODALITIES, Counters())
+    modeller = Modeller(genome, physics, MODALITIES, Counters(), foresight=foresight)
     for count in range(1, 5):
         modeller.introduce(quick, observations[:count])
         if count > 1:
@@ -131,3 +137,20 @@ def test_real_physics_tells_the_true_model_from_others(
     Modeller(genome, physics, MODALITIES, Counters()).introduce(search, [observation])
     assert search.errors[0] == pytest.approx(float(felt.speed[0]), abs=1e-9)
     assert search.errors[1] > 1.0
+
+
+def test_foresight_saves_simulations_and_changes_no_verdict(genome: Genome) -> None:
+    observations = make_observations(5)
+    found = []
+    for foresight in (None, StaticsPhysics()):
+        search = DeterministicCrowding(16, 4, np.random.default_rng(1))
+        with PyBulletPhysics() as physics:
+            modeller = Modeller(genome, physics, MODALITIES, Counters(), foresight=foresight)
+            modeller.introduce(search, observations)
+            for _ in range(4):
+                modeller.evolve(search, observations)
+            found.append((search.population, search.errors, physics.simulations))
+    blind, seeing = found
+    assert np.array_equal(blind[0], seeing[0])
+    assert np.array_equal(blind[1], seeing[1])
+    assert seeing[2] < 0.9 * blind[2]

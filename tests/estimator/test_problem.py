@@ -78,7 +78,7 @@ def test_a_missing_problem_is_refused(tmp_path: Path) -> None:
         ("density", "weight", "density: is missing; weight: is no key"),
         ("density = 1000.0", 'density = "water"', "density: .*number"),
         ("density = 1000.0", "density = inf", "density: .*finite"),
-        ("population = 100", "population = 99", "search: population must be even, not 99"),
+        ("population = 100", "population = 99", "search.population: must be even, not 99"),
         ("population = 100", "population = 0", "search.population"),
         ("generations = 10", "generations = 2.5", "search.generations"),
         ('= { kind = "blend"', '= { kind = "blond"', "search.crossover: .*'uniform', 'blend'"),
@@ -168,6 +168,9 @@ def test_a_robot_that_cannot_serve_is_refused() -> None:
         problem.check_robot(
             replace(robot(), joints=(*robot().joints[:2], far, *robot().joints[3:])), ("tilt",)
         )
+    slow = Problem.parse(TEXT.replace("slew_deg_per_s = 60.0", "slew_deg_per_s = 5.0"), "slow.toml")
+    with pytest.raises(ProblemError, match="30 degrees at 5 degrees per second take 6 s, and a"):
+        slow.check_robot(robot(), ("tilt",))
     with pytest.raises(ProblemError, match="has no clearance sensor"):
         problem.check_robot(replace(robot(), sensors=sensors[:2]), ("tilt", "clearance"))
     three = replace(sensors[0], count=3)

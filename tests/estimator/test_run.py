@@ -251,7 +251,7 @@ def changed(order: Order, **changes: object) -> Order:
     [
         ({"problem": "nonsense"}, ProblemError, "no problem named 'nonsense'"),
         ({"modalities": ("smell",)}, EstimatorError, "modalities must be"),
-        ({"population": 7}, EstimatorError, "population: .*multiple of 2, not 7"),
+        ({"population": 7}, EstimatorError, "population: must be even, not 7: members mate in"),
         ({"interactions": 9}, EstimatorError, "holds 2 interactions, not 9"),
         ({"physics": "clay"}, EstimatorError, "no physics 'clay': choose pybullet"),
     ],
@@ -266,6 +266,7 @@ def test_what_cannot_be_done_is_refused_with_a_sentence(
     order = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), **changes)
     with pytest.raises(kind, match=sentence):
         identify(tmp_path / "run", order, in_processes(1), Witness())
+    assert not (tmp_path / "run").exists()
 
 
 def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:

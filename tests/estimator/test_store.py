@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from estimator.database import DATABASE
 from estimator.errors import RunDirectoryError
 from estimator.observation import Observation
 from estimator.records import Counters, Generation, Prediction, RunSettings, Ticket
-from estimator.store import DATABASE, RunStore, first_id
+from estimator.store import RunStore, first_id
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 
 SETTINGS = RunSettings(
@@ -124,7 +125,7 @@ def test_two_writers_at_once_are_refused(directory: Path) -> None:
     ("content", "sentence"),
     [
         (None, "holds no run"),
-        (b"", "is not a run"),
+        (b"", "holds no run: .* it was ended before it had begun"),
         (b"these are not the bytes of a database" * 40, "is not a run"),
     ],
 )

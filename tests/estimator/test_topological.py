@@ -158,7 +158,7 @@ def test_a_table_without_the_robot_at_hand_is_refused() -> None:
         ("length = [0.02, 0.40]", "length = [0.40, 0.02]", r"parts\[1\].length: the lowest must"),
         ("radius = 0.006", "radius = 0.5", r"parts\[1\]: radius 0.5 m must lie below the length"),
         ("[-30.0, 30.0]", "[-300.0, 30.0]", "motors.range_deg: must lie within -180 to 180"),
-        ("population = 300", "population = 301", "population must be even, not 301"),
+        ("population = 300", "population = 301", "population: must be even, not 301"),
         ('parent = "unknown"', "parent = 1", r"\(leg 1\): its parent 1 is no earlier part"),
     ],
 )

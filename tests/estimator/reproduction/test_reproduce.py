@@ -18,13 +18,13 @@ import pytest
 from typer.testing import CliRunner
 
 from estimator.cli import app
+from estimator.database import DATABASE
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.listener import Listener
 from estimator.reproduction.plan import FIGURES, PlannedRun, planned_runs, typical_runs
 from estimator.reproduction.reproduce import Outcome, Request, figures_of, reproduce
 from estimator.reproduction.single_run import SCORE
 from estimator.reproduction.workers import Ended, Worked, Workers
-from estimator.store import DATABASE
 from tests.estimator.reproduction.conftest import TINY
 
 COMMAND = "import sys; from estimator.cli import main; sys.argv[0] = 'estimator'; main()"

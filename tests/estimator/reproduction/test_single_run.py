@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from estimator.database import DATABASE
 from estimator.errors import RunDirectoryError
 from estimator.listener import Listener
 from estimator.observation import Observation
@@ -24,7 +25,7 @@ from estimator.reproduction.single_run import (
     see_through,
     work_done,
 )
-from estimator.store import DATABASE, RunStore
+from estimator.store import RunStore
 
 
 class Breaking(Listener):

@@ -1,0 +1,81 @@
+"""The SQLite file of a run: its tables, and transactions that survive a power cut.
+
+SQLite keeps a rollback journal rather than a write-ahead log: a closed run is then a single file
+that can be copied, it also works on network file systems, and a handful of commits per second
+costs nothing. ``synchronous=EXTRA`` makes each commit survive a power cut too.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Final
+
+DATABASE: Final = "run.sqlite"
+
+_TABLES: Final = (
+    "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
+    """CREATE TABLE interactions (
+        number INTEGER PRIMARY KEY, program TEXT NOT NULL,
+        request_id INTEGER, session TEXT, observation TEXT
+    ) STRICT""",
+    """CREATE TABLE generations (
+        number INTEGER PRIMARY KEY, iteration INTEGER NOT NULL,
+        errors TEXT NOT NULL, best TEXT NOT NULL, counters TEXT NOT NULL
+    ) STRICT""",
+    "CREATE TABLE checkpoint (only INTEGER PRIMARY KEY CHECK (only = 0), value TEXT NOT NULL)"
+    " STRICT",
+    """CREATE TABLE predictions (
+        validation INTEGER, number INTEGER, program TEXT NOT NULL, readings TEXT NOT NULL,
+        request_id INTEGER, session TEXT, observation TEXT,
+        PRIMARY KEY (validation, number)
+    ) STRICT""",
+)
+
+
+def holds_run(directory: Path) -> bool:
+    """Whether there is a run in a directory; a process may have died before it had made one.
+
+    A damaged database counts as a run: whoever opens it says what is wrong with it.
+    """
+    path = directory / DATABASE
+    if not path.is_file():
+        return False
+    with closing(sqlite3.connect(path)) as database:
+        try:
+            return not is_empty(database)
+        except sqlite3.DatabaseError:
+            return True
+
+
+def connect(directory: Path) -> sqlite3.Connection:
+    """Opens the database in a directory; makes an empty one if there is none."""
+    database = sqlite3.connect(directory / DATABASE, isolation_level=None, timeout=10.0)
+    database.execute("PRAGMA journal_mode = DELETE")
+    database.execute("PRAGMA synchronous = EXTRA")
+    return database
+
+
+def is_empty(database: sqlite3.Connection) -> bool:
+    """Whether it has no tables."""
+    return database.execute("SELECT 1 FROM sqlite_master").fetchone() is None
+
+
+def make_tables(database: sqlite3.Connection) -> None:
+    """Makes the tables of a run, within a transaction."""
+    for statement in _TABLES:
+        database.execute(statement)
+
+
+@contextmanager
+def transaction(database: sqlite3.Connection) -> Iterator[None]:
+    """Everything in the block is committed together, or not at all."""
+    database.execute("BEGIN IMMEDIATE")
+    try:
+        yield
+    except BaseException:
+        database.execute("ROLLBACK")
+        raise
+    database.execute("COMMIT")

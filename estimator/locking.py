@@ -1,0 +1,40 @@
+"""A directory for one process at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+
+from estimator.errors import RunDirectoryError
+
+
+def lock(directory: Path, name: str) -> int:
+    """Takes a directory's lock, which the kernel frees when its holder dies.
+
+    Args:
+        directory: The directory; made if it is not there.
+        name: Of the lock's file.
+
+    Returns:
+        A descriptor; closing it frees the lock.
+
+    Raises:
+        RunDirectoryError: The directory cannot be made or written, or another process has it.
+    """
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(f"{directory} cannot be made: {error.strerror}.") from error
+    try:
+        found = os.open(directory / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    except OSError as error:
+        raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
+    try:
+        fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(found)
+        raise RunDirectoryError(
+            f"Another process works on {directory}: let it finish or end it first."
+        ) from None
+    return found
