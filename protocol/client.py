@@ -8,12 +8,12 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping
-from types import TracebackType
-from typing import Any, Final, Self, TypeAlias, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 import zmq
 
 from protocol.capabilities import Capabilities
+from protocol.closing import Closing
 from protocol.dialogue import FIRST_LOOSE_ID, Call, Dialogue
 from protocol.endpoints import Endpoint
 from protocol.errors import (
@@ -24,6 +24,7 @@ from protocol.errors import (
 )
 from protocol.keys import ClientKeys, KeyDirectory
 from protocol.link import Link
+from protocol.message import Message
 from protocol.messages import (
     FINAL_REPLIES,
     PROTOCOL_VERSION,
@@ -32,7 +33,6 @@ from protocol.messages import (
     Heartbeat,
     Hello,
     Hold,
-    Message,
     Observation,
     Ok,
     Perform,
@@ -55,7 +55,7 @@ _FAREWELL: Final = 1.0  # s that close waits for its release to be answered
 _LOOK_CLOSER: Final = 1.0  # s in which to find out why nobody answers
 
 
-class RobotClient:
+class RobotClient(Closing):
     """A connection to a robot, with a session.
 
     Use it as a context manager: leaving it gives control back. Every method may be called from any
@@ -122,17 +122,6 @@ class RobotClient:
         except BaseException:
             self._link.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Gives control back, if it was had, and closes the connection; idempotent."""

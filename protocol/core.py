@@ -18,6 +18,7 @@ from protocol.checks import MAX_TEXT
 from protocol.codec import decode, encode
 from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
 from protocol.lease import EXPIRY, Lapse, Lease
+from protocol.message import Message
 from protocol.messages import (
     PROTOCOL_VERSION,
     Accepted,
@@ -27,7 +28,6 @@ from protocol.messages import (
     Heartbeat,
     Hello,
     Hold,
-    Message,
     Ok,
     Perform,
     Progress,

@@ -22,11 +22,11 @@ from protocol.errors import (
     RobotUnreachableError,
 )
 from protocol.lease import HEARTBEAT
+from protocol.message import Message
 from protocol.messages import (
     FINAL_REPLIES,
     ErrorReply,
     Heartbeat,
-    Message,
     Observation,
     Perform,
     Read,

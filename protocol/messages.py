@@ -8,7 +8,7 @@ absent. ``SPEC.md`` describes each message in words.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, ClassVar, Final, TypeVar, cast
 
@@ -16,6 +16,7 @@ from protocol import checks
 from protocol.capabilities import Capabilities
 from protocol.codec import request_id_of
 from protocol.errors import LocalProtocolError, RemoteProtocolError, RobotError
+from protocol.message import Message, checked, checked_optional
 from protocol.states import State
 
 PROTOCOL_VERSION: Final = 1
@@ -31,41 +32,6 @@ def _capabilities(name: str, value: Any) -> Capabilities:
     return Capabilities.of(value)
 
 
-def _checked(check: Any) -> Any:
-    return field(metadata={"check": check})
-
-
-def _checked_optional(check: Any) -> Any:
-    return field(default=None, metadata={"check": checks.optional(check)})
-
-
-def _set(instance: Any, name: str, value: object) -> None:
-    object.__setattr__(instance, name, value)  # the only way to normalise a frozen dataclass
-
-
-@dataclass(frozen=True, kw_only=True)
-class Message:
-    """Base of all messages; subclasses declare a check for each field."""
-
-    TYPE: ClassVar[str]
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            _set(self, item.name, item.metadata["check"](item.name, getattr(self, item.name)))
-
-    def to_map(self) -> dict[str, Any]:
-        """The message as it goes into msgpack; absent fields are left out."""
-        found: dict[str, Any] = {"type": self.TYPE}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if value is None:
-                continue
-            if isinstance(value, Capabilities):
-                value = value.to_map()
-            found[item.name] = list(value) if isinstance(value, tuple) else value
-        return found
-
-
 # --- requests -------------------------------------------------------------------------------------
 
 
@@ -73,8 +39,8 @@ class Message:
 class Request(Message):
     """What a client asks. ``client`` is the UUID it chose; ``id`` correlates the answers."""
 
-    id: int = _checked(_natural)
-    client: str = _checked(_name)
+    id: int = checked(_natural)
+    client: str = checked(_name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,15 +48,15 @@ class Hello(Request):
     """Opens or re-opens a session; answered by ``Welcome``."""
 
     TYPE: ClassVar[str] = "hello"
-    versions: tuple[int, ...] = _checked(lambda name, value: checks.items(name, value, _positive))
-    software: str | None = _checked_optional(_name)
+    versions: tuple[int, ...] = checked(lambda name, value: checks.items(name, value, _positive))
+    software: str | None = checked_optional(_name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SessionRequest(Request):
     """A request inside the session that ``Welcome`` named."""
 
-    session: str = _checked(_name)
+    session: str = checked(_name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +85,7 @@ class Perform(SessionRequest):
     """One interaction: return to zero, slew to the targets (rad), settle, read."""
 
     TYPE: ClassVar[str] = "perform"
-    targets: Mapping[str, float] = _checked(
+    targets: Mapping[str, float] = checked(
         lambda name, value: checks.mapping(name, value, checks.number)
     )
 
@@ -150,7 +116,7 @@ class Stop(Request):
     """Freezes the robot now, for anybody, in any session or none; latches until ``Clear``."""
 
     TYPE: ClassVar[str] = "stop"
-    session: str | None = _checked_optional(_name)
+    session: str | None = checked_optional(_name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +133,7 @@ class Clear(SessionRequest):
 class Reply(Message):
     """What the robot answers; ``id`` is the request's."""
 
-    id: int = _checked(_natural)
+    id: int = checked(_natural)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,10 +141,10 @@ class Welcome(Reply):
     """Answer to ``Hello``."""
 
     TYPE: ClassVar[str] = "welcome"
-    version: int = _checked(_positive)
-    session: str = _checked(_name)
-    robot_time: float = _checked(checks.number)
-    capabilities: Capabilities = _checked(_capabilities)
+    version: int = checked(_positive)
+    session: str = checked(_name)
+    robot_time: float = checked(checks.number)
+    capabilities: Capabilities = checked(_capabilities)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +152,7 @@ class Ok(Reply):
     """Done; ``state`` is the robot's state after it."""
 
     TYPE: ClassVar[str] = "ok"
-    state: str = _checked(_state)
+    state: str = checked(_state)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,11 +160,11 @@ class Status(Reply):
     """Answer to ``Heartbeat``."""
 
     TYPE: ClassVar[str] = "status"
-    state: str = _checked(_state)
-    robot_time: float = _checked(checks.number)
-    sequence: int = _checked(_natural)
-    controller: str | None = _checked_optional(_name)
-    reason: str | None = _checked_optional(checks.text)
+    state: str = checked(_state)
+    robot_time: float = checked(checks.number)
+    sequence: int = checked(_natural)
+    controller: str | None = checked_optional(_name)
+    reason: str | None = checked_optional(checks.text)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,9 +179,9 @@ class Progress(Reply):
     """How far a motion is: its phase and the share of it that is done, 0 to 1."""
 
     TYPE: ClassVar[str] = "progress"
-    phase: str = _checked(partial(checks.one_of, choices=PHASES))
-    fraction: float = _checked(partial(checks.number, least=0.0))
-    robot_time: float = _checked(checks.number)
+    phase: str = checked(partial(checks.one_of, choices=PHASES))
+    fraction: float = checked(partial(checks.number, least=0.0))
+    robot_time: float = checked(checks.number)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,26 +204,26 @@ class Observation(Reply):
     """
 
     TYPE: ClassVar[str] = "observation"
-    sequence: int = _checked(_positive)
-    robot_time: float = _checked(checks.number)
-    monotonic: float = _checked(checks.number)
-    angles: Mapping[str, float] = _checked(
+    sequence: int = checked(_positive)
+    robot_time: float = checked(checks.number)
+    monotonic: float = checked(checks.number)
+    angles: Mapping[str, float] = checked(
         lambda name, value: checks.mapping(name, value, checks.number)
     )
-    saturated_joints: tuple[str, ...] = _checked(
+    saturated_joints: tuple[str, ...] = checked(
         lambda name, value: checks.items(name, value, _name)
     )
-    touch: tuple[bool, ...] | None = _checked_optional(
+    touch: tuple[bool, ...] | None = checked_optional(
         lambda name, value: checks.items(name, value, checks.boolean)
     )
-    tilt: tuple[float, ...] | None = _checked_optional(
+    tilt: tuple[float, ...] | None = checked_optional(
         lambda name, value: checks.items(name, value, checks.number)
     )
-    clearance: float | None = _checked_optional(checks.number)
-    clearance_saturated: bool = _checked(checks.boolean)
-    settled: bool = _checked(checks.boolean)
-    settle_time: float = _checked(partial(checks.number, least=0.0))
-    samples: int = _checked(_positive)
+    clearance: float | None = checked_optional(checks.number)
+    clearance_saturated: bool = checked(checks.boolean)
+    settled: bool = checked(checks.boolean)
+    settle_time: float = checked(partial(checks.number, least=0.0))
+    samples: int = checked(_positive)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -270,11 +236,11 @@ class ErrorReply(Message):
     """A typed error; ``id`` is absent where the frame's own could not be read."""
 
     TYPE: ClassVar[str] = "error"
-    id: int | None = _checked_optional(_natural)
-    code: str = _checked(_name)  # a later version of the protocol may send others than ours
-    message: str = _checked(checks.text)
-    advice: str = _checked(checks.text)
-    retryable: bool = _checked(checks.boolean)
+    id: int | None = checked_optional(_natural)
+    code: str = checked(_name)  # a later version of the protocol may send others than ours
+    message: str = checked(checks.text)
+    advice: str = checked(checks.text)
+    retryable: bool = checked(checks.boolean)
 
     @classmethod
     def of(cls, error: RobotError, *, request_id: int | None) -> ErrorReply:
@@ -297,15 +263,15 @@ class Telemetry(Message):
     """Published on topic ``telemetry`` at the rate that ``Welcome`` names."""
 
     TYPE: ClassVar[str] = "telemetry"
-    robot: str = _checked(_name)
-    state: str = _checked(_state)
-    robot_time: float = _checked(checks.number)
-    sequence: int = _checked(_natural)
-    angles: Mapping[str, float] = _checked(
+    robot: str = checked(_name)
+    state: str = checked(_state)
+    robot_time: float = checked(checks.number)
+    sequence: int = checked(_natural)
+    angles: Mapping[str, float] = checked(
         lambda name, value: checks.mapping(name, value, checks.number)
     )
-    controller: str | None = _checked_optional(_name)
-    reason: str | None = _checked_optional(checks.text)
+    controller: str | None = checked_optional(_name)
+    reason: str | None = checked_optional(checks.text)
 
 
 REQUESTS: Final = {

@@ -13,13 +13,13 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import zmq
 
 from protocol.access import Access
 from protocol.actions import Action, ControllerChanged, Send, Silence, Submit
+from protocol.closing import Closing
 from protocol.core import ServerCore, allow_all
 from protocol.endpoints import DEFAULT_BIND
 from protocol.errors import RemoteProtocolError, RobotError
@@ -37,7 +37,7 @@ _LOOK: Final = 0.5  # s between two looks at the list of clients
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
 
-class Server:
+class Server(Closing):
     """Serves one robot at one address.
 
     Args:
@@ -140,6 +140,7 @@ class Server:
                 if now >= publish_at:
                     self._publisher.publish(self._core.publication())
                     publish_at = max(publish_at + self._period, now)  # late once, not slow
+            self._take_frames()  # what has arrived by now gets its answer
             self._take_events()
 
     def wake(self) -> None:
@@ -157,17 +158,6 @@ class Server:
         with self._running:
             if not self._closed:
                 self._dispose()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     # --- the loop's steps -------------------------------------------------------------------------
 

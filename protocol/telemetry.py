@@ -6,11 +6,11 @@ import math
 import os
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import zmq
 
+from protocol.closing import Closing
 from protocol.codec import decode
 from protocol.endpoints import Endpoint
 from protocol.errors import RemoteProtocolError, RobotUnreachableError
@@ -22,7 +22,7 @@ from protocol.sockets import connected
 _QUEUE: Final = 16
 
 
-class TelemetrySubscriber:
+class TelemetrySubscriber(Closing):
     """Receives publications; for one thread.
 
     Subscribe before you need it: what is published before the connection stands is lost.
@@ -88,17 +88,6 @@ class TelemetrySubscriber:
         """Closes the connection; idempotent."""
         self._socket.close()
         self._dispose()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _drain(self) -> Telemetry | None:
         newest: Telemetry | None = None

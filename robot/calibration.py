@@ -94,8 +94,12 @@ class DrivenJoint:
         if not self.reachable[0] < 0 < self.reachable[1]:
             raise ValueError("must reach the zero pose: 0° lies outside what it spans")
 
-    def quantise(self, angle: float) -> tuple[int, bool]:
-        """The reachable count that comes nearest to an angle, and whether it is the last one."""
+    def quantise(self, angle: float) -> int:
+        """The reachable count that comes nearest to an angle."""
         lower, upper = self.reachable
-        count = self.scale.count(min(upper, max(lower, angle)))
-        return count, self.scale.angle(count) in (lower, upper)
+        return self.scale.count(min(upper, max(lower, angle)))
+
+    def at_end(self, count: int) -> bool:
+        """Whether a count is the last one in either direction, or beyond."""
+        lower, upper = self.reachable
+        return not lower < self.scale.angle(count) < upper

@@ -15,8 +15,10 @@ from pathlib import Path
 from robot.calibration import DrivenJoint
 from robot.calibration_file import Calibration, read_calibration
 from robot.drivers import ANALOGUE_DRIVERS
-from robot.drivers.dmm32 import RANGES
+from robot.drivers.dmm32 import BASES, RANGES
+from robot.drivers.sv203 import BAUDS
 from robot.errors import ConfigError
+from robot.plausible import Underside
 from robot.sections import read_toml
 from robot.sensing import Accelerometer
 from robot.settling import RestCriterion
@@ -95,13 +97,26 @@ class RobotConfig:
         gauges = [gauge.name for gauge in self.gauges]
         if len(set(gauges)) < len(gauges):
             raise ConfigError(f"two gauges share a name: {gauges}.", key="touch")
+        channels = [*self.accelerometer.channels, *(gauge.channel for gauge in self.gauges)]
         for gauge in self.gauges:
+            if channels.count(gauge.channel) > 1:
+                raise ConfigError(
+                    f"input {gauge.channel} is another sensor's, too: each has one of its own.",
+                    key=f"touch ({gauge.name}).channel",
+                )
             if gauge.debounce > self.samples:
                 raise ConfigError(
                     f"a debounce of {gauge.debounce} can never set the bit: an observation has "
                     f"only {self.samples} samples.",
                     key=f"touch ({gauge.name})",
                 )
+
+    @property
+    def underside(self) -> Underside:
+        """The belly, for readings that err as they are announced to."""
+        return Underside.of(
+            self.body.size, tilt_noise=self.noise.tilt, clearance_noise=self.noise.clearance
+        )
 
     @property
     def hash(self) -> str:
@@ -223,14 +238,14 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
             ),
             servo_board=ServoBoardConfig(
                 port=board.text("port"),
-                baud=board.integer("baud", 2400, 19200, 9600),
+                baud=board.one_of("baud", BAUDS, 9600),
                 board=board.integer("board", 0, 255, 1),
                 line_gap=board.number("line_gap_ms", 3, 1000, 3) / 1000,
             ),
             joints=tuple(read_joint(section) for section in root.tables("joint")),
             speed=math.radians(motion.number("speed_deg_s", 1, 60, 60)),
             daq=DaqConfig(
-                base=daq.integer("base", 0x100, 0x3F0, 0x300),
+                base=daq.one_of("base", BASES, 0x300, written="{:#x}"),
                 input_range=daq.choice("input_range", tuple(RANGES), "±5V"),
                 driver=daq.choice("driver", tuple(ANALOGUE_DRIVERS), "dmm32"),
                 device=daq.text("device", "/dev/comedi0"),

@@ -27,7 +27,7 @@ from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRe
 from protocol.states import REFUSALS, TRANSITIONS, Event, State
 from robot.errors import DeviceError
 from robot.interaction import Aborted, Interaction, Outcome
-from robot.jobs import INTERRUPTS, NEWS, SENTENCES, STOPPED, Job
+from robot.jobs import INTERRUPTS, NEWS, SENTENCES, STOPPED, Job, ended_by
 from robot.notify import ServiceManager
 
 _RARELY = 86_400.0  # s; a wait that needs no end
@@ -94,13 +94,12 @@ class Controller:
             following = TRANSITIONS.get((self._state, event))
             if following is None:
                 raise self._refusal(event)
-            clears_fault = event is Event.CLEAR and before is State.FAULT
-            job = Job(ticket, request, self._faults, self._stops, clears_fault)
+            job = Job(ticket, request, before, self._faults, self._stops)
             if event is Event.PERFORM:
                 self._motion = job
             elif self._motion is not None and event in INTERRUPTS:
                 self._motion.interrupt = INTERRUPTS[event]
-            if clears_fault:
+            if job.clears(State.FAULT):
                 following = before  # until the devices are found in order
             elif event is Event.STOP:
                 self._reason = self._reason or STOPPED
@@ -115,7 +114,7 @@ class Controller:
     def _submit_late(self, ticket: int, request: RobotRequest) -> None:
         """While the robot parks: only a stop is for it, and ends that motion, too."""
         if request.TYPE != Event.STOP:
-            raise RobotError("shutting_down", SENTENCES["shutting_down"])
+            raise ended_by("shutting_down")
         self._state = TRANSITIONS[self._state, Event.STOP]
         self._reason = STOPPED
         self._tell_news(request)
@@ -206,11 +205,11 @@ class Controller:
             overtaken = job.faults != self._faults and request.TYPE != Event.STOP
             sentence = f"The robot went down before this was done: {self._reason}"
             too_late = self._leaving and isinstance(request, Perform | Read)
+            stopped = job.stops != self._stops
         if overtaken:
             self._finish(job, self._error(job, RobotError("fault", sentence)))
         elif too_late:
-            error = RobotError("shutting_down", SENTENCES["shutting_down"])
-            self._finish(job, self._error(job, error))
+            self._finish(job, self._error(job, ended_by("shutting_down")))
         elif isinstance(request, Perform):
             self._finish(job, self._perform(job, request.targets))
         elif request.TYPE == Event.READ:
@@ -218,10 +217,10 @@ class Controller:
         else:
             if request.TYPE == Event.RELAX:
                 self._interaction.relax()
-            elif job.clears_fault:
+            elif job.clears(State.FAULT):
                 self._recover(job)
-            elif request.TYPE == Event.HOLD:
-                self._interaction.hold()
+            elif not stopped and (request.TYPE == Event.HOLD or job.clears(State.STOPPED)):
+                self._interaction.hold()  # also when it was limp: that must not move after a stop
             self._finish(job, Ok(id=request.id, state=self.snapshot().state))
 
     def _perform(self, job: Job, targets: Mapping[str, float]) -> FinalReply:
@@ -233,18 +232,22 @@ class Controller:
                 self._state = TRANSITIONS.get((self._state, wanted), self._state)
             self._progress(job, phase, fraction)
 
-        reply: FinalReply
+        outcome: Outcome | RobotError
         try:
-            reply = self._observation(job, self._interaction.perform(targets, report))
+            outcome = self._interaction.perform(targets, report)
         except Aborted as error:
-            reply = self._error(job, RobotError(error.code, SENTENCES[error.code]))
+            outcome = ended_by(error.code)
         except RobotError as error:
-            reply = self._error(job, error)
+            outcome = error
         with self._lock:
+            if job.interrupt is not None:  # maybe since the last report
+                outcome = ended_by(job.interrupt)
             if self._motion is job:
                 self._motion = None
                 self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
-        return reply
+        if isinstance(outcome, RobotError):
+            return self._error(job, outcome)
+        return self._observation(job, outcome)
 
     def _read(self, job: Job) -> FinalReply:
         def report(phase: str, fraction: float) -> None:
@@ -256,7 +259,7 @@ class Controller:
         try:
             return self._observation(job, self._interaction.read(report))
         except Aborted as error:
-            return self._error(job, RobotError(error.code, SENTENCES[error.code]))
+            return self._error(job, ended_by(error.code))
 
     def _progress(self, job: Job, phase: str, fraction: float) -> None:
         now = self._interaction.now()
@@ -301,8 +304,8 @@ class Controller:
 
     def _check_board(self) -> None:
         with self._lock:
-            calm = self._state in (State.IDLE, State.HOLDING)
-        if calm:
+            waiting = self._state not in (State.MOVING, State.SETTLING, State.FAULT)
+        if waiting:
             self._interaction.check_board()
 
     def _park(self) -> None:

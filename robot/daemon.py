@@ -32,9 +32,10 @@ from robot.drivers.portio import PortIO, open_dev_port
 from robot.drivers.sv203 import SV203, open_serial
 from robot.drivers.vl6180x import VL6180X
 from robot.errors import DeviceError
-from robot.interaction import Attendant, Interaction, ServoBus
+from robot.interaction import Attendant, Interaction
 from robot.notify import ServiceManager
 from robot.sensing import AnalogueBoard, Senses, Sensing
+from robot.servo_bus import ServoBus
 from robot.steady import SteadyClock
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
@@ -198,7 +199,7 @@ def build_controller(
         clock=steady,
         rate=config.settling.rate,
         rails=(inputs.low, inputs.high),
-        footprint=(config.body.size[0], config.body.size[1]),
+        underside=config.underside,
     )
     return assemble(
         config,

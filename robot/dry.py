@@ -17,7 +17,7 @@ from robot.config import RobotConfig
 from robot.controller import Controller
 from robot.daemon import HOUSEKEEPING, assemble, describe
 from robot.notify import ServiceManager
-from robot.sensing import Reading
+from robot.sensing import OnProgress, Reading, ignore
 from robot.steady import SteadyClock
 
 SUFFIX: Final = " (dry run)"
@@ -61,9 +61,10 @@ class NoSensors:
         """Keeps the control loop going; it is shown to nobody."""
         return 0.0, 0.0
 
-    def average(self, samples: int) -> Reading:
+    def average(self, samples: int, report: OnProgress = ignore) -> Reading:
         """A reading that holds nothing; messages demand that it counts for one sample."""
         del samples
+        report(1.0)
         return Reading(
             tilt=None,
             touch=None,
@@ -96,7 +97,7 @@ def dry_controller(
     """
     return assemble(
         config,
-        servos=NullServos({joint.output: joint.quantise(0.0)[0] for joint in config.joints}),
+        servos=NullServos({joint.output: joint.quantise(0.0) for joint in config.joints}),
         sensing=NoSensors(clock),
         capabilities=replace(describe(config), sensors=()),
         clock=SteadyClock(clock),

@@ -13,13 +13,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, Protocol
 
 from protocol.errors import RobotError
 from robot.calibration import DrivenJoint
 from robot.errors import DeviceDataError
 from robot.motion import Slew
-from robot.sensing import Reading, Senses
+from robot.sensing import OnProgress, Reading, Senses, ignore
+from robot.servo_bus import ServoBus
 from robot.settling import RestCriterion, RestDetector
 from robot.steady import MAX_GAP, SteadyClock
 
@@ -38,25 +40,6 @@ class Aborted(Exception):  # noqa: N818 - an interrupt, not an error
     def __init__(self, code: str):
         super().__init__(code)
         self.code = code
-
-
-class ServoBus(Protocol):
-    """What an interaction needs of a servo board."""
-
-    def set_counts(self, counts: Mapping[int, int]) -> None:
-        """Commands outputs 1..8 to counts 1..255."""
-
-    def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
-        """The counts that the board holds."""
-
-    def release(self, outputs: Sequence[int]) -> None:
-        """Lets outputs go limp."""
-
-    def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Outputs whose count on the board is not the expected one."""
-
-    def forget(self) -> None:
-        """Makes the next ``set_counts`` send everything."""
 
 
 class Attendant(Protocol):
@@ -151,7 +134,8 @@ class Interaction:
 
         Raises:
             Aborted: ``report`` ended it.
-            RobotError: ``not_planar``: the robot does not lie flat in its zero pose.
+            RobotError: ``not_settled``, ``not_planar``: in its zero pose the robot does not come to
+                rest, or does not lie flat.
             DeviceError: A device failed.
         """
         self._verify()
@@ -159,20 +143,12 @@ class Interaction:
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
         if self._attendant is not None:
             self._attendant.attend()
-        self._settle(report)
+        settled, _ = self._settle(report)
         if self._attendant is None or not self._attendant.lays_down:
-            self._check_flat(self._average())
-        saturated = self._slew(targets, "moving", report)
-        settled, settle_time = self._settle(report)
-        report("sampling", 0.0)
-        reading = self._average()
-        self._verify()
-        return Outcome(
-            reading=reading,
-            saturated_joints=saturated,
-            settled=settled,
-            settle_time=settle_time,
-        )
+            flat = self._average(lambda _: report("settling", 1.0))
+            self._check_flat(flat, settled=settled)
+        self._slew(targets, "moving", report)
+        return self._observe(report)
 
     def read(self, report: Report) -> Outcome:
         """Waits for rest in the present pose, and averages the sensors.
@@ -182,30 +158,20 @@ class Interaction:
             DeviceError: A device failed.
         """
         self._clock.watch()
-        settled, settle_time = self._settle(report)
-        report("sampling", 0.0)
-        reading = self._average()
-        self._verify()
-        return Outcome(
-            reading=reading,
-            saturated_joints=(),
-            settled=settled,
-            settle_time=settle_time,
-        )
+        return self._observe(report)
 
     def hold(self) -> None:
         """Sends the last commanded counts again.
 
         A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
         that was limp when the daemon started returns to zero.
+
+        Raises:
+            DeviceError: A device failed, or the board was reset: then nothing is sent, for the
+                servos would leap back from neutral.
         """
-        self._counts = {
-            joint.output: self._counts[joint.output] or joint.scale.count(0.0)
-            for joint in self._joints
-        }
-        self._servos.forget()
-        self._servos.set_counts(self._counts)
-        self._released = False
+        self._verify()
+        self._stiffen()
 
     def relax(self) -> None:
         """Lets every joint go limp."""
@@ -228,7 +194,7 @@ class Interaction:
         self._counts = {output: board[output] or self._counts[output] for output in board}
         self._released = False
         if not all(board.values()):
-            self.hold()
+            self._stiffen()
         self._average()
         self._verify()
 
@@ -247,6 +213,7 @@ class Interaction:
             Aborted: ``report`` ended it.
             DeviceError: A device failed.
         """
+        self._verify()
         self._clock.watch()
         zero = {joint.name: 0.0 for joint in self._joints}
         self._slew(zero, "homing", report)
@@ -255,12 +222,36 @@ class Interaction:
         """Takes the next zero pose as the reference for lying flat."""
         self._flat = None
 
-    def _slew(self, targets: Mapping[str, float], phase: str, report: Report) -> tuple[str, ...]:
-        aims = {joint: joint.quantise(targets[joint.name]) for joint in self._joints}
+    def _observe(self, report: Report) -> Outcome:
+        """Waits for rest, averages, and makes sure that the board had its commands all along."""
+        settled, settle_time = self._settle(report)
+        reading = self._average(partial(report, "sampling"))
+        self._verify()
+        return Outcome(
+            reading=reading,
+            saturated_joints=self._saturated(),
+            settled=settled,
+            settle_time=settle_time,
+        )
+
+    def _saturated(self) -> tuple[str, ...]:
+        counts = ((joint, self._counts[joint.output]) for joint in self._joints)
+        return tuple(joint.name for joint, count in counts if count and joint.at_end(count))
+
+    def _stiffen(self) -> None:
+        self._counts = {
+            joint.output: self._counts[joint.output] or joint.scale.count(0.0)
+            for joint in self._joints
+        }
+        self._servos.forget()
+        self._servos.set_counts(self._counts)
+        self._released = False
+
+    def _slew(self, targets: Mapping[str, float], phase: str, report: Report) -> None:
         slew = Slew(
             self._joints,
             start=self._counts,
-            targets={joint.output: count for joint, (count, _) in aims.items()},
+            targets={j.output: j.quantise(targets[j.name]) for j in self._joints},
             speed=self._speed,
             now=self._clock.now(),
         )
@@ -276,7 +267,6 @@ class Interaction:
             self._servos.set_counts(counts)
             slew.sent(counts, now)
         report(phase, 1.0)
-        return tuple(joint.name for joint, (_, at_end) in aims.items() if at_end)
 
     def _settle(self, report: Report) -> tuple[bool, float]:
         detector = RestDetector(self._rest)
@@ -291,7 +281,12 @@ class Interaction:
                 return False, now - start
             self._clock.sleep(1.0 / self._rest.rate)
 
-    def _check_flat(self, reading: Reading) -> None:
+    def _check_flat(self, reading: Reading, *, settled: bool) -> None:
+        if not settled and reading.tilt is not None:  # without sensors nobody can tell
+            raise RobotError(
+                "not_settled",
+                f"In its zero pose the robot did not come to rest within {self._rest.timeout:g} s.",
+            )
         level = Reading(
             tilt=(0.0, 0.0),
             touch=None,
@@ -312,9 +307,9 @@ class Interaction:
             )
         self._flat = reference if self._flat else reading
 
-    def _average(self) -> Reading:
+    def _average(self, report: OnProgress = ignore) -> Reading:
         self._clock.check()
-        reading = self._sensing.average(self._samples)
+        reading = self._sensing.average(self._samples, report)
         self._clock.check(MAX_GAP + self._samples * (1.0 / self._rest.rate + _SAMPLE_TIME))
         return reading
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from protocol.errors import RobotError
 from protocol.robot import RobotRequest
-from protocol.states import Event
+from protocol.states import Event, State
 
 INTERRUPTS: Final = MappingProxyType(
     {
@@ -49,17 +50,26 @@ class Job:
     Attributes:
         ticket: Ties its events to it.
         request: What was asked.
+        before: The robot's state at that moment.
         faults: How many faults had happened when it was submitted; after another it is void.
         stops: How many stops, likewise; a clear does not outlast a later one.
-        clears_fault: Whether it is to bring a robot back from a fault.
         interrupt: The error code with which it shall end.
         reported: Phase and robot time of the last progress.
     """
 
     ticket: int
     request: RobotRequest
+    before: State
     faults: int
     stops: int
-    clears_fault: bool
     interrupt: str | None = None
     reported: tuple[str, float] = ("", 0.0)
+
+    def clears(self, state: State) -> bool:
+        """Whether it is to bring the robot back from a state."""
+        return self.request.TYPE == Event.CLEAR and self.before is state
+
+
+def ended_by(code: str) -> RobotError:
+    """The error with which a request ends that was interrupted, or came too late."""
+    return RobotError(code, SENTENCES[code])

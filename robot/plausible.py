@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 from robot.errors import DeviceDataError
@@ -19,9 +20,11 @@ STUCK_AFTER: Final = 20
 An accelerometer's noise is some 5 codes at ±5 V, an amplified gauge's more, a converter's alone 1.
 """
 
-CLEARANCE_MARGIN: Final = 0.010
-"""Metres by which distance and tilt may contradict each other; ten times their usual error."""
+LEAST_MARGIN: Final = 0.010
+"""Metres by which distance and tilt may contradict each other in any case."""
 
+_DISTANCE_SIGMAS: Final = 10.0
+_TILT_SIGMAS: Final = 5.0
 _CODES: Final = 65536
 _STEEPEST: Final = math.cos(math.radians(60))  # beyond it, 1° of tilt is worth too many metres
 
@@ -71,28 +74,53 @@ class ChannelWatch:
                 )
 
 
-def check_clearance(
-    clearance: float, tilt: tuple[float, float], footprint: tuple[float, float]
-) -> None:
-    """Whether a clearance can go with a tilt: no corner of the belly is below the ground.
+@dataclass(frozen=True, kw_only=True)
+class Underside:
+    """The belly, against which distance and tilt are held.
 
-    Args:
-        clearance: Belly to ground, m.
-        tilt: Left/right and forward/back, rad.
-        footprint: Length (along x) and width (along y) of the belly, m.
-
-    Raises:
-        DeviceDataError: It cannot.
+    Attributes:
+        length: Along x, m.
+        width: Along y, m.
+        margin: Metres by which distance and tilt may contradict each other.
     """
-    across, along = abs(math.sin(tilt[0])), abs(math.sin(tilt[1]))
-    upright = math.sqrt(max(0.0, 1.0 - across**2 - along**2))
-    if upright < _STEEPEST:
-        return
-    least = (footprint[0] * along + footprint[1] * across) / 2 / upright
-    if clearance < least - CLEARANCE_MARGIN:
-        lean = math.degrees(math.acos(upright))
-        raise DeviceDataError(
-            f"The distance sensor says {clearance * 1000:.0f} mm, but the belly of a body that "
-            f"leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
-            "One of the two is wrong: check the distance sensor, then the accelerometer.",
-        )
+
+    length: float
+    width: float
+    margin: float = LEAST_MARGIN
+
+    @classmethod
+    def of(cls, size: Sequence[float], *, tilt_noise: float, clearance_noise: float) -> Underside:
+        """That of a body, with a margin for readings that err as they are announced to.
+
+        Args:
+            size: Of the main body along x, y, z, m.
+            tilt_noise: Root mean square error of one observation, rad.
+            clearance_noise: Likewise, m.
+        """
+        length, width = size[:2]
+        lifted = _TILT_SIGMAS * tilt_noise * (length + width) / 2
+        margin = max(LEAST_MARGIN, _DISTANCE_SIGMAS * clearance_noise + lifted)
+        return cls(length=length, width=width, margin=margin)
+
+    def check(self, clearance: float, tilt: tuple[float, float]) -> None:
+        """Whether a clearance can go with a tilt: no corner of the belly is below the ground.
+
+        Args:
+            clearance: Belly to ground, m.
+            tilt: Left/right and forward/back, rad.
+
+        Raises:
+            DeviceDataError: It cannot.
+        """
+        across, along = abs(math.sin(tilt[0])), abs(math.sin(tilt[1]))
+        upright = math.sqrt(max(0.0, 1.0 - across**2 - along**2))
+        if upright < _STEEPEST:
+            return
+        least = (self.length * along + self.width * across) / 2 / upright
+        if clearance < least - self.margin:
+            lean = math.degrees(math.acos(upright))
+            raise DeviceDataError(
+                f"The distance sensor says {clearance * 1000:.0f} mm, but the belly of a body that "
+                f"leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
+                "One of the two is wrong: check the distance sensor, then the accelerometer.",
+            )

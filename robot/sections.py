@@ -96,6 +96,15 @@ class Section:
             raise self.refuse(key, f"must be an integer from {least} to {most}, not {value!r}.")
         return value
 
+    def one_of(self, key: str, choices: Sequence[int], default: int, *, written: str = "{}") -> int:
+        """One of some integers; ``written`` is the format in which the sentence shows them."""
+        value = self._take(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value not in choices:
+            known = ", ".join(written.format(choice) for choice in choices)
+            found = written.format(value) if isinstance(value, int) else repr(value)
+            raise self.refuse(key, f"must be one of {known}, not {found}.")
+        return value
+
     def number(self, key: str, least: float, most: float, default: float | None = None) -> float:
         """A finite number from ``least`` to ``most``."""
         return self._number(key, self._take(key, default), least, most)

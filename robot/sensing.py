@@ -8,15 +8,16 @@ reading whose length is far from 1 g is no rest, or no accelerometer.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from robot.clock import Clock
 from robot.errors import DeviceDataError
-from robot.plausible import ChannelWatch, check_clearance
+from robot.plausible import ChannelWatch, Underside
 from robot.touch import TouchDetector, TouchGauge
 
+OnProgress: TypeAlias = Callable[[float], None]
 PLAUSIBLE_G = (0.9, 1.1)
 
 _AXES = tuple(f"the accelerometer's {axis} axis" for axis in "xyz")
@@ -91,14 +92,22 @@ class Reading:
     time: float
 
 
+def ignore(fraction: float) -> None:
+    """What becomes of progress that nobody wants to hear of."""
+
+
 class Senses(Protocol):
     """What an interaction needs of the sensors."""
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""
 
-    def average(self, samples: int) -> Reading:
-        """Averages ``samples`` samples of everything."""
+    def average(self, samples: int, report: OnProgress = ignore) -> Reading:
+        """Averages ``samples`` samples of everything.
+
+        ``report`` is told the share that is done, before each sample and at the end; it may raise
+        to end it.
+        """
 
 
 class Sensing:
@@ -112,8 +121,7 @@ class Sensing:
         clock: The robot clock.
         rate: Samples per second.
         rails: The volts at the ends of the input range, or ``None`` not to look for railed inputs.
-        footprint: Length and width of the belly, m, or ``None`` not to hold the distance against
-            the tilt.
+        underside: The belly, or ``None`` not to hold the distance against the tilt.
     """
 
     def __init__(
@@ -126,7 +134,7 @@ class Sensing:
         clock: Clock,
         rate: float,
         rails: tuple[float, float] | None = None,
-        footprint: tuple[float, float] | None = None,
+        underside: Underside | None = None,
     ):
         self._adc = adc
         self._belly = belly
@@ -134,7 +142,7 @@ class Sensing:
         self._touch = [TouchDetector(gauge) for gauge in gauges]
         self._clock = clock
         self._period = 1.0 / rate
-        self._footprint = footprint
+        self._underside = underside
         names = dict(zip(accelerometer.channels, _AXES, strict=True))
         names |= {gauge.channel: f"the gauge of {gauge.name}" for gauge in gauges}
         self._low, self._high = min(names), max(names)
@@ -144,8 +152,13 @@ class Sensing:
         """One sample of both tilt angles, rad, while the robot may still move."""
         return self._tilt(self._acceleration(self._volts()))
 
-    def average(self, samples: int) -> Reading:
+    def average(self, samples: int, report: OnProgress = ignore) -> Reading:
         """Averages ``samples`` samples of everything.
+
+        Args:
+            samples: How many.
+            report: Told the share that is done, before each sample and at the end; what it raises
+                ends the average.
 
         Raises:
             DeviceDataError: The readings cannot be: what the accelerometer feels is not gravity, a
@@ -156,7 +169,8 @@ class Sensing:
         distances: list[float | None] = []
         for detector in self._touch:
             detector.reset()
-        for _ in range(samples):
+        for done in range(samples):
+            report(done / samples)
             volts = self._volts()
             self._watch.check(volts)
             total = [a + b for a, b in zip(total, self._acceleration(volts), strict=True)]
@@ -165,6 +179,7 @@ class Sensing:
             if self._belly is not None:
                 distances.append(self._distance(*self._belly))
             self._clock.sleep(self._period)
+        report(1.0)
         mean = [value / samples for value in total]
         length = math.hypot(*mean)
         if not PLAUSIBLE_G[0] <= length <= PLAUSIBLE_G[1]:
@@ -174,8 +189,8 @@ class Sensing:
             )
         tilt = self._tilt(mean)
         clearance, saturated = self._clearance(distances)
-        if self._footprint is not None and clearance is not None and mean[2] > 0:
-            check_clearance(clearance, tilt, self._footprint)
+        if self._underside is not None and clearance is not None and mean[2] > 0 and not saturated:
+            self._underside.check(clearance, tilt)
         return Reading(
             tilt=tilt,
             touch=tuple(detector.touching for detector in self._touch) or None,

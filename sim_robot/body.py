@@ -75,6 +75,7 @@ class Body:
         base_size: Its box, m.
         base_center: The middle of that box in the root link's frame, m.
         base_mass: Its mass, kg.
+        mass: Of all links together, kg.
         motors: In document order.
         touch: For each touch sensor its link and the links that are fixed to it.
     """
@@ -85,6 +86,7 @@ class Body:
     base_size: tuple[float, float, float]
     base_center: tuple[float, float, float]
     base_mass: float
+    mass: float
     motors: tuple[Motor, ...]
     touch: dict[str, frozenset[str]]
 
@@ -124,6 +126,7 @@ class _Checker:
             base_size=vector(box.size),
             base_center=center,
             base_mass=root.inertial.mass.value if root.inertial else 0.0,
+            mass=sum(link.inertial.mass.value for link in self._robot.links if link.inertial),
             motors=tuple(self._motor(joint) for joint in moving),
             touch=self._touch(root.name, moving),
         )

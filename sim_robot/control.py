@@ -18,11 +18,11 @@ import json
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import zmq
 
+from protocol.closing import Closing
 from protocol.endpoints import Endpoint
 from protocol.errors import BodyschemaError
 from protocol.waker import Waker
@@ -34,7 +34,7 @@ _MAX_REQUEST: Final = 65536
 _PATIENCE: Final = 10.0  # s that a client waits for an answer
 
 
-class FaultSocket:
+class FaultSocket(Closing):
     """Serves a fault panel from a thread of its own.
 
     Args:
@@ -80,17 +80,6 @@ class FaultSocket:
         self._waker.wake()
         self._thread.join()
         self._dispose()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _run(self) -> None:
         poller = zmq.Poller()
@@ -140,7 +129,7 @@ class FaultSocket:
         self._waker.close()
 
 
-class FaultClient:
+class FaultClient(Closing):
     """Talks to the control socket of a simulated robot.
 
     Each method returns the report.
@@ -171,17 +160,6 @@ class FaultClient:
     def close(self) -> None:
         """Closes the connection."""
         self._context.destroy(linger=0)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _ask(self, request: Mapping[str, str]) -> dict[str, Any]:
         with self._context.socket(zmq.REQ) as wire:

@@ -19,11 +19,11 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Final, Self
+from typing import Final
 
 import zmq
 
+from protocol.closing import Closing
 from protocol.endpoints import Endpoint
 from protocol.waker import Waker
 
@@ -48,7 +48,7 @@ def lasting_port() -> int:
         return port
 
 
-class _Service:
+class _Service(Closing):
     """A thread that polls until it is told to end."""
 
     def __init__(self) -> None:
@@ -63,17 +63,6 @@ class _Service:
         self._thread.join()
         self._dispose()
         self._waker.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _run(self) -> None:
         raise NotImplementedError

@@ -24,12 +24,13 @@ from robot.tables import I2CConfig
 from robot.touch import TouchGauge
 from sim_robot.body import Body
 from sim_robot.noise import Noise, NoiseLevels
-from sim_robot.world import SERVO_SPEED, World
+from sim_robot.world import GRAVITY, SERVO_SPEED, World
 
 ZERO_VOLTS: Final = 2.5  # an ADXL203-like part on 5 V
 VOLTS_PER_G: Final = 1.0
 TARE_VOLTS: Final = 0.2
-VOLTS_PER_NEWTON: Final = 0.1
+VOLTS_PER_NEWTON: Final = 0.1  # less for a heavy body: twice its weight on one foot still reads
+FULL_LOAD_VOLTS: Final = 4.0
 FIRST_GAUGE: Final = 3
 RECESS: Final = 0.010  # the distance sensor sits this far inside the belly, m
 REACH: Final = 0.2
@@ -43,6 +44,7 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
         port: The emulated servo board's serial port.
         levels: Noise, announced to clients.
     """
+    sensitivity = min(VOLTS_PER_NEWTON, FULL_LOAD_VOLTS / (2 * body.mass * GRAVITY))
     return RobotConfig(
         name=body.name[:64],
         body=BodyConfig(size=body.base_size, mass=body.base_mass),
@@ -68,7 +70,7 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
                 name=name,
                 channel=FIRST_GAUGE + index,
                 tare=TARE_VOLTS,
-                volts_per_newton=VOLTS_PER_NEWTON,
+                volts_per_newton=sensitivity,
                 on=0.1,
                 off=0.05,
                 debounce=3,

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import logging
 import math
-import os
+import secrets
 import tempfile
 from collections.abc import Sequence
-from types import TracebackType
+from pathlib import Path
 from typing import Final
 
+from protocol.closing import Closing
 from sim_robot.body import Body
 from sim_robot.quiet import quiet
 
@@ -34,7 +35,7 @@ _CALM_SPEED: Final = 1e-3  # m/s, of the main body
 _CALM_SPIN: Final = 0.01  # rad/s, of a joint
 
 
-class World:
+class World(Closing):
     """One body in one PyBullet server.
 
     Args:
@@ -47,9 +48,7 @@ class World:
         self._log = log
         with quiet():
             self._client: int = pybullet.connect(pybullet.DIRECT)
-        handle, self._file = tempfile.mkstemp(suffix=".urdf")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(body.urdf)
+        self._file = Path(tempfile.gettempdir(), f"body-{secrets.token_hex(8)}.urdf")
         self._targets: list[float | None] = [0.0] * len(body.motors)
         self._steps = 0
         self._time = 0.0
@@ -58,23 +57,11 @@ class World:
         self._pressed: dict[str, float] = {}
         self._build()
 
-    def __enter__(self) -> World:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
     def close(self) -> None:
         """Ends the PyBullet server."""
         if self._client >= 0:
             pybullet.disconnect(physicsClientId=self._client)
             self._client = -1
-            os.unlink(self._file)
 
     def lay_down(self) -> None:
         """Puts the body down upright, joints at their targets, lowest point on the ground."""
@@ -181,15 +168,7 @@ class World:
         plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
         self._ground: int = pybullet.createMultiBody(0, plane, physicsClientId=client)
         position, orientation = self._held or ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-        with quiet():
-            self._robot: int = pybullet.loadURDF(
-                self._file,
-                position,
-                orientation,
-                useFixedBase=self._held is not None,
-                flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER,
-                physicsClientId=client,
-            )
+        self._robot: int = self._load(position, orientation)
         self._index_links()
         # Coefficients multiply, so with 1 for the ground the body's is the pair's.
         pybullet.changeDynamics(self._ground, -1, lateralFriction=1.0, physicsClientId=client)
@@ -208,6 +187,27 @@ class World:
         self._place()
         self._command()
         self._calm = 0
+
+    def _load(self, position: Sequence[float], orientation: Sequence[float]) -> int:
+        """Has PyBullet read the body from a file that is there for this moment alone.
+
+        So who is killed leaves nothing behind. The name stays: PyBullet remembers each for ever.
+        """
+        with open(self._file, "x", encoding="utf-8") as file:
+            file.write(self._body.urdf)
+        try:
+            with quiet():
+                found: int = pybullet.loadURDF(
+                    str(self._file),
+                    position,
+                    orientation,
+                    useFixedBase=self._held is not None,
+                    flags=pybullet.URDF_USE_INERTIA_FROM_FILE | pybullet.URDF_USE_IMPLICIT_CYLINDER,
+                    physicsClientId=self._client,
+                )
+        finally:
+            self._file.unlink()
+        return found
 
     def _index_links(self) -> None:
         joints: dict[str, int] = {}

@@ -188,3 +188,14 @@ def relaxed(bench: Bench) -> None:
         expect(party.status()["state"] == "relaxed", "read changed the state.")
         state = party.expect("ok", "hold")["state"]
         expect(state == "holding", f"After hold the state is {state}.")
+
+
+@check("6.1", "5.11", need=Need.MOTION)
+def limp_and_stopped(bench: Bench) -> None:
+    """A limp robot that was stopped holds, once it is cleared, and performs."""
+    with bench.controlled() as party:
+        _rest(bench, party)
+        for kind, expected in (("relax", "relaxed"), ("stop", "stopped"), ("clear", "holding")):
+            state = party.expect("ok", kind)["state"]
+            expect(state == expected, f"After {kind} the state is {state}.")
+        _rest(bench, party)

@@ -19,7 +19,7 @@ from robot.calibration import MAX_COUNT, MIN_COUNT, DrivenJoint, JointScale
 from robot.calibration_file import JointCalibration
 from robot.clock import Clock
 from robot.errors import DeviceDataError
-from robot.interaction import ServoBus
+from robot.servo_bus import ServoBus
 
 HELP: Final = """
   u 5, d 5      five counts up or down; at most 20, and 5 without a number

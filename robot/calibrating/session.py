@@ -27,8 +27,8 @@ from robot.calibration_file import (
 from robot.clock import Clock
 from robot.config import RobotConfig
 from robot.errors import AbandonedError, CommandError
-from robot.interaction import ServoBus
 from robot.sensing import AnalogueInput, RangeFinder
+from robot.servo_bus import ServoBus
 
 WELCOME: Final = """\
 Calibrates {robot}. 'q' leaves at any question: the robot then holds, and nothing is written.

@@ -11,7 +11,7 @@ from robot.config import RobotConfig
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
 from robot.drivers.dmm32 import RANGES
 from robot.errors import DeviceDataError, DeviceError
-from robot.plausible import STUCK_AFTER, ChannelWatch, check_clearance
+from robot.plausible import STUCK_AFTER, ChannelWatch
 from robot.sampling import spread
 from robot.sensing import PLAUSIBLE_G, AnalogueInput, BellySensor, RangeFinder
 from robot.touch import TouchGauge
@@ -190,7 +190,7 @@ def check_distance(
         )
     if tilt is not None:
         try:
-            check_clearance(clearance, tilt, (config.body.size[0], config.body.size[1]))
+            config.underside.check(clearance, tilt)
         except DeviceDataError as error:
             return failed(subject, error)
     if found.deviation > _UNSTEADY or len(near) < DISTANCES:

@@ -11,7 +11,7 @@ from robot.calibration import DrivenJoint
 from robot.clock import Clock
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
 from robot.errors import DeviceError
-from robot.interaction import ServoBus
+from robot.servo_bus import ServoBus
 
 QUERIES: Final = 24
 NEUTRAL: Final = 128

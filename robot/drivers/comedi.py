@@ -96,9 +96,8 @@ class ComediInput:
         """Opens the board, anew if need be, and finds its inputs and the range.
 
         Raises:
-            DeviceMissingError: The board cannot be opened or has no such inputs; the sentence says
-                why.
-            CommandError: The board does not offer the range; the sentence says what it offers.
+            DeviceMissingError: The board cannot be opened, or has no such inputs or range; the
+                sentence says why.
         """
         self.close()
         library = self._library
@@ -126,9 +125,10 @@ class ComediInput:
         limits = RANGES[self._wanted].low, RANGES[self._wanted].high
         if limits not in offered:
             known = [name for name, one in RANGES.items() if (one.low, one.high) in offered]
-            raise CommandError(
-                f"{self._name} has no input range {self._wanted}; of the ranges known here it "
-                f"offers {', '.join(known) or 'none'}"
+            raise DeviceMissingError(
+                f"The board {self._name} has no input range {self._wanted}; of the ranges known "
+                f"here it offers {', '.join(known) or 'none'}.",
+                "Set input_range to one of them, or read the board by its registers (dmm32).",
             )
         self._range = offered.index(limits)
         self._low, self._span = limits[0], limits[1] - limits[0]

@@ -55,6 +55,9 @@ _PROBE: Final = (
     (_INTERRUPTS, 0x00),
     (_RANGE, 0x0C),
 )
+_FLAGS: Final = MappingProxyType({_CONTROL: _BUSY, _RANGE: _WAIT})
+_SETTLING: Final = "settling its input (WAIT)"
+_CONVERTING: Final = "the conversion (STS)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,6 +136,7 @@ class DMM32:
 
         Raises:
             DeviceMissingError: Nothing, or something else, answers at the base address.
+            DeviceTimeoutError: The board is there, and busy without end.
             DeviceDataError: The board's inputs are jumpered differential.
         """
         with self._ports():
@@ -151,6 +155,11 @@ class DMM32:
             return
         if all(value == _FLOATING for value in found):
             raise self._missing("everything there reads 0xFF")
+        calm = [
+            value & ~_FLAGS.get(offset, 0) for (offset, _), value in zip(_PROBE, found, strict=True)
+        ]
+        if calm == expected:
+            raise self._hangs(_SETTLING if found[-1] & _WAIT else _CONVERTING, 1e-3)
         if [value | 0x60 for value in found] == [value | 0x60 for value in expected]:
             raise DeviceDataError(
                 f"The DMM-32 at 0x{self._base:x} has differential inputs.",
@@ -201,7 +210,7 @@ class DMM32:
             self._write(_LOW, low)
             self._write(_HIGH, high)
             self._write(_RANGE, self._range_code)
-            settled = self._await(_RANGE, _WAIT, 10e-6, "the input to settle (WAIT)")
+            settled = self._await(_RANGE, _WAIT, 10e-6, _SETTLING)
             if settled & 0x0F != self.range.code:
                 raise self._broken(f"range code 0x{self.range.code:x} reads 0x{settled & 0xF:x}")
             channel = self._read(_CONTROL) & 0x1F
@@ -214,7 +223,7 @@ class DMM32:
             self._write(_DATA, 0)
             if count > 1:
                 self._clock.sleep(duration)  # polling that long would cost more
-            self._await(_CONTROL, _BUSY, duration, "the conversion (STS)")
+            self._await(_CONTROL, _BUSY, duration, _CONVERTING)
             return self._samples(count)
 
     def _samples(self, count: int) -> list[float]:
@@ -246,11 +255,7 @@ class DMM32:
                 break
         if value == _FLOATING and self._read(_FIFO) == _FLOATING:
             raise self._missing("everything there reads 0xFF")
-        raise DeviceTimeoutError(
-            f"The DMM-32 at 0x{self._base:x} did not finish {what} within "
-            f"{(nominal + _GRACE) * 1e3:.1f} ms.",
-            "Switch it off and on; if that does not help, replace it.",
-        )
+        raise self._hangs(what, nominal + _GRACE)
 
     def _read(self, offset: int) -> int:
         return self._io.read(self._base + offset)[0]
@@ -272,6 +277,12 @@ class DMM32:
         return DeviceMissingError(
             f"No DMM-32 answers at 0x{self._base:x}: {how}.",
             "Compare the base address with jumper J7, and check that the board is seated.",
+        )
+
+    def _hangs(self, what: str, seconds: float) -> DeviceTimeoutError:
+        return DeviceTimeoutError(
+            f"The DMM-32 at 0x{self._base:x} did not finish {what} within {seconds * 1e3:.1f} ms.",
+            "Switch it off and on; if that does not help, replace it.",
         )
 
     def _broken(self, how: str) -> DeviceDataError:

@@ -5,6 +5,8 @@ A thread waits for bytes as the board's processor does; nothing happens before a
 
 from __future__ import annotations
 
+import fcntl
+import glob
 import os
 import select
 import shutil
@@ -20,6 +22,8 @@ from sim_robot.electronics.faults import FaultSwitch
 from sim_robot.electronics.sv203_board import Board
 
 _CHUNK: Final = 4096
+_PREFIX: Final = "emulated-sv203-"
+_LINK: Final = "port"
 
 
 class SV203Emulator(FaultSwitch):
@@ -52,8 +56,11 @@ class SV203Emulator(FaultSwitch):
 
     def __init__(self, *, board: int = 1):
         super().__init__()
-        self._folder = tempfile.mkdtemp(prefix="sv203-")
-        self.port = os.path.join(self._folder, "port")
+        _sweep()
+        self._folder = tempfile.mkdtemp(prefix=_PREFIX)
+        self._lock: int | None = os.open(self._folder, os.O_RDONLY)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)  # as long as we live: see _sweep
+        self.port = os.path.join(self._folder, _LINK)
         self.bytes_read = 0
         self._board = Board(board)
         self._changed = threading.Condition()
@@ -123,7 +130,10 @@ class SV203Emulator(FaultSwitch):
     def close(self) -> None:
         """Ends the thread and removes the port."""
         self.unplug()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        if self._lock is not None:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            os.close(self._lock)
+            self._lock = None
 
     def _happen(self, event: str, value: int) -> None:
         self.power_cycle()
@@ -160,6 +170,19 @@ class SV203Emulator(FaultSwitch):
             return reply
         self._replies += 1
         return reply if self._replies % max(every, 1) else b"~" + reply[1:]
+
+
+def _sweep() -> None:
+    """Removes the ports of emulators that were killed: nobody locks their folders any more."""
+    for folder in glob.glob(os.path.join(tempfile.gettempdir(), f"{_PREFIX}*")):
+        with suppress(OSError):  # somebody else's, or alive
+            lock = os.open(folder, os.O_RDONLY)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if os.path.islink(os.path.join(folder, _LINK)):  # else it is just being made
+                    shutil.rmtree(folder)
+            finally:
+                os.close(lock)
 
 
 class _Link:

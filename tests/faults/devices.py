@@ -168,7 +168,7 @@ DEVICES: Final = {
     ),
     "Analogue inputs (DMM-32)": (
         _device("board gone", "daq.absent", NO_READING, "everything there reads 0xFF", after=0.9),
-        _device("stuck WAIT", "daq.stuck_wait", NO_READING, "the input to settle (WAIT)"),
+        _device("stuck WAIT", "daq.stuck_wait", NO_READING, "settling its input (WAIT)"),
         _device("stuck STS", "daq.stuck_busy", NO_READING, "the conversion (STS)", after=1.5),
         _device("FIFO overflow", "daq.overflow", NO_READING, "its FIFO overflowed"),
         _device("a sample is lost", "daq.lost_sample", NO_READING, "its FIFO held fewer samples"),

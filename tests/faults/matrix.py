@@ -205,7 +205,8 @@ PROCESSES: Final = {
     "unasked": Row(
         fault="brown-out while idle, and nobody asks for anything",
         injected="the emulated board's supply dips",
-        does="asks the idle board for its counts every 3 s, and freezes",
+        does="asks the waiting board, also of a limp or stopped robot, for its counts every 3 s, "
+        "and freezes",
         state="fault",
         code="fault",
         words="it was reset",

@@ -19,7 +19,7 @@ from tests.processes.simulator import Simulator, simulator
 
 DAEMON: Final = "bench.outboard"
 FAR: Final = -90.0
-ZERO: Final = tuple(joint.quantise(0.0)[0] for joint in example_config("").joints)
+ZERO: Final = tuple(joint.quantise(0.0) for joint in example_config("").joints)
 """The counts of the zero pose."""
 
 

@@ -155,7 +155,7 @@ def through_a_socket(kept: Sequence[bytes], frames: int) -> None:
             with RobotClient(server.endpoint) as client:
                 client.acquire()
                 before = client.status()
-                for batch in range(frames // len(kept)):
+                for batch in range(max(1, frames // len(kept))):
                     with context.socket(zmq.DEALER) as dealer:
                         dealer.setsockopt(zmq.LINGER, 0)
                         dealer.connect(server.endpoint)

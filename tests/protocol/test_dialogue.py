@@ -14,11 +14,11 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
+from protocol.message import Message
 from protocol.messages import (
     Accepted,
     ErrorReply,
     Hello,
-    Message,
     Observation,
     Ok,
     Perform,

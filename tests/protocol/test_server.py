@@ -93,6 +93,18 @@ def test_messages_of_several_parts(serve: Serve, robot: FakeRobot) -> None:
     assert still_serves(server)
 
 
+def test_what_has_arrived_when_it_ends_is_answered(robot: FakeRobot) -> None:
+    with (
+        Server(robot, bind="tcp://127.0.0.1:*") as server,
+        raw(zmq.DEALER, server.endpoint) as client,
+    ):
+        client.send(encode({"type": "hello", "id": 1, "client": "c", "versions": [1]}))
+        assert server._router.poll(TIMEOUT)
+        server.request_stop()
+        server.run()
+        assert decode(client.recv())["type"] == "welcome"
+
+
 def test_what_is_no_zeromq_at_all(serve: Serve, robot: FakeRobot) -> None:
     server = serve(robot)
     port = Endpoint.parse(server.endpoint).port

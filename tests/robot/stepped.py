@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass, field
 
@@ -112,3 +113,13 @@ def program(robot: StillRobot, **degrees: float) -> Perform:
     angles = {joint.name: 0.0 for joint in robot.config.joints}
     angles |= {name: value * 3.141592653589793 / 180 for name, value in degrees.items()}
     return Perform(id=1, client="test", session="s", targets=angles)
+
+
+def request(kind: type[Hold | Relax | Stop | Clear | Read]) -> Hold | Relax | Stop | Clear | Read:
+    return kind(id=1, client="test", session="s")
+
+
+def hip(bench: Bench) -> float:
+    """The commanded angle of the first joint, degrees, from the board's own counts."""
+    joint = bench.robot.config.joints[0]
+    return math.degrees(joint.scale.angle(bench.pulses()[joint.output - 1]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from threading import Event, Thread
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
@@ -11,19 +11,9 @@ import pytest
 from protocol.errors import RobotError
 from protocol.messages import Clear, ErrorReply, Hold, Observation, Perform, Read, Relax, Stop
 from protocol.robot import Progressed
-from tests.robot.stepped import Bench, program
+from tests.robot.stepped import Bench, hip, program, request
 
 SPEED = 60.0  # degrees per second
-
-
-def request(kind: type[Hold | Relax | Stop | Clear | Read]) -> Hold | Relax | Stop | Clear | Read:
-    return kind(id=1, client="test", session="s")
-
-
-def hip(bench: Bench) -> float:
-    """The commanded angle of the first joint, degrees, from the board's own counts."""
-    joint = bench.robot.config.joints[0]
-    return math.degrees(joint.scale.angle(bench.pulses()[joint.output - 1]))
 
 
 def test_a_motion_ends_at_the_nearest_counts(bench: Bench) -> None:
@@ -79,6 +69,40 @@ def test_an_interrupt_freezes_the_motion_where_it_is(
     bench.end_of(interrupt)
     assert bench.state() == state
     assert 1 < hip(bench) < 29
+
+
+def test_a_stop_while_it_samples_ends_the_motion(bench: Bench) -> None:
+    bench.perform()
+    bench.events.clear()
+    bench.clock.freeze()
+    motion = bench.submit(program(bench.robot, hip_left=30.0))
+    while not any(isinstance(e, Progressed) and e.phase == "sampling" for e in bench.events):
+        bench.clock.advance_to(bench.clock.now() + 0.02)
+    bench.submit(request(Stop))
+    bench.clock.free()
+    ended = bench.end_of(motion)
+    assert isinstance(ended, ErrorReply)
+    assert ended.code == "aborted_stop"
+    assert bench.state() == "stopped"
+
+
+def test_a_stop_at_the_very_last_moment_ends_the_motion(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = bench.perform()
+    verify, looks = bench.robot.servos.verify, []
+
+    def stop_at_the_second_look(expected: Mapping[int, int]) -> list[int]:
+        looks.append(expected)
+        if len(looks) == 2:  # the samples are taken
+            bench.submit(request(Stop))
+        return verify(expected)
+
+    monkeypatch.setattr(bench.robot.servos, "verify", stop_at_the_second_look)
+    ended = bench.end_of(bench.submit(program(bench.robot, hip_left=30.0)))
+    assert isinstance(ended, ErrorReply)
+    assert ended.code == "aborted_stop"
+    assert bench.robot.controller.snapshot().sequence == first.sequence
 
 
 def test_a_silent_controller_leaves_a_holding_robot(bench: Bench) -> None:
@@ -139,6 +163,16 @@ def test_reading_moves_nothing(bench: Bench) -> None:
     assert second.sequence > first.sequence
     assert second.robot_time > first.robot_time
     assert bench.pulses() == before
+
+
+def test_joints_at_their_ends_are_named(bench: Bench) -> None:
+    joint = bench.robot.config.joints[0]
+    upper = math.degrees(joint.reachable[1])
+    assert bench.perform(hip_left=upper, hip_back=10.0).saturated_joints == ("hip_left",)
+    seen = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
+    assert isinstance(seen, Observation)
+    assert seen.saturated_joints == ("hip_left",)
+    assert bench.perform(hip_left=upper - 1.0).saturated_joints == ()
 
 
 def test_a_robot_that_does_not_lie_flat_is_not_moved(bench: Bench) -> None:
@@ -213,16 +247,31 @@ def test_an_accelerometer_that_feels_no_gravity_is_a_fault(bench: Bench) -> None
     assert "accelerometer" in ended.message
 
 
-def test_a_shaking_robot_is_read_after_the_timeout_and_it_says_so(bench: Bench) -> None:
+def shake(bench: Bench, *, at_zero: bool) -> None:
     class Shaking(list[float]):
         def __getitem__(self, channel: Any) -> Any:
-            swing = 0.05 if channel == 0 and int(bench.clock.now() * 25) % 2 else 0.0
+            angle = bench.robot.controller.snapshot().angles["hip_left"]
+            shakes = channel == 0 and (at_zero or abs(angle) > math.radians(1))
+            swing = 0.05 if shakes and int(bench.clock.now() * 25) % 2 else 0.0
             return super().__getitem__(channel) + swing
 
     bench.robot.world.volts = Shaking(bench.robot.world.volts)
-    seen = bench.perform()
+
+
+def test_a_shaking_robot_is_read_after_the_timeout_and_it_says_so(bench: Bench) -> None:
+    shake(bench, at_zero=False)
+    seen = bench.perform(hip_left=10.0)
     assert not seen.settled
     assert seen.settle_time >= bench.robot.config.settling.timeout
+
+
+def test_a_robot_that_shakes_in_its_zero_pose_is_not_moved(bench: Bench) -> None:
+    shake(bench, at_zero=True)
+    refused = bench.end_of(bench.submit(program(bench.robot, hip_left=30.0)))
+    assert isinstance(refused, ErrorReply)
+    assert refused.code == "not_settled"
+    assert refused.retryable
+    assert hip(bench) == pytest.approx(0, abs=0.68)
 
 
 def test_a_motion_that_is_interrupted_before_it_begins_never_moves(bench: Bench) -> None:
@@ -236,71 +285,6 @@ def test_a_motion_that_is_interrupted_before_it_begins_never_moves(bench: Bench)
     for ticket in (first, second):
         assert isinstance(bench.end_of(ticket), ErrorReply)
     assert bench.state() == "stopped"
-
-
-def test_shutting_down_parks_at_zero(bench: Bench) -> None:
-    bench.perform(hip_left=30.0)
-    assert bench.robot.controller.shut_down()
-    assert hip(bench) == pytest.approx(0, abs=0.68)
-
-
-def test_shutting_down_leaves_a_stopped_robot_as_it_is(bench: Bench) -> None:
-    bench.perform(hip_left=30.0)
-    bench.ok(Stop(id=1, client="anybody"))
-    assert bench.robot.controller.shut_down()
-    assert hip(bench) == pytest.approx(30, abs=0.68)
-
-
-@pytest.mark.parametrize("kind", [Perform, Read, Hold, Relax, Clear])
-def test_while_it_parks_everything_new_is_refused(bench: Bench, kind: type[Any]) -> None:
-    bench.perform(hip_left=30.0)
-    bench.clock.freeze()
-    leaving = Thread(target=bench.robot.controller.shut_down, args=(20.0,))
-    leaving.start()
-    bench.clock.advance_to(bench.clock.now() + 0.1)
-    with pytest.raises(RobotError, match="shutting down") as refused:
-        bench.submit(program(bench.robot) if kind is Perform else request(kind))
-    assert refused.value.code == "shutting_down"
-    assert refused.value.retryable
-    bench.clock.free()
-    leaving.join()
-    assert hip(bench) == pytest.approx(0, abs=0.68)
-
-
-def test_a_stop_ends_the_parking_too(bench: Bench) -> None:
-    bench.perform(hip_left=30.0)
-    bench.clock.freeze()
-    leaving = Thread(target=bench.robot.controller.shut_down, args=(20.0,))
-    leaving.start()
-    bench.clock.advance_to(bench.clock.now() + 0.1)
-    assert bench.ok(Stop(id=1, client="anybody")).state == "stopped"
-    bench.clock.free()
-    leaving.join()
-    assert 5 < hip(bench) < 30  # parking would have taken 0.5 s
-    assert bench.ok(Stop(id=2, client="anybody")).state == "stopped"  # answered to the very end
-
-
-def hold_until_refused(bench: Bench) -> None:
-    while not Event().wait(0.001):
-        bench.submit(request(Hold))
-
-
-def test_what_has_not_begun_when_the_daemon_leaves_is_refused(bench: Bench) -> None:
-    bench.clock.freeze()
-    motion = bench.submit(program(bench.robot, hip_left=30.0))
-    bench.clock.advance_to(0.1)
-    bench.submit(Hold(id=1, client="test", session="s"))
-    waiting = bench.submit(request(Read))
-    leaving = Thread(target=bench.robot.controller.shut_down, args=(20.0,))
-    leaving.start()
-    with pytest.raises(RobotError, match="shutting down"):
-        hold_until_refused(bench)  # the clock stands still: the motion cannot end before
-    bench.clock.free()
-    leaving.join()
-    assert isinstance(bench.end_of(motion), ErrorReply)
-    ended = bench.end_of(waiting)
-    assert isinstance(ended, ErrorReply)
-    assert ended.code == "shutting_down"
 
 
 def test_targets_are_checked_by_the_type() -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import math
+import time
 
 import pytest
 
 from protocol.errors import RobotError
-from protocol.messages import Clear, ErrorReply, Observation, Ok, Read, Relax, Stop
+from protocol.messages import Clear, ErrorReply, Hold, Observation, Ok, Read, Relax, Stop
 from sim_robot.faults import FaultSpec
-from tests.robot.stepped import Bench, program
+from sim_robot.still import still_robot
+from tests.robot.stepped import Bench, SteppedClock, program
 
 
 def order(bench: Bench, fault: str) -> None:
@@ -99,6 +102,60 @@ def test_a_limp_robot_that_failed_is_held_when_it_is_cleared(bench: Bench) -> No
     bench.robot.panel.mend()
     assert isinstance(clear(bench), Ok)
     assert bench.pulses() == before
+
+
+def test_a_limp_robot_that_was_stopped_is_held_when_it_is_cleared(bench: Bench) -> None:
+    bench.perform(hip_left=20.0)
+    before = bench.pulses()
+    bench.ok(Relax(id=1, client="test", session="s"))
+    bench.ok(Stop(id=1, client="anybody"))
+    assert set(bench.pulses()) == {0}  # a stop moves nothing
+    assert isinstance(clear(bench), Ok)
+    assert bench.state() == "holding"
+    assert bench.pulses() == before
+    bench.perform(hip_left=10.0)
+
+
+def test_a_limp_robot_does_not_move_when_a_stop_follows_at_once(bench: Bench) -> None:
+    bench.perform(hip_left=20.0)
+    bench.clock.freeze()
+    reading = read(bench)
+    bench.submit(Relax(id=1, client="test", session="s"))
+    bench.submit(Hold(id=2, client="test", session="s"))  # waits for the reading, as relax does
+    stopping = bench.submit(Stop(id=3, client="anybody"))
+    bench.clock.free()
+    for ticket in (reading, stopping):
+        bench.end_of(ticket)
+    assert bench.state() == "stopped"
+    assert set(bench.pulses()) == {0}
+
+
+def test_a_hold_does_not_leap_back_after_a_reset(bench: Bench) -> None:
+    bench.perform(hip_left=60.0)
+    bench.robot.servo_board.power_cycle()
+    neutral = bench.pulses()
+    reply = bench.end_of(bench.submit(Hold(id=1, client="test", session="s")))
+    assert isinstance(reply, ErrorReply)
+    assert "reset" in reply.message
+    assert bench.pulses() == neutral
+
+
+@pytest.mark.parametrize("kind", [Hold, Relax, Stop])
+def test_a_reset_is_noticed_although_nobody_asks(kind: type[Hold | Relax | Stop]) -> None:
+    clock = SteppedClock()
+    with still_robot(clock, housekeeping=0.02, log=logging.getLogger("test")) as robot:
+        bench = Bench(robot, clock)
+        robot.controller.set_notify(bench.notify)
+        robot.controller.start()
+        bench.perform()
+        bench.ok(kind(id=1, client="test", session="s"))
+        bench.pulses()
+        robot.servo_board.power_cycle()
+        deadline = time.monotonic() + 10
+        while bench.state() != "fault":
+            assert time.monotonic() < deadline, bench.state()
+        assert "reset" in (robot.controller.snapshot().reason or "")
+        robot.controller.shut_down()
 
 
 def test_a_limp_robot_can_be_read_and_its_reset_is_noticed(bench: Bench) -> None:

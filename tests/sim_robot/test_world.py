@@ -5,10 +5,12 @@ from __future__ import annotations
 import itertools
 import logging
 import math
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 
 from sim_robot.body import default_body_path, load_body
@@ -48,6 +50,25 @@ def test_laid_down_it_lies_flat(world: World) -> None:
     world.lay_down()
     assert world.up() == pytest.approx((0, 0, 1), abs=1e-9)
     assert world.clearance() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_laying_it_down_again_and_again_costs_no_memory(world: World) -> None:
+    def resident() -> int:
+        for _ in range(200):
+            world.lay_down()
+        return int(psutil.Process().memory_info().rss)
+
+    resident()
+    assert resident() - resident() > -500_000
+
+
+def test_no_file_is_left_even_by_one_that_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with World(load_body(default_body_path()), log=LOG) as found:
+        found.lay_down()
+        assert not list(tmp_path.iterdir())
 
 
 def test_a_pose_does_not_depend_on_the_one_before(world: World) -> None:

@@ -131,7 +131,9 @@ def test_the_range_is_the_one_that_was_asked_for(
 
 def test_a_range_that_the_board_lacks_is_refused_with_those_it_has(fake: FakeComedi) -> None:
     fake.ranges = (*RANGES, (-2.5, 2.5, MILLIAMPERE))
-    with pytest.raises(CommandError, match=r"no input range ±2\.5V.*±10V, ±5V, 0\.\.10V, 0\.\.5V"):
+    with pytest.raises(
+        DeviceMissingError, match=r"no input range ±2\.5V.*±10V, ±5V, 0\.\.10V, 0\.\.5V"
+    ):
         opened(fake, "±2.5V")
     with pytest.raises(CommandError, match="one of"):
         opened(fake, "±3V")

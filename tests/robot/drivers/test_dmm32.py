@@ -181,6 +181,17 @@ def test_differential_jumpers_are_named(board: DMM32Emulator, clock: SteppedCloc
         DMM32(Differential(board, 0, 0), clock=clock).probe()
 
 
+@pytest.mark.parametrize(("fault", "flag"), [("stuck_wait", "WAIT"), ("stuck_busy", "STS")])
+def test_a_board_that_hangs_is_found_all_the_same(
+    driver: DMM32, board: DMM32Emulator, fault: str, flag: str
+) -> None:
+    board.inject(fault)
+    with pytest.raises(DeviceTimeoutError, match=rf"{flag}.*off and on"):
+        driver.probe()
+    board.mend()
+    driver.probe()
+
+
 @pytest.mark.parametrize(
     ("fault", "kind", "words"),
     [

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -209,3 +211,22 @@ def test_unknown_faults_are_refused(emulator: SV203Emulator) -> None:
     assert emulator.faults == {"mute": 0}
     emulator.mend("mute")
     assert emulator.faults == {}
+
+
+KILLED = """
+import os, signal
+from sim_robot.electronics.sv203 import SV203Emulator
+print(SV203Emulator().port, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_the_port_of_one_that_was_killed_is_removed_by_the_next(emulator: SV203Emulator) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", KILLED], capture_output=True, text=True, check=False, timeout=30
+    )
+    left = Path(done.stdout.strip())
+    assert left.is_symlink()
+    SV203Emulator().close()
+    assert not left.parent.exists()
+    assert Path(emulator.port).exists()  # it lives

@@ -1,0 +1,25 @@
+"""What moves the joints: the seam between the choreography and a servo board's driver."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+
+class ServoBus(Protocol):
+    """What is needed of a servo board."""
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Commands outputs 1..8 to counts 1..255."""
+
+    def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
+        """The counts that the board holds."""
+
+    def release(self, outputs: Sequence[int]) -> None:
+        """Lets outputs go limp."""
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Outputs whose count on the board is not the expected one."""
+
+    def forget(self) -> None:
+        """Makes the next ``set_counts`` send everything."""

@@ -1,0 +1,80 @@
+"""How often load and distance disagree on whether a foot touches the ground.
+
+    python -m tests.sim_robot.touch_rules [--programs N]
+
+A gauge feels load, a model measures a gap. Prints a row of figures for each body that ships.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_robot.body import Body, load_body, shipped_bodies
+from sim_robot.world import World
+
+LOADED = 0.1  # N: above it, a gauge says touch
+TOUCHING = 1e-3  # m: below it, a model does
+DOUBTFUL = 2e-3  # m: gaps between 0 and this may go either way
+REACH = 30.0  # degrees
+REST = 4.0  # s
+
+QUADRUPED_JOINTS = 8  # of which the knees stay straight
+
+
+@dataclass(frozen=True)
+class Foot:
+    """One touch sensor in one resting pose."""
+
+    load: float
+    gap: float
+
+    @property
+    def disputed(self) -> bool:
+        return (self.load > LOADED) != (self.gap < TOUCHING)
+
+    @property
+    def doubtful(self) -> bool:
+        return 0 < self.gap < DOUBTFUL
+
+
+def feet(body: Body, programs: int, seed: int = 1) -> Iterator[Foot]:
+    """Every foot in the resting poses of random motor programs."""
+    rng = np.random.default_rng(seed)
+    joints = len(body.motors)
+    with World(body, log=logging.getLogger("touch")) as world:
+        for _ in range(programs):
+            world.set_targets([0.0] * joints)
+            world.lay_down()
+            pose = np.radians(rng.uniform(-REACH, REACH, joints))
+            if joints == QUADRUPED_JOINTS:
+                pose[4:] = 0.0
+            world.set_targets([float(angle) for angle in pose])
+            world.advance_to(world.steps / 240 + REST)
+            for load, gap in zip(world.loads(), world.gaps(), strict=True):
+                yield Foot(load, gap)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Touch by load against touch by distance.")
+    parser.add_argument("--programs", type=int, default=250, help="for each body")
+    options = parser.parse_args()
+    print("| body | feet | touching | the rules disagree | gap of 0 to 2 mm |")
+    print("| --- | --- | --- | --- | --- |")
+    for name, path in shipped_bodies().items():
+        found = list(feet(load_body(path), options.programs))
+        counts = (
+            sum(foot.load > LOADED for foot in found),
+            sum(foot.disputed for foot in found),
+            sum(foot.doubtful for foot in found),
+        )
+        shares = (f"{count} ({100 * count / len(found):.1f} %)" for count in counts)
+        print(f"| {name} | {len(found):,} | {' | '.join(shares)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
