@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,25 +69,36 @@ class SimulatedRobot:
 
 
 class SimulatedAttendant:
-    """Counts interactions, for the noise, and lays the body down before each.
+    """Numbers interactions, for the noise, and lays the body down before each.
 
     Args:
         world: The world.
-        noise: Drawn anew for each interaction.
+        noise: Drawn anew for each observation: one that is made again after it was broken off
+            reads what it would have read.
         panel: Told of each interaction.
+        observed: How many observations there were so far.
         lays_down: Whether to put the body back on its belly.
     """
 
-    def __init__(self, world: World, noise: Noise, panel: FaultPanel, *, lays_down: bool):
+    def __init__(
+        self,
+        world: World,
+        noise: Noise,
+        panel: FaultPanel,
+        *,
+        observed: Callable[[], int],
+        lays_down: bool,
+    ):
         self._world = world
         self._noise = noise
         self._panel = panel
+        self._observed = observed
         self.lays_down = lays_down
 
     def attend(self) -> None:
         """Called at each interaction, once the joints are at zero."""
         self._panel.begin_interaction()
-        self._noise.begin(self._panel.interactions)
+        self._noise.begin(self._observed() + 1)
         if self.lays_down:
             self._world.lay_down()
 
@@ -209,7 +220,11 @@ def simulated_robot(
             parts.devices,
             clock=parts.clock,
             attendant=SimulatedAttendant(
-                parts.world, parts.noise, parts.panel, lays_down=attendant
+                parts.world,
+                parts.noise,
+                parts.panel,
+                observed=lambda: controller.snapshot().sequence,
+                lays_down=attendant,
             ),
             housekeeping=HOUSEKEEPING if real_time else None,
             log=log,
