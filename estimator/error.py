@@ -24,6 +24,9 @@ from estimator.physics.base import Flags, Readings
 
 MODALITIES: Final = ("touch", "tilt", "clearance")
 CLEARANCE_WEIGHT: Final = 10.0  # the paper's
+EXCUSED: Final = 1
+"""Interactions in which a body may be undecided: one in five hundred is by accident, so a body that
+is undecided twice is built so."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,11 +104,13 @@ def largest(errors: Array, undecided: Flags) -> Array:
         undecided: Whether the model's pose was undecided, shape (k, n).
 
     Returns:
-        Shape (n,). Infinite where more than half of the interactions were undecided: a body that
-        is balanced on a line in most poses would otherwise fit whatever was observed.
+        Shape (n,). Infinite where nothing is left, and where more than ``EXCUSED`` interactions
+        were undecided: a search would otherwise breed bodies that are balanced in all those poses
+        which they do not explain.
     """
     found: Array = np.max(
         np.where(undecided & np.isfinite(errors), 0.0, errors), axis=0, initial=0.0
     )
-    found[2 * np.count_nonzero(undecided, axis=0) > len(errors)] = np.inf
+    excused = min(EXCUSED, len(errors) // 2)
+    found[np.count_nonzero(undecided, axis=0) > excused] = np.inf
     return found

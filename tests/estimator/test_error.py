@@ -90,6 +90,19 @@ def test_undecided_poses_carry_no_weight_whatever_they_read() -> None:
     assert largest(errors[:0], undecided[:0]).tolist() == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize(
+    ("interactions", "undecided", "counts"),
+    [(1, 0, True), (1, 1, False), (2, 1, True), (2, 2, False), (9, 1, True), (9, 2, False)],
+)
+def test_a_body_that_is_undecided_twice_fits_nothing(
+    interactions: int, undecided: int, *, counts: bool
+) -> None:
+    """Or a search would breed bodies that balance in all poses which they cannot explain."""
+    errors = np.full((interactions, 1), 3.0)
+    balanced = np.arange(interactions)[:, None] < undecided
+    assert largest(errors, balanced).tolist() == [3.0 if counts else math.inf]
+
+
 def test_touch_sensors_must_be_equally_many() -> None:
     with pytest.raises(EstimatorError, match="the robot has 2 touch sensors"):
         interaction_errors(readings(), observed(touch=(1, 0)))
