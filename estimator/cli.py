@@ -21,7 +21,14 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from estimator.backends import BACKENDS, OpenPhysics, in_processes, on_cluster
+from estimator.backends import (
+    BACKENDS,
+    REFERENCE,
+    OpenPhysics,
+    in_processes,
+    in_this_process,
+    on_cluster,
+)
 from estimator.cluster import Cluster
 from estimator.database import holds_run
 from estimator.doctor import Finding, Verdict, examine
@@ -73,6 +80,7 @@ Keys: TypeAlias = Annotated[
         help="Key directory, where the robot asks for keys: robotd keys new makes one.",
     ),
 ]
+_INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
 CORES = len(os.sched_getaffinity(0))
 
 
@@ -166,9 +174,12 @@ def score_command(
     """Compare the best model with the true body (the objective error)."""
     with _sentences(None), RunStore.open(directory, to_write=False) as store:
         problem = problem_of(store)
-        world = problem.settings(store.capabilities)
-        with closing(StaticsPhysics(world, jobs=jobs)) as physics:
-            found = score(store, problem, truth, physics)
+        world = world_of(store, problem)
+        with (
+            closing(StaticsPhysics(world, jobs=jobs)) as physics,
+            closing(in_this_process(REFERENCE, world)) as reference,
+        ):
+            found = score(store, problem, truth, physics, reference)
         _plot_with_truth(store, found)
     if as_json:
         typer.echo(found.model_dump_json(indent=2))
@@ -269,7 +280,13 @@ def reproduce_command(
 
 def main() -> None:
     """The ``estimator`` command."""
-    app()
+    try:
+        app()
+    except (KeyboardInterrupt, SystemExit) as end:
+        if isinstance(end, SystemExit) and end.code != _INTERRUPTED:
+            raise
+        err.print("estimator: interrupted", highlight=False)
+        sys.exit(1)
 
 
 def _plot_with_truth(store: RunStore, found: Score) -> None:

@@ -27,6 +27,7 @@ from protocol.capabilities import Capabilities
 
 TRAITS: Final = ("parent", "side", "hinge")
 MAIN_BODY: Final = "main body"
+UNSAYABLE: Final = "not representable"
 _SLIGHT: Final = 1e-3  # m, by which a length may lie outside the problem's range unmentioned
 
 Cell: TypeAlias = tuple[int, str]
@@ -43,7 +44,7 @@ class Configuration(BaseModel):
         part: Name of the part in the problem.
         trait: ``parent`` (the paper's P), ``side`` (O) or ``hinge`` (J).
         found: On the model.
-        true: On the robot, or the nearest that the problem can say.
+        true: On the robot, where the problem can say it.
         searched: Whether there was anything to be found: the problem left it open, and more than
             one choice was possible.
         chance: Probability that a random model has it right.
@@ -150,6 +151,7 @@ class Comparison:
 
     def _configuration(self, cell: Cell, *, right: bool, excused: bool) -> Configuration:
         row, trait = cell
+        impossible = trait in self._impossible[row]
         choices = [
             gene.choices for gene in self._genome.genes if (gene.part, gene.trait) == (row, trait)
         ]
@@ -158,9 +160,9 @@ class Comparison:
             part=self._problem.parts[row].name,
             trait=trait,
             found=self._words(trait, self._value(self._model, cell)),
-            true=self._words(trait, self._value(self.true_body, cell)),
+            true=UNSAYABLE if impossible else self._words(trait, self._value(self.true_body, cell)),
             searched=chance < 1 and bool(choices),
-            chance=0.0 if trait in self._impossible[row] else chance,
+            chance=0.0 if impossible else chance,
             right=right,
             right_up_to_equivalence=excused,
         )

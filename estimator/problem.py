@@ -262,7 +262,8 @@ class Problem(Strict):
         if turn > slew * lasts:
             raise ProblemError(
                 f"problem {self.name!r}: {turn:.4g} degrees at {slew:.4g} degrees per second take "
-                f"{turn / slew:.4g} s, and a simulation lasts {lasts:.4g} s: correct motors or world"
+                f"{turn / slew:.4g} s, and a simulation lasts {lasts:.4g} s: correct motors or "
+                "world"
             )
 
     def _differing_speeds(self, capabilities: Capabilities) -> list[str]:

@@ -6,6 +6,7 @@ compared with what motor k of the robot turns.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -16,8 +17,11 @@ from estimator.configurations import Comparison, Configuration, Truth
 from estimator.equivalence import PROGRAMS, Reference
 from estimator.errors import TruthError
 from estimator.final_population import FinalPopulation
+from estimator.fit import fit_bodies
 from estimator.genome import Genome
 from estimator.morphology import Array, Morphology
+from estimator.observation import Observation
+from estimator.physics.base import Physics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem import Problem
 from estimator.randomness import Stream, generator
@@ -51,6 +55,10 @@ class Score(BaseModel):
         configurations_informative_right_up_to_equivalence: The same up to equivalence.
         configurations_chance: How many of all a random model has right on average.
         not_representable: What the genome cannot express, which counts as wrong.
+        true_body_errors: Subjective error in each interaction that the true body would have as a
+            model, as far as the genome can express it; ``None`` where its simulation cannot be
+            believed. Where one of them exceeds the best model's error, no search could have found
+            the truth: simulated, it comes to rest otherwise than the robot did.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -74,9 +82,18 @@ class Score(BaseModel):
     configurations_informative_right_up_to_equivalence: int
     configurations_chance: float
     not_representable: tuple[str, ...]
+    true_body_errors: tuple[float | None, ...]
+
+    @property
+    def true_body_error(self) -> float | None:
+        """Subjective error of the true body over all interactions, where all are known."""
+        known = [error for error in self.true_body_errors if error is not None]
+        return max(known) if known and len(known) == len(self.true_body_errors) else None
 
 
-def score(store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysics) -> Score:
+def score(
+    store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysics, reference: Physics
+) -> Score:
     """Scores the best model of a run.
 
     Args:
@@ -84,6 +101,7 @@ def score(store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysic
         problem: Its problem.
         truth: The robot's URDF.
         physics: Computes the readings by which configurations are equivalent or not.
+        reference: Predicts what the true body would feel as a model.
 
     Raises:
         TruthError: The URDF is wrong, is another robot's, or the run has no model yet.
@@ -125,7 +143,18 @@ def score(store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysic
         ),
         configurations_chance=sum(item.chance for item in configurations),
         not_representable=comparison.not_representable,
+        true_body_errors=tuple(
+            _error(comparison.true_body, item, store.settings.modalities, reference)
+            for item in seen
+        ),
     )
+
+
+def _error(
+    body: Morphology, seen: Observation, modalities: Sequence[str], physics: Physics
+) -> float | None:
+    (error,) = fit_bodies([body], [seen], modalities, physics).errors.tolist()
+    return error if math.isfinite(error) else None
 
 
 def _told_apart(

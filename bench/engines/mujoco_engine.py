@@ -16,14 +16,14 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, Self
+from typing import Any, Final
 from xml.etree import ElementTree
 
 import numpy as np
 
 from estimator.errors import PhysicsError
 from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Array, Morphology, Part, attachment
-from estimator.physics.base import Pair, Readings, Settings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
 
 _STIFFNESS: Final = 5000.0  # N·m/rad
 _SOFTNESS: Final = 6.0  # time constant of a contact, in steps; with less, bodies rock for seconds
@@ -31,7 +31,7 @@ _IMPEDANCE: Final = "0.95 0.99 0.001"
 _SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
 
 
-class MuJoCoPhysics:
+class MuJoCoPhysics(BackEnd):
     """Simulates each interaction from the planar pose with ``mujoco.rollout``; see ``Physics``.
 
     Args:
@@ -42,8 +42,8 @@ class MuJoCoPhysics:
     """
 
     def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__()
         self._settings = settings or Settings()
-        self._simulations = 0
         try:
             self._engine: Any = importlib.import_module("mujoco")
             self._rollout: Any = importlib.import_module("mujoco.rollout").rollout
@@ -51,22 +51,6 @@ class MuJoCoPhysics:
             raise PhysicsError(
                 f"MuJoCo cannot be imported ({error}): pip install 'bodyschema[dev]'"
             ) from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def simulations(self) -> int:
-        """How many interactions were simulated so far."""
-        return self._simulations
-
-    @property
-    def steps(self) -> int:
-        """How many time steps were computed so far."""
-        return self._simulations * self._settings.steps
 
     def close(self) -> None:
         """Nothing is kept between batches."""
@@ -76,7 +60,8 @@ class MuJoCoPhysics:
         readings = Readings.empty(len(pairs), sensor_count(pairs))
         for row, (body, program) in enumerate(pairs):
             self._read_one(body, program, readings, row)
-        self._simulations += len(pairs)
+        self.simulations += len(pairs)
+        self.steps += len(pairs) * self._settings.steps
         return readings
 
     def _read_one(self, body: Morphology, program: Array, readings: Readings, row: int) -> None:

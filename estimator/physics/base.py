@@ -11,9 +11,10 @@ ray from the middle of the belly along its outward normal to the ground, legs ig
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Protocol, TypeAlias
+from typing import Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,6 +153,29 @@ class Physics(Protocol):
             PhysicsError: A motor program is too short or not finite, or the engine failed.
         """
 
+    def close(self) -> None:
+        """Gives processes and engine memory back; may be called twice."""
+
+
+class BackEnd(ABC):
+    """What back-ends have in common: they count their work, and are context managers.
+
+    Attributes:
+        simulations: How many interactions were simulated so far.
+        steps: How many time steps were computed so far.
+    """
+
+    def __init__(self) -> None:
+        self.simulations = 0
+        self.steps = 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
     def close(self) -> None:
         """Gives processes and engine memory back; may be called twice."""
 

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
-from typing import Final, Self, TypeAlias
+from typing import Final, TypeAlias
 
 from estimator.cluster import Cluster
-from estimator.physics.base import Pair, Physics, Readings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Physics, Readings, sensor_count
 from estimator.physics.pool import MakePhysics, cut
 
 _TASK: Final = "simulate"
 _Chunk: TypeAlias = tuple[Readings, int, int]
 
 
-class DaskPhysics:
+class DaskPhysics(BackEnd):
     """Runs a back-end on the workers of a cluster, each with an engine that it keeps.
 
     Args:
@@ -28,26 +28,9 @@ class DaskPhysics:
     """
 
     def __init__(self, make: MakePhysics, cluster: Cluster) -> None:
+        super().__init__()
         self._make = pickle.dumps(make)
         self._cluster = cluster
-        self._simulations = 0
-        self._steps = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def simulations(self) -> int:
-        """How many interactions were simulated so far."""
-        return self._simulations
-
-    @property
-    def steps(self) -> int:
-        """How many time steps were computed so far."""
-        return self._steps
 
     def close(self) -> None:
         """Does nothing: workers keep their engines for the next run."""
@@ -69,8 +52,8 @@ class DaskPhysics:
         except BaseException:
             self._cluster.cancel(futures)
             raise
-        self._simulations += sum(simulations for _, simulations, _ in found)
-        self._steps += sum(steps for _, _, steps in found)
+        self.simulations += sum(simulations for _, simulations, _ in found)
+        self.steps += sum(steps for _, _, steps in found)
         return Readings.concatenate(readings for readings, _, _ in found)
 
 

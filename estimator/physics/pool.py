@@ -11,11 +11,11 @@ import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Final, Self, TypeAlias
+from typing import Final, TypeAlias
 
 from estimator.child_process import end_with_parent, interrupts_blocked, silence_stdout
 from estimator.errors import PhysicsError, WorkerError
-from estimator.physics.base import Pair, Physics, Readings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Physics, Readings, sensor_count
 
 CHUNK: Final = 25
 """Most simulations that a worker fetches at a time: about 0.2 s of work."""
@@ -32,7 +32,7 @@ def cut(pairs: Sequence[Pair], workers: int) -> list[Sequence[Pair]]:
     return [pairs[start : start + size] for start in range(0, len(pairs), size)]
 
 
-class PhysicsPool:
+class PhysicsPool(BackEnd):
     """Runs a back-end in worker processes.
 
     Workers start with the first batch. A worker that dies costs time: its chunk is given to
@@ -48,29 +48,12 @@ class PhysicsPool:
     """
 
     def __init__(self, make: MakePhysics, jobs: int) -> None:
+        super().__init__()
         if jobs < 1:
             raise PhysicsError(f"there must be at least one worker process, not {jobs}")
         self._make = make
         self._jobs = jobs
         self._executor: ProcessPoolExecutor | None = None
-        self._simulations = 0
-        self._steps = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def simulations(self) -> int:
-        """How many interactions were simulated so far."""
-        return self._simulations
-
-    @property
-    def steps(self) -> int:
-        """How many time steps were computed so far."""
-        return self._steps
 
     def close(self) -> None:
         """Ends the workers after their present chunks; may be called twice."""
@@ -105,8 +88,8 @@ class PhysicsPool:
             except BaseException:
                 self.close()
                 raise
-        self._simulations += sum(simulations for _, simulations, _ in done.values())
-        self._steps += sum(steps for _, _, steps in done.values())
+        self.simulations += sum(simulations for _, simulations, _ in done.values())
+        self.steps += sum(steps for _, _, steps in done.values())
         return Readings.concatenate(done[index][0] for index in range(len(chunks)))
 
     def _fetch(self, chunks: Sequence[Sequence[Pair]], done: dict[int, _Chunk]) -> None:

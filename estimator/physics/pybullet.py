@@ -27,11 +27,11 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, Self
+from typing import Any, Final
 
 from estimator.errors import PhysicsError
 from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
-from estimator.physics.base import Pair, Readings, Settings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
 from estimator.physics.quiet import quiet
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
@@ -48,7 +48,7 @@ _REST_SPEED: Final = 2e-4  # m/s
 _REST_SPIN: Final = 2e-3  # rad/s
 
 
-class PyBulletPhysics:
+class PyBulletPhysics(BackEnd):
     """Simulates each interaction from the planar pose, and reads the body at the last step.
 
     Args:
@@ -59,9 +59,8 @@ class PyBulletPhysics:
     """
 
     def __init__(self, settings: Settings | None = None) -> None:
+        super().__init__()
         self._settings = settings or Settings()
-        self._simulations = 0
-        self._steps = 0
         self._bodies = 0  # built in the present world
         self._body = -1  # the last of them, which is still there
         self._client = -1
@@ -75,22 +74,6 @@ class PyBulletPhysics:
             self._client = self._engine.connect(self._engine.DIRECT)
         if self._client < 0:
             raise PhysicsError("PyBullet did not start: too many engines in one process?")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def simulations(self) -> int:
-        """How many interactions were simulated so far."""
-        return self._simulations
-
-    @property
-    def steps(self) -> int:
-        """How many time steps were computed so far."""
-        return self._steps
 
     def close(self) -> None:
         """Ends the engine; may be called twice."""
@@ -116,7 +99,7 @@ class PyBulletPhysics:
             angles = morphology.part_angles(program)
             if not all(math.isfinite(angle) for angle in angles):
                 raise PhysicsError(f"a motor program must be finite, not {list(program)}")
-            self._simulations += 1
+            self.simulations += 1
             try:
                 body = self._build(morphology, angles)
                 self._run(body, angles)
@@ -235,7 +218,7 @@ class PyBulletPhysics:
             done += 1
             if done > unwatched and done % _STEPS_PER_LOOK == 0:
                 calm = calm + 1 if self._rests(body) else 0
-        self._steps += done
+        self.steps += done
 
     def _rests(self, body: int) -> bool:
         (x, y, z), (roll, pitch, yaw) = self._engine.getBaseVelocity(

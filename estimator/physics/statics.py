@@ -24,13 +24,14 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 
 from estimator.errors import PhysicsError
+from estimator.interrupts import interrupts_deferred
 from estimator.morphology import Array
-from estimator.physics.base import Pair, Readings, Settings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
 from estimator.physics.bodies import Bodies
 
 PACE: Final = math.radians(1.5)
@@ -41,7 +42,7 @@ _FEWEST: Final = 100  # bodies worth waking another thread for: a quarter of a m
 _FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
 
 
-class StaticsPhysics:
+class StaticsPhysics(BackEnd):
     """Computes the resting pose of each body.
 
     The settings' steps and time step count only in how far joints get; friction not at all.
@@ -55,36 +56,20 @@ class StaticsPhysics:
     """
 
     def __init__(self, settings: Settings | None = None, *, jobs: int = 1) -> None:
+        super().__init__()
         if jobs < 1:
             raise PhysicsError(f"there must be at least one thread, not {jobs}")
         self._settings = settings or Settings()
         self._jobs = jobs
         self._threads: ThreadPoolExecutor | None = None
-        self._simulations = 0
-        self._steps = 0
         try:
-            self._kernel: Any = importlib.import_module("estimator.physics.kernel.batch")
-            self._compiling: Any = importlib.import_module("estimator.physics.kernel.compiling")
+            with interrupts_deferred():
+                self._kernel: Any = importlib.import_module("estimator.physics.kernel.batch")
+                self._compiling: Any = importlib.import_module("estimator.physics.kernel.compiling")
         except ImportError as error:
             raise PhysicsError(
                 f"Numba cannot be imported ({error}): pip install 'bodyschema[estimator]'"
             ) from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @property
-    def simulations(self) -> int:
-        """How many interactions were computed so far."""
-        return self._simulations
-
-    @property
-    def steps(self) -> int:
-        """How many steps of the slew were computed so far."""
-        return self._steps
 
     def close(self) -> None:
         """Ends the threads; may be called twice. The next batch starts new ones."""
@@ -115,7 +100,7 @@ class StaticsPhysics:
         """
         settings, count = self._settings, len(bodies)
         readings = Readings.empty(count, bodies.sensors)
-        self._steps += self._share_out(
+        self.steps += self._share_out(
             self._kernel.rest,
             count,
             (
@@ -143,7 +128,7 @@ class StaticsPhysics:
                 readings.undecided,
             ),
         )
-        self._simulations += count
+        self.simulations += count
         return readings
 
     def path_margins(self, pairs: Sequence[Pair]) -> Array:
@@ -195,7 +180,7 @@ class StaticsPhysics:
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
         """Has all rows computed, each by one thread alone, so that sums have one order."""
         if not function.signatures:
-            with self._compiling.announced():
+            with interrupts_deferred(), self._compiling.announced():
                 function(0, 0, *arguments)
         pieces = min(self._jobs, max(1, count // _FEWEST))
         if pieces == 1:

@@ -10,6 +10,7 @@ from typing import Final
 
 from estimator import readings_csv
 from estimator.genome import Genome
+from estimator.interrupts import interrupts_deferred
 from estimator.problem import Problem
 from estimator.report.plots import plot_errors, plot_lengths
 from estimator.report.result import Result, observed_so_far, summarise
@@ -35,6 +36,12 @@ def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Re
         plots: Whether to draw, which takes longer than all the rest.
     """
     result = summarise(store, problem)
+    with interrupts_deferred():
+        _write(store, problem, result, plots=plots)
+    return result
+
+
+def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
     joints = [joint.name for joint in store.capabilities.joints]
     replace(store.directory / RESULT, lambda path: _text(path, result.model_dump_json(indent=2)))
     replace(
@@ -51,7 +58,6 @@ def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Re
         replace(
             store.directory / LENGTHS, lambda path: plot_lengths(path, generations, genome, names)
         )
-    return result
 
 
 def replace(path: Path, write: Callable[[Path], object]) -> None:

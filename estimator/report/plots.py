@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,6 +20,11 @@ MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by the colour-blind
 _DPI: Final = 120
+_ABOVE: Final[dict[str, Any]] = {
+    **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
+    **{"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.4},
+}
+"""Where a legend hides nothing."""
 
 
 def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
@@ -41,7 +46,7 @@ def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
     best = [min(generation.errors) for generation in generations]
     axes.plot(range(len(best)), best, "-", color=COLOURS[0], linewidth=1.2, label="best model")
     axes.set_yscale("log")
-    axes.legend(loc="upper right", frameon=False)
+    axes.legend(**_ABOVE)
     mark_iterations(axes, generations)
 
 
@@ -62,7 +67,7 @@ def plot_lengths(
         targets: True length of each leg, m; dots at the right, where they are known.
     """
     figure, axes = _axes()
-    draw_lengths(axes, generations, genome, names, targets)
+    draw_lengths(axes, generations, genome, names, targets=targets)
     _save(figure, path)
 
 
@@ -71,9 +76,20 @@ def draw_lengths(
     generations: Sequence[Generation],
     genome: Genome,
     names: Sequence[str],
+    *,
     targets: Sequence[float] = (),
+    sides: Sequence[str] = (),
 ) -> None:
-    """The same into a panel."""
+    """The same into a panel.
+
+    Args:
+        axes: The panel.
+        generations: The run's generations.
+        genome: Decodes them.
+        names: Names of the legs' joints.
+        targets: True length of each leg, m, where they are known.
+        sides: Where each leg sits, for its arrow; default: where it does on the last best model.
+    """
     label(axes, "leg length of the best model (cm)")
     bodies = [genome.decode(np.array(generation.best)) for generation in generations]
     numbers = [generation.number for generation in generations]
@@ -83,7 +99,7 @@ def draw_lengths(
         axes.plot(
             numbers,
             [limb.length * 100 for limb in limbs],
-            marker=MARKERS[limbs[-1].side_name] if limbs else "o",
+            marker=MARKERS[sides[leg] if sides else limbs[-1].side_name],
             markevery=max(1, len(numbers) // 60),
             color=colour,
             markersize=4.5,
@@ -96,7 +112,7 @@ def draw_lengths(
         axes.plot([], [], "o", color="0.3", label="true length")
     axes.set_ylim(bottom=0)
     if names:
-        axes.legend(loc="best", frameon=False, ncols=2, fontsize="small")
+        axes.legend(ncols=min(5, len(names) + bool(targets)), **_ABOVE)
     mark_iterations(axes, generations)
 
 

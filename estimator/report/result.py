@@ -172,6 +172,13 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     if end is not None:
         counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities)
+    error = _known(population.errors[population.best]) if bodies else None
+    warnings = _warnings(legs, observations)
+    if bodies and error is None:
+        warnings = (
+            "No model could be simulated, so nothing here says anything about the robot.",
+            *warnings,
+        )
     return Result(
         complete=len(generations) == settings.interactions * (settings.generations + 1),
         problem=problem.name,
@@ -186,7 +193,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         robot=capabilities.to_map(),
         interactions=len(observations),
         **counters.model_dump(),
-        sensor_error=_known(population.errors[population.best]) if bodies else None,
+        sensor_error=error,
         legs=legs,
         best_models=tuple(
             _model(
@@ -199,7 +206,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
             for body, index in list(zip(bodies, population.order, strict=True))[:BEST_MODELS]
         ),
         finish=_finish(end),
-        warnings=_warnings(legs, observations),
+        warnings=warnings,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from rich.console import Console, JustifyMethod
@@ -86,15 +87,34 @@ def print_score(console: Console, score: Score) -> None:
     ):
         table.add_row(*row)
     console.print(table)
+    apart = "; ".join(
+        f"legs that {what} {_mm(error)} mm"
+        for what, error in (
+            ("touched the ground", score.mean_leg_error_touched_m),
+            ("never did", score.mean_leg_error_never_touched_m),
+        )
+        if error is not None
+    )
     console.print(
         f"Mean leg error {_mm(score.mean_leg_error_m)} mm (signed "
-        f"{score.mean_signed_leg_error_m * 1000:+.1f} mm); legs that touched the ground "
-        f"{_mm(score.mean_leg_error_touched_m)} mm, legs that never did "
-        f"{_mm(score.mean_leg_error_never_touched_m)} mm."
+        f"{score.mean_signed_leg_error_m * 1000:+.1f} mm){apart and '; '}{apart}."
     )
+    console.print(_true_body(score.true_body_errors))
     _print_configurations(console, score)
     for sentence in score.not_representable:
         console.print(f"[yellow]Not representable:[/] {sentence}.")
+
+
+def _true_body(errors: Sequence[float | None]) -> str:
+    """How badly the truth fits: where worse than the best model, nothing could have found it."""
+    known = [math.inf if error is None else error for error in errors]
+    worst = max(range(len(known)), key=known.__getitem__)
+    others = known[:worst] + known[worst + 1 :]
+    rest = f", at most {max(others):.2f} in the others" if others else ""
+    return (
+        f"The true body, simulated, has a subjective error of {known[worst]:.2f} in interaction "
+        f"{worst + 1}{rest}."
+    )
 
 
 def _print_configurations(console: Console, score: Score) -> None:

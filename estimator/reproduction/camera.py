@@ -31,6 +31,9 @@ _GROUND_COLOUR: Final = (0.93, 0.93, 0.90, 1.0)
 _LINE_SHADE: Final = 0.86
 _LINE_WIDTH: Final = 0.004  # m
 _BODY: Final = (0.36, 0.41, 0.50, 1.0)
+_NOTHING: Final = -1  # what a pixel sees that looks past everything
+_CLEAR: Final = 2.5
+"""Beyond so many radii the ground is plain: the shadow map does not reach farther."""
 _MESH: Final = 0.1
 """Lines on the ground, m apart, so that lengths can be read off."""
 
@@ -101,13 +104,17 @@ def _render(engine: Any, client: int, ground: int, middle: Array, scale: float) 
     )
     shape = (HEIGHT * _FINER, WIDTH * _FINER)
     found: Array = np.reshape(np.array(pixels, dtype=float), (*shape, 4))[..., :3]
-    lines = _on_lines(np.reshape(view, (4, 4)).T, np.reshape(projection, (4, 4)).T, _MESH * scale)
-    found[lines & (np.reshape(seen, shape) == ground)] *= _LINE_SHADE
+    place = _places(np.reshape(view, (4, 4)).T, np.reshape(projection, (4, 4)).T)
+    bare = np.isin(np.reshape(seen, shape), (ground, _NOTHING))
+    near = np.linalg.norm(place - middle[:2], axis=-1) < _CLEAR * _RADIUS
+    found[bare & ~near] = np.median(found[bare & near], axis=0)
+    off = np.abs(place / (_MESH * scale) - np.round(place / (_MESH * scale))) * _MESH * scale
+    found[bare & near & np.any(off < _LINE_WIDTH / 2, axis=-1)] *= _LINE_SHADE
     return found
 
 
-def _on_lines(view: Array, projection: Array, mesh: float) -> NDArray[np.bool_]:
-    """Pixels that look at a line on the ground, shape (height, width)."""
+def _places(view: Array, projection: Array) -> Array:
+    """Where on the ground each pixel looks, m, shape (height, width, 2)."""
     right = (np.arange(WIDTH * _FINER) + 0.5) / (WIDTH * _FINER) * 2 - 1
     above = 1 - (np.arange(HEIGHT * _FINER) + 0.5) / (HEIGHT * _FINER) * 2
     plane = np.stack([*np.meshgrid(right, above), *np.ones((2, len(above), len(right)))], axis=-1)
@@ -115,9 +122,7 @@ def _on_lines(view: Array, projection: Array, mesh: float) -> NDArray[np.bool_]:
     eye = np.linalg.inv(view)[:3, 3]
     ray = far[..., :3] / far[..., 3:] - eye
     ray[..., 2] = np.minimum(ray[..., 2], -1e-9)  # what looks up sees no ground
-    place = eye[:2] - eye[2] * ray[..., :2] / ray[..., 2:]
-    off = np.abs(place / mesh - np.round(place / mesh)) * mesh
-    found: NDArray[np.bool_] = np.any(off < _LINE_WIDTH / 2, axis=-1)
+    found: Array = eye[:2] - eye[2] * ray[..., :2] / ray[..., 2:]
     return found
 
 

@@ -214,15 +214,16 @@ def tilt_alone(samples: Samples) -> tuple[Aside, ...]:
 def judge_successes(ours: Share) -> SuccessFinding:
     """The verdict on the paper's success rate.
 
-    It is contradicted where the two rates differ significantly, holds where ours leaves room for
-    1 in 10, and is not shown where ours does not, but ten runs say too little about the paper's.
+    It is contradicted where the two rates differ significantly. It holds where ours leaves room for
+    1 in 10, after at least as many runs as the paper's: the interval of a few leaves room for
+    anything. Otherwise it is not shown.
     """
     p = rates_differ(ours, PAPERS_SUCCESSES)
     rate = PAPERS_SUCCESSES.successes / PAPERS_SUCCESSES.trials
     verdict: Verdict = "not shown"
     if p < SIGNIFICANT:
         verdict = "contradicted"
-    elif ours.low <= rate <= ours.high:
+    elif ours.low <= rate <= ours.high and ours.trials >= PAPERS_SUCCESSES.trials:
         verdict = "holds"
     return SuccessFinding(ours=ours, papers=PAPERS_SUCCESSES, p=p, verdict=verdict)
 

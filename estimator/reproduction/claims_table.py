@@ -133,7 +133,7 @@ def _successes(item: SuccessFinding) -> str:
         f"{ours.trials}, 95 % interval {ours.low:.0%} to {ours.high:.0%} (Wilson); the paper's "
         f"{papers.successes} of {papers.trials}: {papers.low:.0%} to {papers.high:.0%}. Fisher's "
         f"exact test, two-sided: p = {_p(item.p)}. *Contradicted* means p < {SIGNIFICANT:g}, "
-        "*holds* that our interval contains 1 in 10."
+        f"*holds* that our interval, of {papers.trials} runs or more, contains 1 in 10."
     )
 
 

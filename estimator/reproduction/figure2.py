@@ -42,11 +42,12 @@ def make(shelf: Shelf, budget: Budget) -> Drawn:
             run.generations,
             run.genome,
             run.score.joints,
-            run.score.true_lengths_m,
+            targets=run.score.true_lengths_m,
+            sides=run.true_sides,
         )
         for panel, column in zip(panels, axes[line], strict=True):
             what = ", ".join(run.run.variant.modalities)
-            column.set_title(f"{panel}   {what}", loc="left", fontsize="medium")
+            column.set_title(f"{panel}   {what}", loc="left", fontsize="medium", pad=22)
         rows += history_rows(run, panels)
     numbers = {
         "caption": CAPTION,

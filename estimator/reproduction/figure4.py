@@ -22,11 +22,12 @@ from estimator.reproduction.plan import Budget, PlannedRun, topological_runs
 
 NAME: Final = "fig4"
 CAPTION: Final = (
-    "A topological run: the first by seed that found all configurations. a: the subjective error "
-    "of every model. b: the leg lengths of the best model of each generation (dots: the robot's; "
-    "arrows: which leg). c: which local configurations the best model of each iteration has right "
-    "(filled) or wrong (white): parent P, orientation O and joint J of each leg; below, the same "
-    "for each generation. Dotted vertical lines: an iteration ends."
+    "A topological run: the first by seed that found all configurations, or, where none did, that "
+    "has most right. a: the subjective error of every model. b: the leg lengths of the best model "
+    "of each generation (dots: the robot's; arrows: which leg). c: which local configurations the "
+    "best model of each iteration has right (filled) or wrong (white): parent P, orientation O and "
+    "joint J of each leg; beside it, the same for each generation. Dotted vertical lines: an "
+    "iteration ends."
 )
 _LETTERS: Final = {"parent": "P", "side": "O", "hinge": "J"}
 
@@ -56,7 +57,8 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
         found.generations,
         found.genome,
         found.score.joints,
-        found.score.true_lengths_m,
+        targets=found.score.true_lengths_m,
+        sides=found.true_sides,
     )
     _draw_ends(axes[1, 0], found, right, names)
     _draw_generations(axes[1, 1], found, right, names)

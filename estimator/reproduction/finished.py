@@ -91,6 +91,11 @@ class FinishedRun:
         """Length of each leg of the robot, m, shape (legs,)."""
         return np.array(self.score.true_lengths_m)
 
+    @property
+    def true_sides(self) -> tuple[str, ...]:
+        """Where each leg of the robot sits."""
+        return tuple(leg.limb.side_name for leg in self.truth.legs.values())
+
     def best(self, generation: Generation) -> Morphology:
         """The best model of a generation."""
         return self.genome.decode(np.array(generation.best))

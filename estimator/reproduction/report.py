@@ -25,7 +25,8 @@ from estimator.reproduction.summary import Summary
 
 REPORT: Final = "report.md"
 HEADER: Final = (
-    *("problem", "modalities", "seed", "finished", "sensor_error", "mean_leg_error_m"),
+    *("problem", "modalities", "seed", "finished", "sensor_error"),
+    *("true_bodys_sensor_error", "mean_leg_error_m"),
     *("mean_leg_error_touched_m", "mean_leg_error_never_touched_m"),
     *("configurations_right", "configurations_right_up_to_equivalence", "configurations_total"),
     *("touch_error", "tilt_error_deg", "clearance_error_mm"),
@@ -144,14 +145,15 @@ def _runs(runs: Sequence[Summary]) -> list[str]:
             f"command tries them again:\n\n{lines}"
         )
     table = [
-        "| run | error | legs wrong by (mm) | right | up to equivalence | predictions wrong by | "
-        "simulations requested | simulated | s |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| run | error | the truth's | legs wrong by (mm) | right | up to equivalence | "
+        "predictions wrong by | simulations requested | simulated | s |",
+        "|---|---|---|---|---|---|---|---|---|---|",
         *map(_markdown_row, runs),
     ]
     return [
         *paragraphs,
-        "Error: subjective error of the best model. Right: configurations of the best model. "
+        "Error: subjective error of the best model; the truth's: of the true body, had it been a "
+        "model. Right: configurations of the best model. "
         "Predictions: of 20 fresh motor programs: share of touch bits, tilt, clearance.",
         "\n".join(table),
     ]
@@ -159,7 +161,7 @@ def _runs(runs: Sequence[Summary]) -> list[str]:
 
 def _markdown_row(item: Summary) -> str:
     if item.result is None or item.score is None:
-        return f"| {item.run.name} | not finished |" + " |" * 7
+        return f"| {item.run.name} | not finished |" + " |" * 8
     errors = item.validation and item.validation.best_model
     predictions = "–"
     if errors and None not in (errors.touch, errors.tilt_deg, errors.clearance_mm):
@@ -170,6 +172,7 @@ def _markdown_row(item: Summary) -> str:
     cells = (
         item.run.name,
         number(result.sensor_error),
+        number(score.true_body_error),
         f"{score.mean_leg_error_m * 1000:.1f}",
         f"{score.configurations_right} of {total}" if searched else "–",
         f"{score.configurations_right_up_to_equivalence} of {total}" if searched else "–",
@@ -187,6 +190,7 @@ def _csv_row(item: Summary) -> tuple[object, ...]:
     return (
         *(run.problem, run.variant.name, run.seed, int(item.failure is None)),
         result and result.sensor_error,
+        score and score.true_body_error,
         score and score.mean_leg_error_m,
         score and score.mean_leg_error_touched_m,
         score and score.mean_leg_error_never_touched_m,

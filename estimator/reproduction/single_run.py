@@ -13,7 +13,7 @@ from typing import Final
 
 from pydantic import BaseModel
 
-from estimator.backends import in_this_process
+from estimator.backends import REFERENCE, in_this_process
 from estimator.database import holds_run
 from estimator.errors import InteractionError, RunDirectoryError
 from estimator.listener import Listener
@@ -140,8 +140,12 @@ def _score(run: PlannedRun, root: Path) -> None:
     directory = run.directory(root)
     with RunStore.open(directory, to_write=False) as store:
         problem = problem_of(store)
-        with StaticsPhysics(problem.settings(store.capabilities)) as physics:
-            found = score(store, problem, root / TRUTH, physics)
+        world = world_of(store, problem)
+        with (
+            StaticsPhysics(world) as physics,
+            closing(in_this_process(REFERENCE, world)) as reference,
+        ):
+            found = score(store, problem, root / TRUTH, physics, reference)
     _write_json(directory / SCORE, found)
 
 

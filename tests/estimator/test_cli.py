@@ -93,7 +93,7 @@ def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
     found = estimator("score", tmp_path / "run", "--truth", truth, "--jobs", "1")
     text = " ".join(found.stdout.split())
     assert "+40.0 never" in text
-    assert "legs that touched the ground 6.7 mm, legs that never did 40.0 mm" in text
+    assert "legs that touched the ground 6.7 mm; legs that never did 40.0 mm" in text
     assert "given by the problem, not searched" in text
 
 

@@ -192,6 +192,7 @@ def test_a_twisted_hinge_is_nobodys_fault_but_wrong(tmp_path: Path) -> None:
     comparison = case.compare(tree(*QUAD))
     found = comparison.configurations(lambda reference: lambda body: True)
     assert wrong_up_to_equivalence(found) == [("leg 1", "hinge")]
+    assert (found[2].found, found[2].true) == ("up", "not representable")
     assert sum(item.chance for item in found) == pytest.approx(3.75 - 1 / 6)
     (sentence,) = comparison.not_representable
     assert sentence.startswith("joint_0 has its axis 27 degrees")

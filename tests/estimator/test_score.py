@@ -5,6 +5,7 @@ import pytest
 
 from estimator.errors import TruthError
 from estimator.observation import Observation
+from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem import Problem
 from estimator.records import Counters, Generation, RunSettings
@@ -61,11 +62,13 @@ def make_run(
     return store, problem
 
 
-def test_lengths_are_compared_leg_by_leg(tmp_path: Path, statics: StaticsPhysics) -> None:
+def test_lengths_are_compared_leg_by_leg(
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
+) -> None:
     store, problem = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16, 0.16, 0.16, 0.16))
     with store:
-        found = score(store, problem, truth, statics)
+        found = score(store, problem, truth, statics, physics)
     assert found.joints == JOINTS
     assert found.leg_errors_signed_m == pytest.approx([0.01, -0.01, 0.04, 0.0], abs=1e-9)
     assert found.leg_errors_m == pytest.approx([0.01, 0.01, 0.04, 0.0], abs=1e-9)
@@ -81,41 +84,55 @@ def test_lengths_are_compared_leg_by_leg(tmp_path: Path, statics: StaticsPhysics
 
 
 def test_a_wrong_hinge_counts_as_one_wrong_configuration(
-    tmp_path: Path, statics: StaticsPhysics
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     down = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 1 0")
     with store:
-        found = score(store, problem, down, statics)
+        found = score(store, problem, down, statics, physics)
     assert found.configurations_right == found.configurations_right_up_to_equivalence == 11
 
 
 def test_what_cannot_be_felt_is_right_up_to_equivalence(
-    tmp_path: Path, statics: StaticsPhysics
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
     up, roll = (f'side = "front"\nhinge = "{kind}"' for kind in ("up", "roll_left"))
     rolling = PROBLEM.replace(up, roll)
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16), rolling)
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="1 0 0")
     with store:
-        found = score(store, problem, truth, statics)
+        found = score(store, problem, truth, statics, physics)
     assert found.configurations_right == 11
     assert found.configurations_right_up_to_equivalence == 12
 
 
 def test_what_no_genome_can_say_is_wrong_and_listed(
-    tmp_path: Path, statics: StaticsPhysics
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 -1 0.3")
     with store:
-        found = score(store, problem, truth, statics)
+        found = score(store, problem, truth, statics, physics)
     assert found.configurations_right == found.configurations_right_up_to_equivalence == 11
     (sentence,) = found.not_representable
     assert sentence.startswith("front has its axis 17 degrees")
 
 
-def test_another_robots_truth_is_refused(tmp_path: Path, statics: StaticsPhysics) -> None:
+def test_another_robots_truth_is_refused(
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
+) -> None:
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     with store, pytest.raises(TruthError, match="no revolute joint named"):
-        score(store, problem, Path("sim_robot/bodies/quadruped.urdf"), statics)
+        score(store, problem, Path("sim_robot/bodies/quadruped.urdf"), statics, physics)
+
+
+def test_the_error_of_the_truth_tells_a_failed_search_from_a_hopeless_one(
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
+) -> None:
+    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
+    with store:
+        found = score(store, problem, truth, statics, physics)
+    # With all angles 0 the true body lies on its belly, and three feet are said to touch.
+    assert found.true_body_errors == pytest.approx([3.0], abs=0.01)
+    assert found.true_body_error == found.true_body_errors[0]

@@ -366,8 +366,9 @@ from estimator.physics.statics import StaticsPhysics
 body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
 print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
 """
-    spoken = []
+    spoken, seconds = [], []
     for _ in range(2):
+        before = os.times()
         done = subprocess.run(
             [sys.executable, "-c", program],
             capture_output=True,
@@ -378,6 +379,9 @@ print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
         )
         assert done.stdout == "0.0\n"
         spoken.append(done.stderr)
+        after = os.times()
+        seconds.append(after.children_user - before.children_user)
     assert spoken[0].count("\n") == 1
     assert "Compiling the statics kernel" in spoken[0]
     assert spoken[1] == ""
+    assert seconds[0] - seconds[1] < 10

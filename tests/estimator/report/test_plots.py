@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from estimator.genome import Genome
 from estimator.records import Counters, Generation
-from estimator.report.plots import MARKERS, plot_errors, plot_lengths
+from estimator.report.plots import MARKERS, draw_lengths, plot_errors, plot_lengths
 from tests.estimator.model_robot import JOINTS, make_capabilities, make_problem
 
 PNG = b"\x89PNG"
@@ -83,6 +83,14 @@ def test_legs_are_drawn_with_the_papers_arrows_in_centimetres(
         [10.0, 20.0, 30.0, 40.0]
     )
     assert ends_of_iterations(axes) == [1.5, 3.5]
+
+
+def test_arrows_show_where_legs_really_are_if_that_is_known() -> None:
+    problem = make_problem()
+    genome = Genome(problem, problem.base(make_capabilities()))
+    axes = Figure().add_subplot()
+    draw_lengths(axes, GENERATIONS, genome, JOINTS, sides=("back", "left", "left", "front"))
+    assert [line.get_marker() for line in axes.lines[:4]] == ["v", "<", "<", "^"]
 
 
 def test_all_models_invalid_is_still_a_plot(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from estimator.limbs import Limb
 from estimator.observation import Observation
 from estimator.report.files import write_report
-from estimator.report.result import summarise, touched
+from estimator.report.result import Result, summarise, touched
 from tests.estimator.model_robot import JOINTS
 from tests.estimator.test_score import make_run
 
@@ -74,13 +74,15 @@ def test_result_json_has_no_infinity_in_it(tmp_path: Path) -> None:
     store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
         store._database.execute("UPDATE generations SET errors = '[Infinity, Infinity]'")
-        write_report(store, problem)
+        result = write_report(store, problem)
+    assert result.warnings[0].startswith("No model could be simulated")
 
     def refuse(constant: str) -> None:
         raise AssertionError(constant)
 
     text = (store.directory / "result.json").read_text()
     assert json.loads(text, parse_constant=refuse)["sensor_error"] is None
+    assert Result.model_validate_json(text) == result
 
 
 def test_robot_and_readings_stand_beside_the_result(tmp_path: Path) -> None:

@@ -84,6 +84,7 @@ def test_a_variant_without_runs_is_not_shown() -> None:
     [
         (1, 10, "holds"),
         (0, 10, "holds"),
+        (0, 2, "not shown"),  # any rate might give that
         (12, 30, "not shown"),  # the interval leaves out 10 %, but 1 of 10 might be 40 %, too
         (28, 30, "contradicted"),
     ],
