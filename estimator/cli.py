@@ -34,6 +34,7 @@ from estimator.database import holds_run
 from estimator.doctor import Finding, Verdict, examine
 from estimator.error import MODALITIES
 from estimator.errors import RunDirectoryError
+from estimator.exploration import RULES
 from estimator.genome import Genome
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.files import LENGTHS_WITH_TRUTH, VALIDATION, replace, write_report
@@ -95,6 +96,9 @@ def identify_command(
     physics: Annotated[
         str, typer.Option(help=f"What predicts a model's readings: {', '.join(BACKENDS)}.")
     ] = BACKENDS[0],
+    explore: Annotated[
+        str, typer.Option(help=f"What chooses motor programs: {', '.join(RULES)}.")
+    ] = RULES[0],
     modalities: Annotated[
         str, typer.Option(help="Sensors that count, separated by commas.")
     ] = ",".join(MODALITIES),
@@ -126,6 +130,7 @@ def identify_command(
         problem=problem,
         seed=chosen,
         physics=physics,
+        explore=explore,
         modalities=tuple(item.strip() for item in modalities.split(",")),
         interactions=interactions,
         population=population,

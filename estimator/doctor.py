@@ -133,7 +133,10 @@ def _robot(client: RobotClient) -> Finding:
     robot = client.capabilities
     missing = [modality for modality in MODALITIES if robot.sensor(modality) is None]
     senses = [sensor.modality for sensor in robot.sensors]
-    sentence = f"{robot.robot}: {len(robot.joints)} joints; feels {', '.join(senses) or 'nothing'}"
+    joints = f"{robot.robot}: {len(robot.joints)} joints"
+    if not senses:
+        return Finding("robot", Verdict.BAD, f"{joints}; it feels nothing, so nothing is learnt.")
+    sentence = f"{joints}; feels {', '.join(senses)}"
     if missing:
         return Finding("robot", Verdict.NOTE, f"{sentence}, but not {', '.join(missing)}.")
     return Finding("robot", Verdict.FINE, f"{sentence}.")

@@ -10,6 +10,7 @@ import numpy as np
 
 from estimator.acting import carry_out
 from estimator.errors import InteractionError
+from estimator.exploration import rule
 from estimator.genome import Genome
 from estimator.listener import Listener
 from estimator.modelling import Modeller
@@ -117,8 +118,7 @@ class Identification:
     def _program(self, number: int, link: RobotLink) -> Program:
         if link.recorded is None:
             rng = generator(self._store.settings.seed, Stream.PROGRAMS, number)
-            drawn = self._problem.random_program(rng, self._store.capabilities)
-            return tuple(drawn.tolist())
+            return rule(self._store.settings.explore)(self._problem, self._store.capabilities, rng)
         if number >= len(link.recorded):
             raise InteractionError(
                 f"interaction {number + 1} was never recorded: the record holds "

@@ -25,7 +25,7 @@ class Observation(BaseModel):
         clearance: Belly to ground along the belly's normal, m.
         clearance_saturated: The ground lay beyond the sensor's range.
         settled: Whether the robot came to rest before it was read.
-        saturated_joints: Names of joints whose target had to be clamped.
+        saturated_joints: Names of joints that stood at the end of what they can reach.
         sequence: The robot's number of this observation, where a daemon counted.
         robot_time: Robot clock at the end of sampling, s, where a daemon took it.
     """

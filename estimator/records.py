@@ -20,6 +20,7 @@ class RunSettings(BaseModel):
         problem: Name of the problem, or the file it came from.
         problem_text: The problem's TOML as it was: later edits of the file do not reach the run.
         physics: Name of the physics back-end.
+        explore: Name of the exploration rule.
         modalities: Modalities that the subjective error counts.
         seed: Source of all the run's randomness.
         interactions: Interactions to perform.
@@ -34,6 +35,7 @@ class RunSettings(BaseModel):
     problem: str
     problem_text: str
     physics: str
+    explore: str = "random"
     modalities: tuple[str, ...]
     seed: Annotated[int, Field(ge=0)]
     interactions: Annotated[int, Field(ge=1)]

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from estimator.backends import REFERENCE, OpenPhysics, check_name, foresight_of
 from estimator.error import check_modalities
 from estimator.errors import EstimatorError, InteractionError
+from estimator.exploration import rule
 from estimator.finish import finish
 from estimator.genome import Genome
 from estimator.listener import Listener
@@ -42,6 +43,7 @@ class Order:
     problem: str
     seed: int
     physics: str = "pybullet"
+    explore: str = "random"
     modalities: tuple[str, ...] = ("touch", "tilt", "clearance")
     interactions: int | None = None
     population: int | None = None
@@ -75,6 +77,7 @@ def identify(
     asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
     check_name(order.physics)
+    rule(order.explore)
     client_id = str(uuid.uuid4())
     link = open_robot(
         order.robot,
@@ -191,6 +194,7 @@ def _settings(
             problem=order.problem,
             problem_text=problem.source,
             physics=order.physics,
+            explore=order.explore,
             modalities=modalities,
             seed=order.seed,
             interactions=interactions,

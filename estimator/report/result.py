@@ -330,7 +330,7 @@ def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> 
     unsettled = [str(number) for number, item in enumerate(observations, 1) if not item.settled]
     if unsettled:
         found.append(f"The robot was not at rest when interaction {', '.join(unsettled)} was read.")
-    clamped = sorted({name for item in observations for name in item.saturated_joints})
-    if clamped:
-        found.append(f"Targets of {', '.join(clamped)} had to be clamped.")
+    at_end = sorted({name for item in observations for name in item.saturated_joints})
+    if at_end:
+        found.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")
     return tuple(found)

@@ -254,6 +254,7 @@ def changed(order: Order, **changes: object) -> Order:
         ({"population": 7}, EstimatorError, "population: must be even, not 7: members mate in"),
         ({"interactions": 9}, EstimatorError, "holds 2 interactions, not 9"),
         ({"physics": "clay"}, EstimatorError, "no physics 'clay': choose pybullet"),
+        ({"explore": "boldly"}, EstimatorError, "no exploration rule 'boldly': choose random"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_a_sentence(

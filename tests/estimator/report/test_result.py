@@ -56,7 +56,7 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
         warnings = summarise(store, problem).warnings
     assert warnings == (
         "The robot was not at rest when interaction 2 was read.",
-        "Targets of left had to be clamped.",
+        "At the end of what they can reach stood, at times: left.",
     )
 
 
