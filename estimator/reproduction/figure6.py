@@ -71,9 +71,9 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> tuple[Drawn, Share |
         f"By chance {chance:.2f} of {total} would be right. "
         f"{total - found[0].score.configurations_informative} of the {total} cannot be wrong: the "
         "first leg has nothing to sit on but the main body.",
-        f"In {hidden} of {successes.trials} runs the true body, simulated, explains some "
-        "interaction worse than the best model explains all: it comes to rest otherwise than the "
-        "robot did, so that the search is led away from it.",
+        f"In {hidden} of {successes.trials} runs the true body, had it been a model, fits worse "
+        "than the best one that was found. Where by much, its simulation comes to rest otherwise "
+        "in some interaction than the robot did, and the search is led away from it.",
     )
     return Drawn(name=NAME, caption=CAPTION, sentences=sentences), successes
 
