@@ -2,8 +2,7 @@
 
 The plain loop is what one would write first: reset, build, 300 steps, read, one body after the
 other in one process. Ours stops at rest, and tries a child first where it will fail, then drops it.
-Both are counted
-in simulations *requested*, which is what a search asks for, per second of CPU.
+Both are counted in simulations *requested*, which is what a search asks for, per second of CPU.
 """
 
 from __future__ import annotations
@@ -30,8 +29,10 @@ from sim_robot.body import default_body_path, load_body
 from sim_robot.noise import NoiseLevels
 from sim_robot.wiring import configure
 
-POPULATION = 100
-GENERATIONS = 6
+GENERATIONS = 40  # the paper's, with
+FEW = 50  # models: the share of children that win is that of a whole run
+POPULATION = 300  # the paper's, for
+BRIEF = 2  # generations: batches are as large as in a whole run
 INTERACTIONS = 9
 PLAIN = 300  # simulations of the plain loop
 
@@ -82,8 +83,8 @@ def plain_loop() -> float:
     return PLAIN / (time.process_time() - start)
 
 
-def search(physics: Physics) -> tuple[int, int]:
-    """A short topological search; returns simulations requested and run."""
+def search(physics: Physics, population: int, generations: int) -> tuple[int, int]:
+    """A small topological search; returns simulations requested and run."""
     problem, genome, observations = workload()
     modeller = Modeller(
         genome,
@@ -94,11 +95,11 @@ def search(physics: Physics) -> tuple[int, int]:
     )
     rng = np.random.default_rng(2)
     crowd = DeterministicCrowding(
-        POPULATION, genome.size, rng, operators=problem.search.operators()
+        population, genome.size, rng, operators=problem.search.operators()
     )
     for number in range(1, INTERACTIONS + 1):
         modeller.introduce(crowd, observations[:number])
-        for _ in range(GENERATIONS):
+        for _ in range(generations):
             modeller.evolve(crowd, observations[:number])
     counters = modeller.counters(0.0)
     return counters.simulations_requested, counters.simulations_run
@@ -113,7 +114,7 @@ def _in_process(work: Callable[[], object]) -> object:
 def _search_here() -> tuple[int, int, float]:
     with PyBulletPhysics() as physics:
         start = time.process_time()
-        requested, run = search(physics)
+        requested, run = search(physics, FEW, GENERATIONS)
         return requested, run, time.process_time() - start
 
 
@@ -121,7 +122,7 @@ def _search_in_pool(jobs: int) -> float:
     with PhysicsPool(partial(PyBulletPhysics, Settings()), jobs) as pool:
         pool.read(_pairs(*workload()[1:], 4 * jobs))  # workers start
         start = time.perf_counter()
-        search(pool)
+        search(pool, POPULATION, BRIEF)
         return time.perf_counter() - start
 
 
