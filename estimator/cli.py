@@ -8,17 +8,15 @@ from __future__ import annotations
 import os
 import secrets
 import shlex
-import sqlite3
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
-from typing import Annotated, NoReturn, TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.text import Text
 
 from estimator.backends import (
@@ -30,10 +28,9 @@ from estimator.backends import (
     on_cluster,
 )
 from estimator.cluster import Cluster
-from estimator.database import holds_run
+from estimator.console import err, fail, out, sentences
 from estimator.doctor import Finding, Verdict, examine
 from estimator.error import MODALITIES
-from estimator.errors import RunDirectoryError
 from estimator.exploration import RULES
 from estimator.genome import Genome
 from estimator.physics.statics import StaticsPhysics
@@ -48,7 +45,6 @@ from estimator.score import Score, score
 from estimator.screen import Screen
 from estimator.store import RunStore
 from estimator.validate import validate
-from protocol.errors import BodyschemaError
 
 app = typer.Typer(
     help="Identifies a robot's body from what it feels when it moves.",
@@ -56,9 +52,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-out = Console()
-err = Console(stderr=True)
-
 Directory: TypeAlias = Annotated[Path, typer.Argument(help="A run directory.", metavar="DIR")]
 Robot: TypeAlias = Annotated[
     str, typer.Option(help="tcp://HOST:PORT, file:READINGS.csv or replay:DIR.")
@@ -81,7 +74,6 @@ Keys: TypeAlias = Annotated[
         help="Key directory, where the robot asks for keys: robotd keys new makes one.",
     ),
 ]
-_INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
 CORES = len(os.sched_getaffinity(0))
 
 
@@ -138,7 +130,7 @@ def identify_command(
         full_steps=full_steps,
         keys=keys,
     )
-    with _sentences(place), _physics(jobs, dask) as physics_of, Screen(err) as screen:
+    with sentences(place), _physics(jobs, dask) as physics_of, Screen(err) as screen:
         result = identify(place, order, physics_of, screen)
     print_result(out, result)
     _print_place(place)
@@ -155,7 +147,7 @@ def resume_command(
     keys: Keys = None,
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
-    with _sentences(directory), _physics(jobs, dask) as physics_of, Screen(err) as screen:
+    with sentences(directory), _physics(jobs, dask) as physics_of, Screen(err) as screen:
         result = resume(directory, physics_of, screen, robot=robot, keys=keys)
     print_result(out, result)
     _print_place(directory)
@@ -164,7 +156,7 @@ def resume_command(
 @app.command("show")
 def show_command(directory: Directory) -> None:
     """Show how far a run has come; rewrites its result.json, readings.csv and plots."""
-    with _sentences(None), RunStore.open(directory, to_write=False) as store:
+    with sentences(None), RunStore.open(directory, to_write=False) as store:
         print_result(out, write_report(store, problem_of(store)))
     _print_place(directory)
 
@@ -177,7 +169,7 @@ def score_command(
     jobs: Jobs = CORES,
 ) -> None:
     """Compare the best model with the true body (the objective error)."""
-    with _sentences(None), RunStore.open(directory, to_write=False) as store:
+    with sentences(None), RunStore.open(directory, to_write=False) as store:
         problem = problem_of(store)
         world = world_of(store, problem)
         with (
@@ -205,7 +197,7 @@ def validate_command(
 ) -> None:
     """Predict fresh motor programs, then perform them (the prediction error)."""
     with (
-        _sentences(None),
+        sentences(None),
         RunStore.open(directory) as store,
         _physics(jobs, dask) as physics_of,
         Screen(err) as screen,
@@ -226,7 +218,7 @@ def validate_command(
 @app.command("doctor")
 def doctor_command(*, robot: Robot, keys: Keys = None) -> None:
     """Find out whether a robot can be identified, and why not; moves nothing."""
-    with _sentences(None):
+    with sentences(None):
         verdicts = [_print_finding(finding) for finding in examine(robot, keys)]
     if Verdict.BAD in verdicts:
         raise typer.Exit(1)
@@ -266,7 +258,7 @@ def reproduce_command(
         physics=physics, interactions=interactions, population=population, generations=generations
     )
     with (
-        _sentences(None),
+        sentences(None),
         nullcontext() if dask is None else Cluster(dask) as cluster,
         Screen(err) as screen,
     ):
@@ -280,18 +272,7 @@ def reproduce_command(
         outcome = reproduce(place, request, screen, cluster=cluster)
     out.print(f"Report: {place / REPORT}", soft_wrap=True)
     if outcome.failures:
-        _fail(f"{len(outcome.failures)} runs failed: the same command tries them again", None)
-
-
-def main() -> None:
-    """The ``estimator`` command."""
-    try:
-        app()
-    except (KeyboardInterrupt, SystemExit) as end:
-        if isinstance(end, SystemExit) and end.code != _INTERRUPTED:
-            raise
-        err.print("estimator: interrupted", highlight=False)
-        sys.exit(1)
+        fail(f"{len(outcome.failures)} runs failed: the same command tries them again", None)
 
 
 def _plot_with_truth(store: RunStore, found: Score) -> None:
@@ -327,32 +308,3 @@ def _physics(jobs: int, dask: str | None) -> Iterator[OpenPhysics]:
     else:
         with Cluster(dask) as cluster:
             yield on_cluster(cluster)
-
-
-@contextmanager
-def _sentences(run: Path | None) -> Iterator[None]:
-    """Turns what can go wrong into a sentence and exit code 1.
-
-    Args:
-        run: The run directory, when its work can be resumed.
-    """
-    try:
-        yield
-    except KeyboardInterrupt:
-        _fail("interrupted", run)
-    except RunDirectoryError as error:
-        _fail(str(error), None)
-    except (BodyschemaError, OSError, sqlite3.Error) as error:
-        _fail(str(error), run)
-
-
-def _fail(sentence: str, run: Path | None) -> NoReturn:
-    err.print(f"estimator: {sentence}", markup=False, highlight=False, soft_wrap=True)
-    if run is not None and holds_run(run):
-        err.print(
-            f"The run is safe in {run}. Go on with: estimator resume {run}",
-            markup=False,
-            highlight=False,
-            soft_wrap=True,
-        )
-    raise typer.Exit(1)

@@ -198,10 +198,29 @@ def test_a_run_that_another_process_works_on_is_left_alone(run: Path) -> None:
 
 def test_help_lists_the_commands() -> None:
     found = subprocess.run(
-        [sys.executable, "-c", "from estimator.cli import main; main()", "--help"],
+        [sys.executable, "-m", "estimator", "--help"],
         capture_output=True,
         text=True,
         check=True,
     )
     for command in ("identify", "resume", "show", "score", "validate"):
         assert command in found.stdout
+
+
+@pytest.mark.parametrize("library", ["numpy", "matplotlib.backends"])
+def test_ctrl_c_while_the_libraries_load_is_no_traceback(library: str) -> None:
+    code = f"""
+import os, signal, sys
+class Interruption:
+    def find_spec(self, name, path=None, target=None):
+        if name == {library!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interruption())
+from estimator.__main__ import main
+sys.argv = ["estimator", "show", "nowhere"]
+main()
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True, text=True
+    )
+    assert (found.returncode, found.stderr) == (1, "estimator: interrupted\n")

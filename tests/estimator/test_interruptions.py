@@ -27,7 +27,7 @@ from tests.processes.simulator import simulator
 NURSERY = """
 import json, os, signal, sys
 import numpy
-from estimator.cli import main
+from estimator.__main__ import main
 from estimator.physics.bodies import Bodies
 from estimator.physics.statics import StaticsPhysics
 StaticsPhysics().read_bodies(Bodies.of([]), numpy.zeros(0))

@@ -23,8 +23,6 @@ from estimator.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 
-ESTIMATOR = "import sys; from estimator.cli import main; sys.argv[0] = 'estimator'; main()"
-
 
 def here(name: str, settings: Settings) -> Physics:
     return PyBulletPhysics(settings)
@@ -133,7 +131,7 @@ def test_the_number_of_processes_does_not_show(
 
 def start(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-c", ESTIMATOR, *arguments, "--jobs", "1"],
+        [sys.executable, "-m", "estimator", *arguments, "--jobs", "1"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

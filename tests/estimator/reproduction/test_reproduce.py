@@ -27,7 +27,6 @@ from estimator.reproduction.single_run import SCORE
 from estimator.reproduction.workers import Ended, Worked, Workers
 from tests.estimator.reproduction.conftest import TINY
 
-COMMAND = "import sys; from estimator.cli import main; sys.argv[0] = 'estimator'; main()"
 BUDGET = ("--interactions", "2", "--population", "4", "--generations", "1", "--physics", "statics")
 
 
@@ -181,7 +180,7 @@ def generations(root: Path) -> int:
 def start(root: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [
-            *(sys.executable, "-c", COMMAND, "reproduce", "fig2", *BUDGET),
+            *(sys.executable, "-m", "estimator", "reproduce", "fig2", *BUDGET),
             *("--jobs", "1", "--out", str(root)),
         ],
         stdout=subprocess.PIPE,
