@@ -18,6 +18,7 @@ from protocol.messages import ErrorReply, Observation, Ok, Perform, Read, Stop
 from protocol.robot import Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.server import Server
 from protocol.states import State
+from tests.protocol.core_bench import Bench
 
 
 def make_capabilities(**changes: Any) -> Capabilities:
@@ -205,6 +206,11 @@ Serve: TypeAlias = Callable[..., Server]
 @pytest.fixture(scope="session")
 def capabilities() -> Capabilities:
     return make_capabilities()
+
+
+@pytest.fixture
+def bench(capabilities: Capabilities) -> Bench:
+    return Bench(capabilities)
 
 
 @pytest.fixture
