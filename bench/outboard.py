@@ -19,7 +19,8 @@ import serial
 
 from protocol.server import Server
 from robot.clock import WallClock
-from robot.daemon import HOUSEKEEPING, Electronics, build_controller, serve, start_devices
+from robot.daemon import HOUSEKEEPING, build_controller, serve
+from robot.devices import Electronics, start_devices
 from robot.drivers.sv203 import open_serial
 from robot.logs import set_up_logging
 from sim_robot.electronics.dmm32 import DMM32Emulator

@@ -22,7 +22,7 @@ from functools import partial
 
 from protocol.capabilities import Capabilities
 from protocol.errors import RobotError
-from protocol.messages import ErrorReply, Observation, Ok, Perform, Read
+from protocol.messages import Observation, Ok, Perform, Read
 from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.states import REFUSALS, TRANSITIONS, Event, State
 from robot.errors import DeviceError
@@ -207,9 +207,9 @@ class Controller:
             too_late = self._leaving and isinstance(request, Perform | Read)
             stopped = job.stops != self._stops
         if overtaken:
-            self._finish(job, self._error(job, RobotError("fault", sentence)))
+            self._finish(job, job.error(RobotError("fault", sentence)))
         elif too_late:
-            self._finish(job, self._error(job, ended_by("shutting_down")))
+            self._finish(job, job.error(ended_by("shutting_down")))
         elif isinstance(request, Perform):
             self._finish(job, self._perform(job, request.targets))
         elif request.TYPE == Event.READ:
@@ -246,7 +246,7 @@ class Controller:
                 self._motion = None
                 self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
         if isinstance(outcome, RobotError):
-            return self._error(job, outcome)
+            return job.error(outcome)
         return self._observation(job, outcome)
 
     def _read(self, job: Job) -> FinalReply:
@@ -259,7 +259,7 @@ class Controller:
         try:
             return self._observation(job, self._interaction.read(report))
         except Aborted as error:
-            return self._error(job, ended_by(error.code))
+            return job.error(ended_by(error.code))
 
     def _progress(self, job: Job, phase: str, fraction: float) -> None:
         now = self._interaction.now()
@@ -285,22 +285,7 @@ class Controller:
         with self._lock:
             self._sequence += 1
             sequence = self._sequence
-        reading = outcome.reading
-        return Observation(
-            id=job.request.id,
-            sequence=sequence,
-            robot_time=reading.time,
-            monotonic=time.monotonic(),
-            angles=self._interaction.angles(),
-            saturated_joints=outcome.saturated_joints,
-            touch=reading.touch,
-            tilt=reading.tilt,
-            clearance=reading.clearance,
-            clearance_saturated=reading.clearance_saturated,
-            settled=outcome.settled,
-            settle_time=outcome.settle_time,
-            samples=reading.samples,
-        )
+        return job.observation(outcome, sequence, self._interaction.angles())
 
     def _check_board(self) -> None:
         with self._lock:
@@ -344,7 +329,7 @@ class Controller:
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence[:500]
         if job is not None:
-            self._finish(job, self._error(job, RobotError("fault", sentence)))
+            self._finish(job, job.error(RobotError("fault", sentence)))
 
     def _tell_news(self, request: RobotRequest) -> None:
         if (news := NEWS.get(Event(request.TYPE))) is not None:
@@ -360,10 +345,6 @@ class Controller:
         return RobotError(
             REFUSALS[self._state], f"The robot is {self._state}{reason}: {event} is refused."
         )
-
-    @staticmethod
-    def _error(job: Job, error: RobotError) -> ErrorReply:
-        return ErrorReply.of(error, request_id=job.request.id)
 
     def _finish(self, job: Job, reply: FinalReply) -> None:
         self._emit(Finished(ticket=job.ticket, reply=reply))

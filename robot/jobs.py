@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import logging
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
 from protocol.errors import RobotError
+from protocol.messages import ErrorReply, Observation
 from protocol.robot import RobotRequest
 from protocol.states import Event, State
+from robot.interaction import Outcome
 
 INTERRUPTS: Final = MappingProxyType(
     {
@@ -68,6 +72,31 @@ class Job:
     def clears(self, state: State) -> bool:
         """Whether it is to bring the robot back from a state."""
         return self.request.TYPE == Event.CLEAR and self.before is state
+
+    def observation(
+        self, outcome: Outcome, sequence: int, angles: Mapping[str, float]
+    ) -> Observation:
+        """Its answer when it measured something; ``angles`` are the joints', rad."""
+        reading = outcome.reading
+        return Observation(
+            id=self.request.id,
+            sequence=sequence,
+            robot_time=reading.time,
+            monotonic=time.monotonic(),
+            angles=angles,
+            saturated_joints=outcome.saturated_joints,
+            touch=reading.touch,
+            tilt=reading.tilt,
+            clearance=reading.clearance,
+            clearance_saturated=reading.clearance_saturated,
+            settled=outcome.settled,
+            settle_time=outcome.settle_time,
+            samples=reading.samples,
+        )
+
+    def error(self, error: RobotError) -> ErrorReply:
+        """Its answer when it failed."""
+        return ErrorReply.of(error, request_id=self.request.id)
 
 
 def ended_by(code: str) -> RobotError:

@@ -11,7 +11,8 @@ from pathlib import Path
 from robot.calibration_file import read_calibration
 from robot.config import RobotConfig, apply_calibration
 from robot.controller import Controller
-from robot.daemon import HOUSEKEEPING, Devices, Electronics, build_controller, start_devices
+from robot.daemon import HOUSEKEEPING, build_controller
+from robot.devices import Devices, Electronics, start_devices
 from robot.drivers.sv203 import open_serial
 from sim_robot.body import Body
 from sim_robot.clock import Follower, HostClock, RealTimeClock, VirtualClock

@@ -16,7 +16,8 @@ from pathlib import Path
 from robot.clock import Clock, WatchedClock
 from robot.config import RobotConfig, load_config
 from robot.controller import Controller
-from robot.daemon import Electronics, build_controller, start_devices
+from robot.daemon import build_controller
+from robot.devices import Electronics, start_devices
 from robot.drivers.sv203 import SV203, open_serial
 from robot.notify import ServiceManager
 from sim_robot.clock import HostClock

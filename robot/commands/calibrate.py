@@ -13,7 +13,7 @@ from robot.calibrating.session import Devices, Session
 from robot.calibration_file import Calibration, read_calibration, save_calibration
 from robot.clock import Clock, WallClock
 from robot.config import RobotConfig, apply_calibration, read_config
-from robot.daemon import open_electronics, start_devices
+from robot.devices import open_electronics, start_devices
 from robot.errors import AbandonedError, ConfigError
 
 HELP = "measure joints and sensors with a person's help, and write the calibration file"

@@ -9,14 +9,7 @@ from pathlib import Path
 from robot.calibration_file import read_calibration
 from robot.clock import Clock, WallClock
 from robot.config import RobotConfig, load_config, read_config
-from robot.daemon import (
-    open_bus,
-    open_line,
-    open_ports,
-    start_adc,
-    start_distance,
-    start_servos,
-)
+from robot.devices import open_bus, open_line, open_ports, start_adc, start_distance, start_servos
 from robot.diagnosis.doctor import Access, Doctor
 from robot.diagnosis.findings import Finding, Verdict, look, ok
 

@@ -15,14 +15,8 @@ from protocol.server import Server
 from robot.clock import Clock, WallClock, WatchedClock
 from robot.config import RobotConfig, load_config
 from robot.controller import Controller
-from robot.daemon import (
-    HOUSEKEEPING,
-    build_controller,
-    open_electronics,
-    report_devices,
-    serve,
-    start_devices,
-)
+from robot.daemon import HOUSEKEEPING, build_controller, serve
+from robot.devices import open_electronics, report_devices, start_devices
 from robot.dry import dry_config, dry_controller
 from robot.notify import ServiceManager
 

@@ -14,7 +14,7 @@ from robot.calibrating.session import Session, parts
 from robot.calibration_file import Calibration, RulerCalibration, save_calibration
 from robot.clock import SteppedClock
 from robot.commands.calibrate import calibrate
-from robot.daemon import Devices, start_adc, start_distance
+from robot.devices import Devices, start_adc, start_distance
 from robot.errors import AbandonedError, CommandError
 from sim_robot.still import StillRobot, still_robot
 from tests.robot.calibrating.desk import Answer, Script

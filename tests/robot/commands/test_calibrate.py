@@ -14,7 +14,7 @@ from robot.calibration_file import Calibration, read_calibration
 from robot.cli import main
 from robot.clock import SteppedClock
 from robot.commands.calibrate import calibrate
-from robot.daemon import Devices, start_adc
+from robot.devices import Devices, start_adc
 from robot.errors import AbandonedError
 from sim_robot.still import still_robot
 from tests.robot.calibrating.desk import Script

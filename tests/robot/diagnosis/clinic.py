@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from robot.clock import SteppedClock
 from robot.config import RobotConfig
-from robot.daemon import open_line, start_adc, start_distance, start_servos
+from robot.devices import open_line, start_adc, start_distance, start_servos
 from robot.diagnosis.doctor import Access, Doctor
 from robot.diagnosis.findings import Finding, Verdict
 from sim_robot.still import StillRobot

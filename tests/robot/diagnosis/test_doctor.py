@@ -8,7 +8,7 @@ import re
 import pytest
 import serial
 
-from robot.daemon import open_line
+from robot.devices import open_line
 from robot.diagnosis.doctor import Access, Doctor
 from robot.diagnosis.findings import Verdict
 from sim_robot.body import default_body_path, load_body

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from robot.clock import WallClock
-from robot.daemon import open_ports, start_adc
+from robot.devices import open_ports, start_adc
 from robot.drivers.comedi import ComediInput, ComediRange, load_library
 from robot.errors import CommandError, DeviceMissingError, DeviceTimeoutError
 from sim_robot.still import example_config
