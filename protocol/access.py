@@ -36,6 +36,7 @@ class Access:
         self._keys = keys
         self._log = log
         self._stamp = keys.stamp()
+        self._listed = bool(self._stamp)  # an editor may move the list away for a moment
         self._known = self._read()
         self._flaw: str | None = None
         self.version = 0
@@ -60,7 +61,7 @@ class Access:
             names = ", ".join(f"{person.name} ({person.role})" for person in known.values())
             self._log.info("the list of clients has changed: %s", names or "nobody")
             self.version += 1
-        self._known, self._flaw = known, None
+        self._known, self._flaw, self._listed = known, None, bool(stamp)
         return self.version
 
     def admits(self, key: str) -> bool:
@@ -99,5 +100,5 @@ class Access:
             )
 
     def _read(self) -> Mapping[str, Known]:
-        known = self._keys.known()
+        known = self._keys.known(must_exist=self._listed)
         return {person.public: person for person in known if person.role != ROBOT}

@@ -117,14 +117,12 @@ class KeyDirectory:
             raise KeysError(f"{place}: the two keys do not belong together.")
         return pair
 
-    def known(self) -> tuple[Known, ...]:
-        """Whom this computer knows; nobody where there is no list yet."""
+    def known(self, *, must_exist: bool = False) -> tuple[Known, ...]:
+        """Whom this computer knows; nobody where there is no list yet, unless it must exist."""
         place = self._file(_KNOWN)
-        if not place.exists():
+        if not must_exist and not place.exists():
             return ()
         found = _read(place)
-        if not found and not os.stat(place).st_size:  # an editor is about to write it
-            raise KeysError(f"{place} is empty.")
         _check_closed(place, 0o022, "change", advice=f"chmod 600 {place}")
         people = tuple(_known_of(name, entry, place) for name, entry in found.items())
         if len({person.public for person in people}) != len(people):
@@ -264,8 +262,10 @@ def _lines(**entries: str) -> str:
 
 def _read(place: Path, *, advice: str = "") -> dict[str, Any]:
     try:
-        with open(place, "rb") as file:
-            return tomllib.load(file)
+        text = place.read_bytes().decode()
+        if not text:  # an editor is about to write it
+            raise KeysError(f"{place} is empty.")
+        return tomllib.loads(text)
     except FileNotFoundError:
         ending = f": {advice}" if advice else "."
         raise KeysError(f"{place} does not exist{ending}") from None
@@ -276,7 +276,11 @@ def _read(place: Path, *, advice: str = "") -> dict[str, Any]:
 
 
 def _check_closed(place: Path, bits: int, what: str, *, advice: str) -> None:
-    if os.stat(place).st_mode & bits:
+    try:
+        mode = os.stat(place).st_mode
+    except OSError as error:  # it was there a moment ago
+        raise KeysError(f"{place} cannot be read: {error.strerror}.") from None
+    if mode & bits:
         raise KeysError(f"Others can {what} {place}: say {advice}")
 
 

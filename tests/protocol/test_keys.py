@@ -6,9 +6,11 @@ import argparse
 import stat
 import subprocess
 import sys
+import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zmq
@@ -109,6 +111,42 @@ def test_what_is_no_key(keys: KeyDirectory, key: str) -> None:
 def test_an_unknown_role(keys: KeyDirectory) -> None:
     with pytest.raises(KeysError, match="no role 'king': choose viewer, controller, robot"):
         keys.add(person("ann", "king"))
+
+
+def test_a_list_that_is_written_while_it_is_read(
+    keys: KeyDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An editor empties the file first, and fills it after it was read."""
+    keys.add(person("ann"))
+    place = keys.path / "known.toml"
+    good = place.read_text()
+    place.write_text("")
+    parse = tomllib.loads
+
+    def slowly(text: str) -> dict[str, Any]:
+        place.write_text(good)
+        return parse(text)
+
+    monkeypatch.setattr("protocol.keys.tomllib.load", lambda file: slowly(file.read().decode()))
+    monkeypatch.setattr("protocol.keys.tomllib.loads", slowly)
+    with pytest.raises(KeysError, match="is empty"):
+        keys.known()
+
+
+def test_a_list_that_goes_away_while_it_is_read(
+    keys: KeyDirectory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keys.add(person("ann"))
+    place = keys.path / "known.toml"
+    parse = tomllib.loads
+
+    def slowly(text: str) -> dict[str, Any]:
+        place.unlink()
+        return parse(text)
+
+    monkeypatch.setattr("protocol.keys.tomllib.loads", slowly)
+    with pytest.raises(KeysError, match="cannot be read: No such file"):
+        keys.known()
 
 
 @pytest.mark.parametrize(

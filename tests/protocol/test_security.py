@@ -235,6 +235,14 @@ def test_a_controller_may_become_a_viewer(serve: Serve, robot: FakeRobot, keyrin
     assert robot.motions == []
 
 
+def put(place: Path, text: str) -> None:
+    """Writes a file in one step, so that nobody reads half of it."""
+    new = place.with_suffix(".new")
+    new.write_text(text)
+    new.chmod(0o600)
+    new.replace(place)
+
+
 def test_a_list_that_cannot_be_read_lets_nobody_do_more_than_stop(
     serve: Serve, robot: FakeRobot, keyring: Keyring, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -244,12 +252,28 @@ def test_a_list_that_cannot_be_read_lets_nobody_do_more_than_stop(
     good = place.read_text()
     with RobotClient(server.endpoint, keys=ann) as client:
         client.acquire()
-        place.write_text(good + "[ann")
+        put(place, good + "[ann")
         assert refusal(client.read) == "The robot cannot read its list of clients."
         assert until(lambda: robot.controllers[-1] is None)
         assert refusal(client.acquire) == "The robot cannot read its list of clients."
         assert client.stop().state == "stopped"
         assert caplog.text.count("known.toml is no TOML") == 1
-        place.write_text(good)
+        put(place, good)
         client.acquire()
         assert client.clear().state == "holding"
+
+
+def test_a_list_that_is_gone_for_a_moment_ends_no_session(
+    serve: Serve, robot: FakeRobot, keyring: Keyring
+) -> None:
+    """Some editors move a file away before they write it anew."""
+    ann = keyring.client("ann", "controller")
+    server = serve(robot, keys=keyring.robot)
+    place = keyring.robot / "known.toml"
+    aside = place.with_suffix(".aside")
+    with RobotClient(server.endpoint, keys=ann) as client:
+        client.acquire()
+        place.rename(aside)
+        assert refusal(client.read) == "The robot cannot read its list of clients."
+        aside.rename(place)
+        client.acquire()
