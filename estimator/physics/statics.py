@@ -50,17 +50,24 @@ class StaticsPhysics(BackEnd):
     Args:
         settings: The world.
         jobs: Number of threads; what is read does not depend on it.
+        pace: Turn of a joint in one step, rad; finer steps cost more and see narrower forks.
 
     Raises:
-        PhysicsError: There are no threads to be, or Numba is not installed.
+        PhysicsError: There are no threads to be, ``pace`` is 0 or too far, or Numba is not
+            installed.
     """
 
-    def __init__(self, settings: Settings | None = None, *, jobs: int = 1) -> None:
+    def __init__(
+        self, settings: Settings | None = None, *, jobs: int = 1, pace: float = PACE
+    ) -> None:
         super().__init__()
         if jobs < 1:
             raise PhysicsError(f"there must be at least one thread, not {jobs}")
+        if not 0 < pace <= PACE:
+            raise PhysicsError(f"a joint's step must be above 0 and at most {PACE:.3f} rad")
         self._settings = settings or Settings()
         self._jobs = jobs
+        self._pace = pace
         self._threads: ThreadPoolExecutor | None = None
         try:
             with interrupts_deferred():
@@ -171,11 +178,11 @@ class StaticsPhysics(BackEnd):
 
     def _slew(self, programs: Array) -> tuple[Array, float, float, Array, Array]:
         """Programs, turn per step, farthest turn, and cosine and sine after each step."""
-        settings = self._settings
+        settings, pace = self._settings, self._pace
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
         farthest = min(float(np.max(np.abs(programs), initial=0.0)), reach)
-        angles = PACE * np.arange(math.ceil(farthest / PACE) + 2)
-        return programs, PACE, reach, np.cos(angles), np.sin(angles)
+        angles = pace * np.arange(math.ceil(farthest / pace) + 2)
+        return programs, pace, reach, np.cos(angles), np.sin(angles)
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
         """Has all rows computed, each by one thread alone, so that sums have one order."""

@@ -11,7 +11,7 @@ import pytest
 
 from bench.engines.__main__ import main
 from bench.engines.bodies import PROBLEMS, draw
-from bench.engines.causes import UNEXPLAINED, cause
+from bench.engines.causes import OWN, UNEXPLAINED, cause, list_causes
 from bench.engines.figures import Compared, differences, risk_coverage, share
 from bench.engines.mujoco_engine import MuJoCoPhysics
 from bench.engines.page import publish
@@ -21,7 +21,7 @@ from estimator.errors import EstimatorError
 from estimator.morphology import BASE, Base, Morphology, Part
 from estimator.physics.base import Readings, Settings
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.statics import PACE, StaticsPhysics
 
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 FINE = Settings(step=1 / 240, steps=1200)
@@ -156,6 +156,22 @@ def test_the_cause_is_the_first_world_that_agrees_with_statics() -> None:
     assert cause(pair, computed, worlds) == "long enough"
     computed.tilt[0] = 1.0
     assert cause(pair, computed, {"settled": Settings()}) == UNEXPLAINED
+
+
+def test_a_fork_that_the_steps_of_statics_miss_is_its_own_fault(tmp_path: Path) -> None:
+    """The centre of mass of body 4723 is out of its support for less than one step."""
+    pairs = [draw("topological-24", 1, number)[1] for number in range(4724)]
+    with StaticsPhysics() as statics, StaticsPhysics(pace=PACE / 30) as finer:
+        computed, engine = statics.read(pairs), finer.read(pairs)
+    compared = Compared(
+        problem="topological-24",
+        statics=computed,
+        margins=np.zeros(len(pairs)),
+        simulated=dict.fromkeys(RUNS, engine),
+    )
+    found = list_causes(compared, 1, tmp_path / "causes.json", lambda: None)
+    assert [item["body"] for item in found][-1] == 4723
+    assert {item["cause"] for item in found} == {OWN}
 
 
 def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:

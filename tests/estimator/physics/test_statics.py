@@ -16,7 +16,7 @@ from estimator.morphology import BASE, Array, Base, Morphology, Part
 from estimator.physics.base import Pair, Readings, Settings
 from estimator.physics.bodies import Bodies
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.statics import PACE, StaticsPhysics
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
@@ -348,6 +348,9 @@ def test_bad_batches_are_refused(statics: StaticsPhysics) -> None:
         statics.path_margins_of_bodies(Bodies.of([body] * 2), np.zeros((3, 4)))
     with pytest.raises(PhysicsError, match="at least one thread, not 0"):
         StaticsPhysics(jobs=0)
+    for pace in (0.0, 2 * PACE, math.nan):
+        with pytest.raises(PhysicsError, match=r"above 0 and at most 0\.026 rad"):
+            StaticsPhysics(pace=pace)
 
 
 def test_nothing_and_no_parts_can_be_read(statics: StaticsPhysics) -> None:
@@ -362,7 +365,7 @@ def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:
     program = """
 import numpy as np
 from estimator.morphology import Base, Morphology
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.statics import PACE, StaticsPhysics
 body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
 print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
 """
