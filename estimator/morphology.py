@@ -138,6 +138,26 @@ class Morphology:
         return np.array([part.volume * self.density for part in self.parts], dtype=float)
 
     @cached_property
+    def mass(self) -> float:
+        """Of the whole body, kg."""
+        return self.base.mass + float(self.masses.sum())
+
+    @cached_property
+    def reach(self) -> float:
+        """Farthest that any pose can put the end of a part from the middle of the body, m.
+
+        Without parts it is half the main body's longest edge.
+        """
+        found = 0.5 * max(self.base.size)
+        roots: list[float] = []
+        for part in self.parts:
+            parent = None if part.parent == BASE else self.parts[part.parent]
+            root = math.hypot(*attachment(self.base, parent, part.side))
+            roots.append(root if parent is None else roots[part.parent] + root)
+            found = max(found, roots[-1] + part.length)
+        return found
+
+    @cached_property
     def motors(self) -> int:
         """How many angles a motor program for this body must hold at least."""
         return max((part.motor + 1 for part in self.parts if part.motor is not None), default=0)

@@ -1,9 +1,8 @@
 """Why statics disagrees with the reference.
 
 Statics is asked again with finer steps: where it then lies as the reference says, the cause is its
-own. Each other body is simulated again in worlds that differ in one thing or two, unless a run of
-all bodies shows the cause already. The first in which the body comes to lie as statics says names
-the cause.
+own. Each other body is simulated again in worlds that differ in one thing or two. The first in
+which it comes to lie as statics says names the cause.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 
 from bench.engines.bodies import draw
 from bench.engines.figures import CLOSE, Compared, differences
-from bench.engines.runs import KNOWN_FIRST, KNOWN_LAST, TRIALS
+from bench.engines.runs import KNOWN, TRIALS
 from estimator.physics.base import Pair, Readings, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
@@ -61,18 +60,16 @@ def list_causes(
     found = []
     for row in rows:
         tilt = np.degrees(compared.statics.tilt[row])
-        name = OWN if row in own else _shown(compared, row, KNOWN_FIRST)
         key = f"{row} {tilt.round(2).tolist()}"
-        if name is None and key not in known:
+        if row not in own and key not in known:
             _, pair, _ = draw(compared.problem, seed, row)
             known[key] = cause(pair, compared.statics[row : row + 1])
             partial = memory.with_suffix(".part")
             partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
             partial.replace(memory)
-        if name is None:
-            name = known[key]
+        name = OWN if row in own else known[key]
         if name == UNEXPLAINED:
-            name = _shown(compared, row, KNOWN_LAST) or UNEXPLAINED
+            name = _shown(compared, row) or UNEXPLAINED
         found.append(
             {
                 "problem": compared.problem,
@@ -99,6 +96,6 @@ def _own(compared: Compared, seed: int, rows: Sequence[int]) -> set[int]:
     return {row for row, angle in zip(rows, apart, strict=True) if angle <= CLOSE}
 
 
-def _shown(compared: Compared, row: int, causes: Mapping[str, str]) -> str | None:
+def _shown(compared: Compared, row: int) -> str | None:
     """The cause that a run of all bodies shows, if one does."""
-    return next((name for name, run in causes.items() if compared.agrees(run)[row]), None)
+    return next((name for name, run in KNOWN.items() if compared.agrees(run)[row]), None)

@@ -5,7 +5,7 @@ What it is told, and why:
 * Joints are position actuators whose targets move at the slew speed. They are stiff enough to hold
   a tenth of a degree; what misses its target is no valid reading, as for PyBullet. Their damping
   makes them follow within two steps, which is as stiff as a step allows.
-* ``boundinertia`` is the floor under the inertia of every link.
+* ``boundinertia`` is the floor under the inertia of every link, ``Settings.inertia_floor``.
 * MuJoCo's contacts are soft. With these a body of any mass sinks in by 0.01 mm.
 * The friction of a pair is the larger one, so body and ground both have the pair's coefficient.
 * Parts touch the ground alone, not each other.
@@ -140,7 +140,7 @@ def mjcf(body: Morphology, settings: Settings) -> str:
     """
     root = ElementTree.Element("mujoco")
     ElementTree.SubElement(
-        root, "compiler", angle="radian", boundinertia=repr(settings.least_inertia)
+        root, "compiler", angle="radian", boundinertia=repr(settings.inertia_floor(body))
     )
     ElementTree.SubElement(
         root,

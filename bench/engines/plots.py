@@ -18,8 +18,8 @@ from estimator.report.plots import COLOURS
 
 _DPI: Final = 110
 _LEAST: Final = 1e-4  # degrees; smaller differences are drawn here
-_CURVES: Final = ("fine", "light", "coarse", "mujoco")
-_SELF: Final = (("coarse", "fine"), ("light", "fine"), ("mujoco", "fine"))
+_CURVES: Final = ("fine", "inert", "coarse", "mujoco")
+_SELF: Final = (("coarse", "fine"), ("inert", "fine"), ("mujoco", "fine"))
 
 
 def plot_differences(path: Path, everything: Sequence[Compared]) -> None:

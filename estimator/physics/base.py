@@ -14,13 +14,15 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Protocol, Self, TypeAlias
+from typing import Final, Protocol, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.errors import PhysicsError
 from estimator.morphology import Array, Morphology
+
+GRAVITY: Final = 9.81  # m/s²
 
 Flags: TypeAlias = NDArray[np.bool_]
 Pair: TypeAlias = tuple[Morphology, Array]
@@ -42,7 +44,9 @@ class Settings:
         doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
         joint_tolerance: A reading counts only if every joint is this close to its target, rad.
         full_steps: Simulate all steps of every body, also of one that came to rest long before.
-        least_inertia: Every link of a simulated body gets at least this local inertia, kg·m².
+        least_inertia: Every link of a simulated body gets at least this local inertia, in units
+            of the body's weight times its reach times the square of the time step; see
+            ``inertia_floor``. 0 leaves the links as they are.
     """
 
     steps: int = 300
@@ -54,7 +58,16 @@ class Settings:
     doubtful_gap: float = 2e-3
     joint_tolerance: float = math.radians(0.1)
     full_steps: bool = False
-    least_inertia: float = 0.01
+    least_inertia: float = 6.0
+
+    def inertia_floor(self, body: Morphology) -> float:
+        """The least inertia that the links of a body are simulated with, kg·m².
+
+        A joint under load lags by what gravity, with the body's weight at the end of its longest
+        limb, turns a link in one step. So light links miss their targets, heavy ones have more
+        momentum than they should, and what is just enough grows with the body.
+        """
+        return self.least_inertia * GRAVITY * body.mass * body.reach * self.step**2
 
 
 @dataclass(frozen=True, kw_only=True)

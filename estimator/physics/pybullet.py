@@ -4,9 +4,9 @@ What PyBullet needs to be told, and why:
 
 * ``URDF_MAINTAIN_LINK_ORDER``, or ``createMultiBody`` reorders links and joint j is no longer
   part j.
-* Every link gets a local inertia of at least ``Settings.least_inertia``. With the true inertia of
+* Every link gets a local inertia of at least ``Settings.inertia_floor``. With the true inertia of
   light parts the solver misses joint angles by whole degrees, and a missed angle biases every
-  length. Inertia never enters a resting pose.
+  length. With too much of it momentum carries bodies into other poses than the true ones.
 * Position and velocity gain 1 with ample force: with the default gains a loaded joint never
   reaches its target.
 * Every body is built anew: restoring a saved state is not repeatable to the bit, but removing a
@@ -31,11 +31,10 @@ from typing import Any, Final
 
 from estimator.errors import PhysicsError
 from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
-from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
+from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, Settings, sensor_count
 from estimator.physics.quiet import quiet
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
-_GRAVITY: Final = 9.81
 _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included
 _ALONG_X: Final = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # turns capsules from z to x
 _UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)
@@ -154,12 +153,13 @@ class PyBulletPhysics(BackEnd):
             flags=engine.URDF_MAINTAIN_LINK_ORDER,
             physicsClientId=client,
         )
+        floor = settings.inertia_floor(morphology)
         for link, inertia in enumerate(_inertias(morphology), start=-1):
             engine.changeDynamics(
                 self._body,
                 link,
                 lateralFriction=settings.friction,
-                localInertiaDiagonal=[max(moment, settings.least_inertia) for moment in inertia],
+                localInertiaDiagonal=[max(moment, floor) for moment in inertia],
                 physicsClientId=client,
             )
         for link, (part, angle) in enumerate(zip(parts, angles, strict=True)):
@@ -180,7 +180,7 @@ class PyBulletPhysics(BackEnd):
     def _make_world(self) -> None:
         engine, client = self._engine, self._client
         engine.resetSimulation(physicsClientId=client)
-        engine.setGravity(0, 0, -_GRAVITY, physicsClientId=client)
+        engine.setGravity(0, 0, -GRAVITY, physicsClientId=client)
         engine.setPhysicsEngineParameter(fixedTimeStep=self._settings.step, physicsClientId=client)
         plane = engine.createCollisionShape(engine.GEOM_PLANE, physicsClientId=client)
         ground = engine.createMultiBody(0, plane, physicsClientId=client)

@@ -33,6 +33,16 @@ def test_planar_legs_reach_as_far_as_table_1_says() -> None:
     assert tips(table_1(), np.zeros(4))[4:] == pytest.approx(np.array(expected), abs=1e-12)
 
 
+def test_mass_and_reach() -> None:
+    found = table_1()
+    assert found.reach == pytest.approx(0.070 + 0.095 + 0.125)
+    assert found.mass == pytest.approx(BODY.mass + found.masses.sum())
+    twig = replace(LEG, parent=0, side=0, motor=None, length=0.3)  # on the leg's middle
+    assert body(LEG, twig).reach == pytest.approx(0.070 + 0.050 + 0.3)
+    assert body(replace(LEG, length=0.01), replace(LEG, motor=1)).reach == pytest.approx(0.17)
+    assert body().reach == 0.07
+
+
 def test_a_positive_hip_lifts_the_whole_leg() -> None:
     left = tips(table_1(), [math.radians(30), 0, 0, 0])[4]
     assert left == pytest.approx([0, 0.070 + 0.220 * math.cos(math.pi / 6), 0.110])

@@ -219,6 +219,45 @@ def test_joints_hold_their_angles(
         assert np.isfinite(found.tilt).all()
 
 
+@pytest.mark.parametrize(("scale", "mass"), [(0.5, 0.1), (1.0, 3.0), (3.0, 27.0)])
+def test_joints_hold_their_angles_in_robots_of_any_size(
+    physics: PyBulletPhysics,
+    random_quadruped: MakeBody,
+    random_tree: MakeBody,
+    scale: float,
+    mass: float,
+) -> None:
+    def sized(pair: Pair) -> Pair:
+        body, program = pair
+        base = Base(size=(0.14 * scale, 0.14 * scale, 0.085 * scale), mass=mass)
+        parts = (
+            replace(part, length=part.length * scale, radius=part.radius * scale)
+            for part in body.parts
+        )
+        return replace(body, base=base, parts=tuple(parts)), program
+
+    pairs = random_pairs(random_quadruped, 40, seed=3, motors=4)
+    found = physics.read([sized(pair) for pair in pairs])
+    assert np.degrees(found.joint_miss).max() < 0.1
+    found = physics.read([sized(pair) for pair in random_pairs(random_tree, 40, seed=4)])
+    assert np.degrees(found.joint_miss).max() < 0.1
+
+
+def test_the_least_inertia_is_no_more_than_needed(
+    physics: PyBulletPhysics, random_quadruped: MakeBody
+) -> None:
+    """It grows with weight, reach and step; a tenth of it is not enough."""
+    coarse, fine = Settings(), Settings(step=1 / 240)
+    body = legs(0.1)
+    heavy = replace(body, base=replace(body.base, mass=2 * body.mass - body.masses.sum()))
+    floor = coarse.inertia_floor(body)
+    assert coarse.inertia_floor(heavy) == pytest.approx(2 * floor)
+    assert fine.inertia_floor(body) == pytest.approx(floor / 16)
+    pairs = random_pairs(random_quadruped, 40, seed=3, motors=4)
+    with PyBulletPhysics(replace(coarse, least_inertia=coarse.least_inertia / 10)) as light:
+        assert not light.read(pairs).valid.all()
+
+
 def test_a_joint_that_misses_makes_the_reading_invalid(physics: PyBulletPhysics) -> None:
     found = read_one(physics, legs(0.1, hinge=4), math.radians(310), 0, 0, 0)
     assert not found.valid[0]  # 300 steps at 60 degrees per second are 300 degrees
