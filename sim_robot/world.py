@@ -1,9 +1,8 @@
 """The world: a PyBullet body on a plane, its servos, and what its sensors are exposed to.
 
-World steps are 1/240 s. Rotational inertia never enters a resting pose, but light links make the
-solver miss joint angles, so every link gets at least ``MIN_INERTIA``. The world is built anew each
-time the body is laid down: contacts left over from an earlier pose would make readings depend on
-history.
+World steps are 1/240 s. Light links make the solver miss joint angles, so every link gets at least
+``MIN_INERTIA``. The world is built anew each time the body is laid down: contacts left over from an
+earlier pose would make readings depend on history.
 """
 
 from __future__ import annotations

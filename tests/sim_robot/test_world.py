@@ -8,6 +8,7 @@ import math
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import psutil
@@ -42,6 +43,31 @@ def test_the_default_body_holds_every_pose(world: World) -> None:
     for degrees in corners + inside:
         rest(world, degrees)
         assert math.degrees(world.largest_miss()) < 0.1, degrees
+
+
+def enlarged(path: Path, scale: float, folder: Path) -> Path:
+    """The same body of the same materials, so many times as long, with servos to match."""
+    powers = {"xyz": 1, "size": 1, "radius": 1, "length": 1, "value": 3, "effort": 4}
+    powers |= dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 5)
+    tree = ElementTree.parse(path)
+    for element in tree.iter():
+        for name in () if element.tag == "axis" else powers.keys() & element.keys():
+            factor = scale ** powers[name]
+            numbers = [factor * float(text) for text in element.get(name, "").split()]
+            element.set(name, " ".join(map(str, numbers)))
+    place = folder / "enlarged.urdf"
+    tree.write(place)
+    return place
+
+
+@pytest.mark.parametrize("scale", [0.5, 3.0])
+def test_a_body_of_any_size_holds_its_poses(tmp_path: Path, scale: float) -> None:
+    body = load_body(enlarged(default_body_path(), scale, tmp_path))
+    rng = np.random.default_rng(8)
+    with World(body, log=LOG) as found:
+        for degrees in rng.uniform(-30, 30, (24, 4)):
+            rest(found, [*degrees, 0.0, 0.0, 0.0, 0.0], seconds=4.0)
+            assert math.degrees(found.largest_miss()) < 0.1, degrees
 
 
 def test_laid_down_it_lies_flat(world: World) -> None:
