@@ -38,7 +38,7 @@ bench: $(READY) ## Print what an interaction, an idle daemon and a simulation co
 
 BODIES ?= 1000
 SEED ?= 0
-compare-engines: $(READY) ## Statics against PyBullet and MuJoCo; BODIES=1000 SEED=0, some minutes
+compare-engines: $(READY) ## Statics against PyBullet and MuJoCo; BODIES=1000 SEED=0, three minutes
 	$(BIN)/python -m bench.engines --bodies $(BODIES) --seed $(SEED) $(COMPARE)
 
 reproduce: $(READY) ## The paper's figures and claims, with statics; docs/reproduction.md says more

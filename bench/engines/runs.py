@@ -99,11 +99,9 @@ _SLOW: Final = replace(_FINE, slew=math.radians(60) / 8, steps=2400)
 TRIALS: Final = {
     "time: at rest only after 10 s": replace(_FINE, steps=2400),
     "momentum: slew eight times slower": _SLOW,
-    "inertia: the true one, at 1/960 s": replace(
-        _FINE, step=1 / 960, steps=4800, least_inertia=0.0
-    ),
-    "inertia and momentum: the true one at 1/960 s, slew eight times slower": replace(
-        _SLOW, step=1 / 960, steps=9600, least_inertia=0.0
+    "inertia: a sixteenth, at 1/960 s": replace(_FINE, step=1 / 960, steps=4800),
+    "inertia and momentum: at 1/960 s, slew eight times slower": replace(
+        _SLOW, step=1 / 960, steps=9600
     ),
     "sliding: friction 5": replace(_FINE, friction=5.0),
 }
