@@ -27,6 +27,7 @@ from tests.processes.simulator import simulator
 NURSERY = """
 import json, os, signal, sys
 import numpy
+import estimator.cli
 from estimator.__main__ import main
 from estimator.physics.bodies import Bodies
 from estimator.physics.statics import StaticsPhysics
