@@ -1,4 +1,4 @@
-"""A request on its way through the control loop, and the sentences about what becomes of it."""
+"""A request on its way through the control loop, its answers, and what they say in words."""
 
 from __future__ import annotations
 

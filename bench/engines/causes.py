@@ -21,7 +21,7 @@ from estimator.physics.base import Pair, Readings, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 
-OWN: Final = "statics itself: joint steps of 1.5°"
+OWN: Final = f"statics itself: joint steps of {np.degrees(PACE):g}°"
 UNEXPLAINED: Final = "unexplained"
 _FINER: Final = PACE / 30
 

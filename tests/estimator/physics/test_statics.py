@@ -365,7 +365,7 @@ def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:
     program = """
 import numpy as np
 from estimator.morphology import Base, Morphology
-from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.physics.statics import StaticsPhysics
 body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
 print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
 """
