@@ -265,6 +265,8 @@ class SV203:
         self._write(command)
         with self._link("reading from it"):
             reply = self._port.read_until(b"\r", _MAX_REPLY)
+            if not reply.endswith(b"\r"):  # it may have come while we had no processor
+                reply += self._port.read(min(self._port.in_waiting, _MAX_REPLY - len(reply)))
         if not reply.endswith(b"\r") and len(reply) < _MAX_REPLY:
             self._clock.charge(self._reply_timeout)
             raise DeviceTimeoutError(

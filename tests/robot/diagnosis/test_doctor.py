@@ -30,7 +30,7 @@ ALL = {
 def test_a_sound_robot_is_found_sound_part_by_part(clinic: Clinic) -> None:
     found = clinic.examine()
     assert {one.subject for one in found} == ALL
-    assert not any(one.verdict is Verdict.BAD for one in found)
+    assert [one for one in found if one.verdict is Verdict.BAD] == []
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from robot.calibration import JointScale
 from robot.diagnosis.findings import Finding, Verdict
-from robot.diagnosis.servos import check_joints, move_joints
+from robot.diagnosis.servos import QUERIES, check_joints, move_joints
 from tests.robot.calibrating.desk import Board
 from tests.robot.diagnosis.clinic import Clinic
 
@@ -52,6 +52,17 @@ def test_a_board_at_neutral_was_just_switched_on(clinic: Clinic) -> None:
     port.set_counts({1: 100})
     port.close()
     assert not any("switching on" in text for text in boards())
+
+
+def test_one_repeated_query_is_worth_a_look_and_does_not_keep_the_joints_still(
+    clinic: Clinic,
+) -> None:
+    clinic.robot.servo_board.inject("garbage", QUERIES)
+    found = clinic.examine(move=True)
+    (board,) = (one for one in found if "repeated" in one.text)
+    assert board.verdict is Verdict.LOOK
+    assert f"1 of {QUERIES + 1} queries" in board.text
+    assert sum(one.subject.startswith("move ") for one in found) == len(clinic.config.joints)
 
 
 def test_moves_are_small_slow_one_after_another_and_back(clinic: Clinic) -> None:

@@ -60,6 +60,7 @@ class Line:
     port = "/dev/ttyS0"
     baudrate = 9600
     timeout = 0.2
+    in_waiting = 0
 
     def __init__(self, reply: Callable[[], bytes], failure: dict[str, Exception] | None = None):
         self._reply = reply
@@ -81,6 +82,9 @@ class Line:
         reply = self._reply()
         end = reply.find(expected)
         return reply[: end + 1 if end >= 0 else size][:size]
+
+    def read(self, size: int) -> bytes:
+        return b""
 
     def close(self) -> None:
         self._maybe_fail("close")
@@ -218,6 +222,26 @@ def test_bytes_lost_on_the_line_are_found_and_mended(
 def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emulator) -> None:
     servo_board.inject("garbage", 2)
     assert servos.read_counts() == dict.fromkeys(OUTPUTS, 128)
+
+
+def test_an_answer_that_waited_for_the_processor_is_not_late(
+    servo_board: SV203Emulator, clock: SteppedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = SV203(open_serial(servo_board.port), clock=clock, reply_timeout=5.0)
+    read, lost = serial.Serial.read, [0.0]
+
+    def read_and_lose_the_processor(port: serial.Serial, size: int = 1) -> bytes:
+        data = read(port, size)
+        lost[0] += 60.0
+        return data
+
+    monkeypatch.setattr(serial.Serial, "read", read_and_lose_the_processor)
+    monkeypatch.setattr(
+        serial.serialutil.Timeout, "TIME", staticmethod(lambda: time.monotonic() + lost[0])
+    )
+    assert driver.read_counts() == dict.fromkeys(OUTPUTS, 128)
+    assert driver.repeats == 0
+    driver.close()
 
 
 def test_nothing_but_damaged_answers_are_an_error(
