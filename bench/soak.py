@@ -29,7 +29,7 @@ def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:
 def soak(seed: int) -> Iterator[Crowd]:
     """A crowd that has not begun, at a robot of its own."""
     options = ("--seed", str(seed), "--control", "tcp://127.0.0.1:*")
-    with daemon("sim_robot.cli", *options) as robot:
+    with daemon("sim_robot", *options) as robot:
         yield Crowd(robot, seed)
 
 

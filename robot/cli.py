@@ -1,10 +1,9 @@
-"""The command ``robotd``."""
+"""The subcommands of ``robotd``."""
 
 from __future__ import annotations
 
 import argparse
 import importlib
-import sys
 from collections.abc import Sequence
 
 from protocol.errors import BodyschemaError
@@ -30,7 +29,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BodyschemaError as error:
         complain("robotd", error)
         return 1
-
-
-if __name__ == "__main__":
-    sys.exit(main())

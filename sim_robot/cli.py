@@ -1,10 +1,9 @@
-"""The command ``sim-robotd``."""
+"""What ``sim-robotd`` understands and does."""
 
 from __future__ import annotations
 
 import argparse
 import logging
-import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -208,7 +207,3 @@ def _seed(text: str) -> int:
     if not text.isdecimal() or int(text) >= 2**32:
         raise argparse.ArgumentTypeError(f"must be an integer from 0 to 2^32-1, not {text!r}")
     return int(text)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

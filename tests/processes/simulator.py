@@ -31,7 +31,7 @@ class Simulator:
         self,
         *options: str,
         bind: str = "tcp://127.0.0.1:*",
-        module: str = "sim_robot.cli",
+        module: str = "sim_robot",
         environment: Mapping[str, str] | None = None,
     ):
         self._process = subprocess.Popen(
@@ -95,7 +95,7 @@ class Simulator:
 def simulator(
     *options: str,
     bind: str = "tcp://127.0.0.1:*",
-    module: str = "sim_robot.cli",
+    module: str = "sim_robot",
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[Simulator]:
     """A ``sim-robotd`` that is gone afterwards; arguments as in ``Simulator``."""

@@ -27,7 +27,7 @@ def legs_down(*options: str) -> Observation:
 def test_a_wrongly_wired_robot_stands_level_once_it_is_calibrated(tmp_path: Path) -> None:
     wrong = "--miscalibrated", "12", "--noise", "none"
     file = tmp_path / "calibration.toml"
-    calibrate = [sys.executable, "-m", "sim_robot.cli", *wrong, "--calibrate", "--calibration"]
+    calibrate = [sys.executable, "-m", "sim_robot", *wrong, "--calibrate", "--calibration"]
     done = subprocess.run(
         [*calibrate, str(file)], capture_output=True, text=True, timeout=50, check=False
     )
@@ -44,7 +44,7 @@ def test_a_wrongly_wired_robot_stands_level_once_it_is_calibrated(tmp_path: Path
 
 def test_it_cannot_be_calibrated_into_nothing() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "sim_robot.cli", "--calibrate"],
+        [sys.executable, "-m", "sim_robot", "--calibrate"],
         capture_output=True,
         text=True,
         timeout=50,

@@ -20,7 +20,7 @@ from tests.processes.simulator import simulator
 
 def test_an_address_that_others_can_reach_needs_keys() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "sim_robot.cli", "--bind", "tcp://0.0.0.0:*"],
+        [sys.executable, "-m", "sim_robot", "--bind", "tcp://0.0.0.0:*"],
         capture_output=True,
         text=True,
         timeout=30,

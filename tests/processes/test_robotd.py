@@ -19,7 +19,7 @@ import pytest
 from protocol.client import RobotClient
 from protocol.errors import RobotError
 
-COMMAND = (sys.executable, "-m", "robot.cli", "run", "--dry", "--bind")
+COMMAND = (sys.executable, "-m", "robot", "run", "--dry", "--bind")
 
 
 @contextmanager
@@ -154,7 +154,7 @@ def test_a_log_that_nobody_reads_changes_nothing() -> None:
 
 def test_without_a_configuration_it_must_be_a_dry_run() -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "robot.cli", "run"], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "robot", "run"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 2
     assert "--config" in done.stderr

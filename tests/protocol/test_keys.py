@@ -260,7 +260,7 @@ def test_a_robot_and_a_researcher_get_to_know_each_other(
 
 def test_robotd_fails_with_a_sentence(keys: KeyDirectory) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "robot.cli", "keys", "remove", "ann", "--keys", str(keys.path)],
+        [sys.executable, "-m", "robot", "keys", "remove", "ann", "--keys", str(keys.path)],
         capture_output=True,
         text=True,
         timeout=30,

@@ -1,0 +1,29 @@
+"""How a command starts: what a person sees who stops it before it got to its work."""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import sys
+
+
+def start(command: str, module: str) -> int:
+    """Loads a command and runs its ``main``.
+
+    Ctrl-C waits while libraries load, because extension modules turn it into errors of their own.
+
+    Args:
+        command: What the person typed.
+        module: Where its ``main`` is.
+
+    Returns:
+        The exit code: that of ``main``, or 1 after a sentence on standard error.
+    """
+    try:
+        kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        loaded = importlib.import_module(module)
+        signal.pthread_sigmask(signal.SIG_SETMASK, kept)
+        return int(loaded.main())
+    except KeyboardInterrupt:
+        print(f"{command}: interrupted", file=sys.stderr)
+        return 1

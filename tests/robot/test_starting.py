@@ -1,0 +1,39 @@
+"""What a person sees who presses Ctrl-C before a command got to its work."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = "import sys; from robot.starting import start; sys.exit(start('crawl', 'command'))"
+PRESS = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
+
+
+def run(folder: Path, *, loading: str = "", working: str = "") -> subprocess.CompletedProcess[str]:
+    (folder / "command.py").write_text(
+        f"{loading}\nprint('loaded')\ndef main():\n    {working or 'pass'}\n    return 7\n"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env={"PYTHONPATH": f"{folder}:{Path(__file__).parents[2]}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_command_says_how_it_ended(tmp_path: Path) -> None:
+    ended = run(tmp_path)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (7, "loaded\n", "")
+
+
+@pytest.mark.parametrize("when", ["loading", "working"])
+def test_an_interrupt_waits_for_the_libraries_and_ends_in_a_sentence(
+    tmp_path: Path, when: str
+) -> None:
+    ended = run(tmp_path, **{when: PRESS})
+    assert (ended.returncode, ended.stdout) == (1, "loaded\n")
+    assert ended.stderr == "crawl: interrupted\n"
