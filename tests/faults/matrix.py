@@ -163,7 +163,7 @@ PROCESSES: Final = {
         does="freezes when it goes on; no joint leaps",
         state="fault",
         code="fault",
-        words="The robot clock jumped by +2.",
+        words="The robot clock jumped by +",
         back=AT_ONCE,
     ),
     "date": Row(

@@ -28,7 +28,7 @@ VECTORS: list[dict[str, Any]] = json.loads(
 )
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=400, suppress_health_check=list(HealthCheck))
 @given(st.binary(min_size=100, max_size=1500))
 def test_whatever_comes(data: bytes) -> None:
     play(Subject(), data)

@@ -125,7 +125,7 @@ steps = st.lists(
 
 
 @given(steps)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_no_order_of_frames_executes_an_id_twice(
     capabilities: Capabilities, script: list[tuple[str, int, float]]
 ) -> None:

@@ -155,7 +155,7 @@ def test_the_population_is_carried_over_when_errors_are_forgotten() -> None:
     assert found.generation == 0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(stop=st.integers(0, 12), pending=st.booleans())
 def test_a_saved_search_goes_on_identically(stop: int, pending: bool) -> None:
     def advance(found: DeterministicCrowding, turns: range) -> DeterministicCrowding:

@@ -160,7 +160,7 @@ def on_line_with_board(board: int, clock: SteppedClock) -> SV203:
     return SV203(cast(serial.Serial, Line(lambda: b"")), board=board, clock=clock)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(COUNTS, max_size=4))
 def test_the_servos_get_what_was_commanded(history: list[dict[int, int]]) -> None:
     emulator = SV203Emulator()
