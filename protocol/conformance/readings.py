@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import zmq
 
@@ -19,6 +19,8 @@ from protocol.errors import BodyschemaError, RemoteProtocolError
 from protocol.messages import parse_telemetry
 from protocol.publisher import TOPIC
 from protocol.sockets import connected
+
+_LOOKS: Final = 3  # at the rate: this computer may have had something else to do
 
 
 def _reads(bench: Bench, count: int = 1) -> tuple[Capabilities, list[Map]]:
@@ -201,9 +203,12 @@ def publications(bench: Bench) -> None:
 def publication_rate(bench: Bench) -> None:
     """Publications keep the rate that welcome promises, within a factor of two."""
     rate = bench.capabilities().telemetry_rate
-    _, found, seconds = _publications(bench, min(max(4.0 / rate, 0.3), 10.0))
-    measured = len(found) / seconds
-    expect(0.5 <= measured / rate <= 2.0, f"They come at {measured:.2f} Hz, not {rate:g} Hz.")
+    for _ in range(_LOOKS):
+        _, found, seconds = _publications(bench, min(max(4.0 / rate, 0.3), 10.0))
+        measured = len(found) / seconds
+        if 0.5 <= measured / rate <= 2.0:
+            return
+    raise Broken(f"They come at {measured:.2f} Hz, not {rate:g} Hz.")
 
 
 @check("8.1", need=Need.NOTHING)

