@@ -59,6 +59,9 @@ class Score(BaseModel):
             model, as far as the genome can express it; ``None`` where its simulation cannot be
             believed. Where one of them exceeds the best model's error, no search could have found
             the truth: simulated, it comes to rest otherwise than the robot did.
+        true_body_margins_deg: Path margin of the true body in each interaction, by statics: where
+            it is small, a trifle decides where the robot comes to rest, and it need not do so
+            twice in the same place.
     """
 
     model_config = ConfigDict(frozen=True)
@@ -83,6 +86,7 @@ class Score(BaseModel):
     configurations_chance: float
     not_representable: tuple[str, ...]
     true_body_errors: tuple[float | None, ...]
+    true_body_margins_deg: tuple[float, ...]
 
     @property
     def true_body_error(self) -> float | None:
@@ -100,7 +104,7 @@ def score(
         store: The run.
         problem: Its problem.
         truth: The robot's URDF.
-        physics: Computes the readings by which configurations are equivalent or not.
+        physics: Computes the readings by which configurations are equivalent or not, and margins.
         reference: Predicts what the true body would feel as a model.
 
     Raises:
@@ -147,6 +151,7 @@ def score(
             _error(comparison.true_body, item, store.settings.modalities, reference)
             for item in seen
         ),
+        true_body_margins_deg=_margins(comparison.true_body, seen, physics),
     )
 
 
@@ -155,6 +160,13 @@ def _error(
 ) -> float | None:
     (error,) = fit_bodies([body], [seen], modalities, physics).errors.tolist()
     return error if math.isfinite(error) else None
+
+
+def _margins(
+    body: Morphology, seen: Sequence[Observation], physics: StaticsPhysics
+) -> tuple[float, ...]:
+    margins = physics.path_margins([(body, np.array(item.angles)) for item in seen])
+    return tuple(np.degrees(margins).tolist())
 
 
 def _told_apart(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Final
 
 from rich.console import Console, JustifyMethod
 from rich.table import Table
@@ -12,6 +13,8 @@ from estimator.configurations import Configuration
 from estimator.report.result import ModelFound, Result
 from estimator.score import Score
 from estimator.validate import Errors, Validation
+
+_FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
 
 
 def print_result(console: Console, result: Result) -> None:
@@ -99,21 +102,28 @@ def print_score(console: Console, score: Score) -> None:
         f"Mean leg error {_mm(score.mean_leg_error_m)} mm (signed "
         f"{score.mean_signed_leg_error_m * 1000:+.1f} mm){apart and '; '}{apart}."
     )
-    console.print(_true_body(score.true_body_errors))
+    console.print(_true_body(score.true_body_errors, score.true_body_margins_deg))
     _print_configurations(console, score)
     for sentence in score.not_representable:
         console.print(f"[yellow]Not representable:[/] {sentence}.")
 
 
-def _true_body(errors: Sequence[float | None]) -> str:
+def _true_body(errors: Sequence[float | None], margins: Sequence[float]) -> str:
     """How badly the truth fits: where worse than the best model, nothing could have found it."""
     known = [math.inf if error is None else error for error in errors]
     worst = max(range(len(known)), key=known.__getitem__)
     others = known[:worst] + known[worst + 1 :]
     rest = f", at most {max(others):.2f} in the others" if others else ""
+    forks = [str(number) for number, margin in enumerate(margins, 1) if margin < _FORK]
+    where = (
+        f" On ground inclined by {_FORK:g}° it would land elsewhere in interaction "
+        f"{', '.join(forks)}: there a trifle decides, for the robot as well."
+        if forks
+        else ""
+    )
     return (
         f"The true body, simulated, has a subjective error of {known[worst]:.2f} in interaction "
-        f"{worst + 1}{rest}."
+        f"{worst + 1}{rest}.{where}"
     )
 
 

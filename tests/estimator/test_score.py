@@ -136,3 +136,19 @@ def test_the_error_of_the_truth_tells_a_failed_search_from_a_hopeless_one(
     # With all angles 0 the true body lies on its belly, and three feet are said to touch.
     assert found.true_body_errors == pytest.approx([3.0], abs=0.01)
     assert found.true_body_error == found.true_body_errors[0]
+
+
+def test_the_margin_of_the_truth_tells_where_a_trifle_decides(
+    tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
+) -> None:
+    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
+    # Left and right legs go down, the others up: the body balances on two feet.
+    angles = tuple(np.radians([-25.0, 25.0, -25.0, 25.0]))
+    with store:
+        store.plan(1, angles)
+        store.observe(1, Observation(angles=angles, touch=(True, False, True, False)))
+        found = score(store, problem, truth, statics, physics)
+    flat, balanced = found.true_body_margins_deg
+    assert flat > 10
+    assert balanced < 0.05

@@ -62,6 +62,7 @@ def make_score(configurations: tuple[Configuration, ...]) -> Score:
         configurations_chance=1.25,
         not_representable=("hip points 17 degrees away from front",),
         true_body_errors=(0.5, 12.25, 0.75),
+        true_body_margins_deg=(26.6, 0.1, 0.3),
     )
 
 
@@ -81,6 +82,7 @@ def test_each_configuration_is_marked_right_excused_or_wrong() -> None:
     assert "Of the 4 that might have been wrong: 2 right, 3 up to equivalence." in text
     assert "By chance 1.25 of 5" in text
     assert "The true body, simulated, has a subjective error of 12.25 in interaction 2, at" in text
+    assert "would land elsewhere in interaction 2: there a trifle" in text.replace("\n", " ")
     leg, foot = (line for line in text.splitlines() if "■" in line)
     assert leg.split("  ")[0] == "leg 1"
     for cell in ("■ main body", "□ front (true: left)", "≈ roll_left (true: left)"):
