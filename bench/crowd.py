@@ -25,13 +25,15 @@ from sim_robot.wiring import configure
 VIEWERS = 4
 PROBES = 100  # round trips in one measurement of latency
 WEATHER = Weather(loss=0.05, duplication=0.2, jitter=0.02)
+BROWN_OUT = "servo_board.brown_out"
+NEUTRAL = 128  # count of every servo after it
 FAULTS = (
     "servo_board.unplugged",
     "servo_board.drop=43",
     "servo_board.corrupt=47",
     "servo_board.garbage=5",
     "servo_board.mute",
-    "servo_board.brown_out",
+    BROWN_OUT,
     "servos.dead=3",
     "servos.swapped=2",
     "daq.absent",
@@ -227,14 +229,22 @@ class Crowd:
         fault = self._random.choice(FAULTS)
         start = self._faults.report()["robot_time"] + self._random.uniform(0, 3)
         self._faults.inject(f"{fault}@{start:.3f}s" if self._random.random() < 0.7 else fault)
+        reset = False
         for _ in range(2):
             try:
-                self._take(self._client.perform(self._targets()))
+                seen = self._client.perform(self._targets())
             except RobotError as error:
                 self._demand(error.code == "fault", f"{fault} ended with {error}")
                 self.counts["faults noticed"] += 1
                 self._refused("fault", self._client.read)
+                reset = False
                 break
+            self._demand(not reset, "a board that was reset is not noticed")
+            # After its last answer of a motion a reset cannot be noticed before the next one.
+            reset = fault == BROWN_OUT and set(self._faults.report()["pulses"]) == {NEUTRAL}
+            self._take(seen, stiff=not reset)
+        if reset:
+            self._refused("fault", lambda: self._client.perform(self._targets()))
         self._faults.mend()
         for viewer in self._viewers:
             viewer.status()
