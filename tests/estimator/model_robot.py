@@ -170,7 +170,7 @@ class ModelRobot:
 @contextmanager
 def serving(robot: ModelRobot, bind: str = "tcp://127.0.0.1:*") -> Iterator[str]:
     """Serves a robot in a thread; yields where. Leaving it is the death of the daemon."""
-    server = Server(robot, bind=bind)
+    server = Server(robot, bind=bind, telemetry_bind="tcp://127.0.0.1:*")
     thread = threading.Thread(target=server.run, name="server")
     thread.start()
     try:
