@@ -7,6 +7,7 @@ import pytest
 from robot.clock import SteppedClock
 from robot.drivers.sv203 import SV203, open_serial
 from sim_robot.electronics.sv203 import SV203Emulator
+from tests.robot.drivers.lines import Wire
 
 
 @pytest.fixture
@@ -26,3 +27,10 @@ def servos(servo_board: SV203Emulator, clock: SteppedClock) -> Iterator[SV203]:
     driver = SV203(open_serial(servo_board.port), clock=clock)
     yield driver
     driver.close()
+
+
+@pytest.fixture
+def wire() -> Iterator[Wire]:
+    found = Wire()
+    yield found
+    found.close()

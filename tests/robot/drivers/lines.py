@@ -1,0 +1,73 @@
+"""Serial lines without a board: one that shows what was written, one that answers anything."""
+
+from __future__ import annotations
+
+import os
+import tty
+from collections.abc import Callable
+from typing import cast
+
+import serial
+
+from robot.clock import SteppedClock
+from robot.drivers.sv203 import SV203
+
+
+class Wire:
+    """A bare pty: what the driver writes can be read as bytes."""
+
+    def __init__(self) -> None:
+        self.master, self.slave = os.openpty()
+        tty.setraw(self.slave)
+        self.name = os.ttyname(self.slave)
+
+    def lines(self, written: int) -> list[bytes]:
+        data = b""
+        while len(data) < written:
+            data += os.read(self.master, 4096)
+        assert data.endswith(b"\r") or not data
+        return data.split(b"\r")[:-1]
+
+    def close(self) -> None:
+        os.close(self.master)
+        os.close(self.slave)
+
+
+class Line:
+    """Stands in for pyserial, to be fed any answer and to fail in any way."""
+
+    port = "/dev/ttyS0"
+    baudrate = 9600
+    timeout = 0.2
+    in_waiting = 0
+
+    def __init__(self, reply: Callable[[], bytes], failure: dict[str, Exception] | None = None):
+        self._reply = reply
+        self._failure = {} if failure is None else failure
+
+    def _maybe_fail(self, name: str) -> None:
+        if name in self._failure:
+            raise self._failure[name]
+
+    def reset_input_buffer(self) -> None:
+        self._maybe_fail("reset_input_buffer")
+
+    def write(self, data: bytes) -> int:
+        self._maybe_fail("write")
+        return len(data)
+
+    def read_until(self, expected: bytes, size: int) -> bytes:
+        self._maybe_fail("read_until")
+        reply = self._reply()
+        end = reply.find(expected)
+        return reply[: end + 1 if end >= 0 else size][:size]
+
+    def read(self, size: int) -> bytes:
+        return b""
+
+    def close(self) -> None:
+        self._maybe_fail("close")
+
+
+def on_line(line: Line, clock: SteppedClock) -> SV203:
+    return SV203(cast(serial.Serial, line), clock=clock)

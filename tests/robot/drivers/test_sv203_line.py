@@ -1,0 +1,208 @@
+"""Every way in which the servo board's line and its answers go wrong."""
+
+from __future__ import annotations
+
+import errno
+import termios
+import time
+from pathlib import Path
+
+import pytest
+import serial
+from hypothesis import given
+from hypothesis import strategies as st
+
+from robot.clock import SteppedClock
+from robot.drivers.sv203 import OUTPUTS, SV203, open_serial
+from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
+from sim_robot.electronics.sv203 import SV203Emulator
+from tests.robot.drivers.lines import Line, Wire, on_line
+
+
+def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emulator) -> None:
+    servo_board.inject("garbage", 2)
+    assert servos.read_counts() == dict.fromkeys(OUTPUTS, 128)
+
+
+def test_an_answer_that_waited_for_the_processor_is_not_late(
+    servo_board: SV203Emulator, clock: SteppedClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = SV203(open_serial(servo_board.port), clock=clock, reply_timeout=5.0)
+    read, lost = serial.Serial.read, [0.0]
+
+    def read_and_lose_the_processor(port: serial.Serial, size: int = 1) -> bytes:
+        data = read(port, size)
+        lost[0] += 60.0
+        return data
+
+    monkeypatch.setattr(serial.Serial, "read", read_and_lose_the_processor)
+    monkeypatch.setattr(
+        serial.serialutil.Timeout, "TIME", staticmethod(lambda: time.monotonic() + lost[0])
+    )
+    assert driver.read_counts() == dict.fromkeys(OUTPUTS, 128)
+    assert driver.repeats == 0
+    driver.close()
+
+
+def test_nothing_but_damaged_answers_are_an_error(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    servo_board.inject("garbage", 1)
+    with pytest.raises(DeviceDataError, match="~28"):
+        servos.read_counts([1])
+
+
+def test_a_silent_board_is_an_error_in_time(
+    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock
+) -> None:
+    servo_board.inject("mute")
+    start = time.monotonic()
+    with pytest.raises(DeviceTimeoutError, match=r"did not answer RR51 within 0\.2 s"):
+        servos.read_counts()
+    assert time.monotonic() - start < 5.0
+    assert clock.now() >= 0.6  # three attempts, charged to the robot's clock
+
+
+def test_another_board_number_gets_no_answer(
+    servo_board: SV203Emulator, clock: SteppedClock
+) -> None:
+    driver = SV203(open_serial(servo_board.port), board=2, clock=clock, reply_timeout=0.02)
+    with pytest.raises(DeviceTimeoutError, match="board number"):
+        driver.read_counts([1])
+    driver.close()
+
+
+def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
+    driver = SV203(open_serial(wire.name), clock=SteppedClock())
+    start = time.monotonic()
+
+    def write_on() -> None:
+        for _ in range(20_000):
+            driver.forget()
+            driver.set_counts({1: 100, 2: 100})
+
+    with pytest.raises(DeviceTimeoutError, match="took no more bytes"):
+        write_on()
+    assert time.monotonic() - start < 10.0
+    driver.close()
+
+
+def test_unplugged_while_moving_and_back(
+    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock
+) -> None:
+    servos.set_counts({1: 90})
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
+    servo_board.unplug()
+    assert servo_board.wait_until_read(servos.bytes_written + 100, 0.0)
+    for act in (
+        lambda: servos.set_counts({1: 91}),
+        lambda: servos.release([1]),
+        lambda: servos.read_counts([1]),
+        lambda: servos.verify({1: 90}),
+    ):
+        with pytest.raises(DeviceMissingError, match="plugged in"):
+            act()
+    with pytest.raises(DeviceMissingError, match="by-id"):
+        open_serial(servo_board.port)
+    servos.close()
+    servo_board.replug()
+    again = SV203(open_serial(servo_board.port), clock=clock)
+    assert again.read_counts([1]) == {1: 90}  # the board held by itself
+    again.close()
+
+
+def test_a_count_that_may_not_have_arrived_is_sent_again() -> None:
+    failure: dict[str, Exception] = {}
+    driver = on_line(Line(lambda: b"", failure), SteppedClock())
+    driver.set_counts({1: 10})
+    failure["write"] = OSError(errno.EIO, "Input/output error")
+    with pytest.raises(DeviceMissingError):
+        driver.set_counts({1: 20})
+    failure.clear()
+    before = driver.bytes_written
+    driver.set_counts({1: 10})  # the board may have 20 by now
+    driver.set_counts({1: 10})
+    assert driver.bytes_written - before == len("BD1SV1M10\r")
+
+
+def test_one_wrong_but_sound_answer_is_not_taken_for_a_reset() -> None:
+    replies = iter([b"128\r", b"12\r", b"128\r"])
+    driver = on_line(Line(lambda: next(replies)), SteppedClock())
+    assert driver.verify({1: 128, 2: 128}) == []
+
+
+@pytest.mark.parametrize("where", ["reset_input_buffer", "write", "read_until"])
+@pytest.mark.parametrize(
+    "failure",
+    [
+        serial.SerialException("device disconnected"),
+        serial.PortNotOpenError(),
+        OSError(errno.EIO, "Input/output error"),
+        termios.error(errno.EIO, "Input/output error"),
+    ],
+    ids=lambda failure: type(failure).__name__,
+)
+def test_every_way_a_line_fails_is_a_sentence(where: str, failure: Exception) -> None:
+    driver = on_line(Line(lambda: b"128\r", {where: failure}), SteppedClock())
+    with pytest.raises(DeviceMissingError, match=r"^The serial port /dev/ttyS0 failed while .*\.$"):
+        driver.read_counts([1])
+
+
+def test_closing_a_vanished_line_is_no_error() -> None:
+    failure: dict[str, Exception] = {"close": OSError(errno.EIO, "Input/output error")}
+    on_line(Line(lambda: b"", failure), SteppedClock()).close()
+
+
+@given(
+    st.lists(
+        st.binary(max_size=40) | st.from_regex(rb"[0-9]{0,4}[ \n]?\r?", fullmatch=True),
+        min_size=1,
+        max_size=4,
+    )
+)
+def test_garbage_is_never_taken_for_a_count(chunks: list[bytes]) -> None:
+    replies = iter(chunks * 3)
+    driver = on_line(Line(lambda: next(replies)), SteppedClock())
+    try:
+        found = driver.read_counts([1])[1]
+    except DeviceError:
+        return
+    sound = [chunk.partition(b"\r") for chunk in chunks]
+    assert found in [int(text) for text, end, _ in sound if end and text.strip(b"\n ").isdigit()]
+    assert 0 <= found <= 255
+
+
+def test_open_serial_says_why_it_cannot(tmp_path: Path, servo_board: SV203Emulator) -> None:
+    with pytest.raises(DeviceMissingError, match="by-id"):
+        open_serial(str(tmp_path / "ttyUSB0"))
+    plain = tmp_path / "plain"
+    plain.touch()
+    with pytest.raises(DeviceMissingError, match="Name the device file of a serial port"):
+        open_serial(str(plain))
+
+
+def test_a_second_program_is_told_that_the_port_is_taken(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    assert servos.bytes_written == 0
+    with pytest.raises(DeviceMissingError, match="other program"):
+        open_serial(servo_board.port)
+
+
+def test_a_line_that_is_another_device_now_is_opened_anew(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    servos.set_counts({1: 90})
+    before = servos.bytes_written
+    assert servo_board.wait_until_read(before, 5.0)
+    servo_board.unplug()
+    with pytest.raises(DeviceMissingError, match="by-id"):
+        servos.reopen(lambda: open_serial(servo_board.port))
+    with pytest.raises(DeviceMissingError, match="plugged in"):
+        servos.read_counts([1])
+    servo_board.replug()
+    servos.reopen(lambda: open_serial(servo_board.port))
+    assert servos.read_counts([1]) == {1: 90}
+    servos.set_counts({1: 90})  # what the old line carried is not taken for granted
+    assert servos.bytes_written == before + len("BD1RR51\r" + "BD1SV1M90\r")
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
