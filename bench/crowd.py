@@ -8,10 +8,9 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
-from statistics import median
 
 from bench.daemons import Daemon
+from bench.vitals import Sample, take_sample
 from protocol.client import RobotClient
 from protocol.errors import RobotError, RobotUnreachableError
 from protocol.messages import Observation
@@ -23,7 +22,6 @@ from sim_robot.proxy import MessageProxy, TcpProxy, Weather
 from sim_robot.wiring import configure
 
 VIEWERS = 4
-PROBES = 100  # round trips in one measurement of latency
 WEATHER = Weather(loss=0.05, duplication=0.2, jitter=0.02)
 BROWN_OUT = "servo_board.brown_out"
 NEUTRAL = 128  # count of every servo after it
@@ -51,27 +49,6 @@ FAULTS = (
     "clock.jump=10",
     "clock.jump=-10",
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sample:
-    """The daemon at one moment.
-
-    Attributes:
-        hours: Virtual time.
-        memory: Resident, MB.
-        descriptors: Open.
-        threads: Running.
-        latency: Median round trip of a heartbeat, ms.
-        worst: The 99th percentile, ms.
-    """
-
-    hours: float
-    memory: float
-    descriptors: int
-    threads: int
-    latency: float
-    worst: float
 
 
 class Broken(Exception):  # noqa: N818 - a finding
@@ -124,14 +101,14 @@ class Crowd:
             death = hours / (deaths + 1)
             while (now := self._hours()) < hours:
                 if now >= due:
-                    self.samples.append(self._sample(now))
+                    self.samples.append(take_sample(self._robot.process, self._viewers[0], now))
                     tell(self.samples[-1])
                     due = now + every
                 if now >= death:
                     death += hours / (deaths + 1)
                     self._die()
                 self._act()
-            self.samples.append(self._sample(now))
+            self.samples.append(take_sample(self._robot.process, self._viewers[0], now))
             tell(self.samples[-1])
 
     # --- actions ----------------------------------------------------------------------------------
@@ -346,24 +323,5 @@ class Crowd:
         if not holds:
             raise Broken(f"{sentence}; at {self._last}; log: {''.join(list(self._robot.log)[-5:])}")
 
-    # --- measurements -----------------------------------------------------------------------------
-
     def _hours(self) -> float:
         return float(self._faults.report()["robot_time"]) / 3600
-
-    def _sample(self, hours: float) -> Sample:
-        trips = []
-        for _ in range(PROBES):
-            start = time.perf_counter()
-            self._viewers[0].status()
-            trips.append(1000 * (time.perf_counter() - start))
-        trips.sort()
-        process = self._robot.process
-        return Sample(
-            hours=hours,
-            memory=process.memory_info().rss / 1e6,
-            descriptors=process.num_fds(),
-            threads=process.num_threads(),
-            latency=median(trips),
-            worst=trips[int(0.99 * len(trips))],
-        )

@@ -13,8 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from statistics import median
 
-from bench.crowd import Broken, Crowd, Sample
+from bench.crowd import Broken, Crowd
 from bench.daemons import daemon
+from bench.vitals import Sample
 
 DEATHS = 3  # of controllers
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bench.crowd import Sample
 from bench.soak import growth, soak
+from bench.vitals import Sample
 
 
 def sample(memory: float) -> Sample:
