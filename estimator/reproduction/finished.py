@@ -16,10 +16,9 @@ from estimator.observation import Observation
 from estimator.physics.base import Settings
 from estimator.problem import Problem
 from estimator.records import Generation, Interaction, Prediction
-from estimator.report.files import RESULT, VALIDATION
 from estimator.report.result import Result, leg_lengths
 from estimator.reproduction.plan import PlannedRun
-from estimator.reproduction.single_run import SCORE, TRUTH, is_finished
+from estimator.reproduction.single_run import TRUTH, documents, is_finished
 from estimator.run import problem_of, world_of
 from estimator.score import Score
 from estimator.store import RunStore
@@ -60,9 +59,9 @@ class FinishedRun:
     @classmethod
     def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
         """Reads a run that ``single_run.is_finished`` says is."""
-        directory = run.directory(root)
-        validation = directory / VALIDATION
-        with RunStore.open(directory, to_write=False) as store:
+        found = documents(run, root)
+        assert found is not None
+        with RunStore.open(run.directory(root), to_write=False) as store:
             problem = problem_of(store)
             validations = store.validations()
             return cls(
@@ -74,11 +73,9 @@ class FinishedRun:
                 generations=_generations(store),
                 interactions=tuple(store.interactions()),
                 predictions=tuple(validations[-1]) if validations else (),
-                result=Result.model_validate_json((directory / RESULT).read_text("utf-8")),
-                score=Score.model_validate_json((directory / SCORE).read_text("utf-8")),
-                validation=Validation.model_validate_json(validation.read_text("utf-8"))
-                if validation.is_file()
-                else None,
+                result=found.result,
+                score=found.score,
+                validation=found.validation,
             )
 
     @property
@@ -140,9 +137,8 @@ class Shelf:
 
     def score(self, run: PlannedRun) -> Score | None:
         """A run's score, or ``None`` where it is not finished."""
-        if not is_finished(run, self.root):
-            return None
-        return Score.model_validate_json((run.directory(self.root) / SCORE).read_text("utf-8"))
+        found = documents(run, self.root)
+        return None if found is None else found.score
 
     def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
         """Reads some runs, one at a time, in the order given."""

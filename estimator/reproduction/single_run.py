@@ -1,42 +1,71 @@
 """One run from start to end, on a robot of its own, from wherever it stands on disk.
 
 What it leaves beside the usual files of a run directory is ``validation.json``, where fresh motor
-programs were predicted, and ``score.json``, which is written last: a run that has it is finished.
+programs were predicted, and ``score.json``, which is written last. A run that has all of them is
+finished; what another version wrote otherwise is written again.
 """
 
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from estimator.backends import REFERENCE, in_this_process
 from estimator.database import holds_run
 from estimator.errors import InteractionError, RunDirectoryError
 from estimator.listener import Listener
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.files import VALIDATION, replace, write_report
+from estimator.report.files import RESULT, VALIDATION, replace, write_report
+from estimator.report.result import Result
 from estimator.reproduction.plan import PlannedRun
 from estimator.reproduction.robot_process import RobotProcess, catch_up
 from estimator.run import identify, problem_of, reconnect, resume, world_of
-from estimator.score import score
+from estimator.score import Score, score
 from estimator.store import RunStore
-from estimator.validate import compare, validate
+from estimator.validate import Validation, compare, validate
 from protocol.errors import RobotUnreachableError
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
 _ATTEMPTS: Final = 3
+_Document = TypeVar("_Document", bound=BaseModel)
 
 _write = partial(write_report, plots=False)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Documents:
+    """What a finished run has written.
+
+    Attributes:
+        result: Its outcome.
+        score: Held against the truth.
+        validation: Its predictions held against the robot, where it made any.
+    """
+
+    result: Result
+    score: Score
+    validation: Validation | None
+
+
+def documents(run: PlannedRun, root: Path) -> Documents | None:
+    """What a run has written; ``None`` where it is not finished."""
+    directory = run.directory(root)
+    result, score = _read(directory / RESULT, Result), _read(directory / SCORE, Score)
+    validation = _read(directory / VALIDATION, Validation)
+    if result is None or score is None or (run.predicts and validation is None):
+        return None
+    return Documents(result=result, score=score, validation=validation)
+
+
 def is_finished(run: PlannedRun, root: Path) -> bool:
     """Whether there is nothing left to do."""
-    return (run.directory(root) / SCORE).is_file()
+    return documents(run, root) is not None
 
 
 def has_begun(run: PlannedRun, root: Path) -> bool:
@@ -92,7 +121,7 @@ def _see_through(run: PlannedRun, root: Path, uri: str, listener: Listener) -> N
         resume(directory, in_this_process, quietly, robot=uri, report=_write)
     else:
         identify(directory, run.order(uri), in_this_process, quietly, report=_write)
-    if run.predicts and not (directory / VALIDATION).is_file():
+    if run.predicts and _read(directory / VALIDATION, Validation) is None:
         _validate(run, directory, uri, listener)
 
 
@@ -152,3 +181,11 @@ def _score(run: PlannedRun, root: Path) -> None:
 def _write_json(path: Path, found: BaseModel) -> None:
     text = found.model_dump_json(indent=2) + "\n"
     replace(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+
+
+def _read(file: Path, kind: type[_Document]) -> _Document | None:
+    """A document; ``None`` where there is none, or one of another version."""
+    try:
+        return kind.model_validate_json(file.read_text("utf-8"))
+    except (FileNotFoundError, ValidationError):
+        return None

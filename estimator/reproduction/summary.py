@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from estimator.report.files import RESULT, VALIDATION
 from estimator.report.result import Result
 from estimator.report.tables import number
 from estimator.reproduction.plan import PlannedRun
-from estimator.reproduction.single_run import SCORE, is_finished
+from estimator.reproduction.single_run import documents
 from estimator.score import Score
 from estimator.validate import Validation
 
@@ -51,16 +50,13 @@ class Summary:
 
 def summarise(run: PlannedRun, root: Path, failure: str | None) -> Summary:
     """Reads a run's summary; ``failure`` is what is known of why it is not finished."""
-    if not is_finished(run, root):
+    found = documents(run, root)
+    if found is None:
         return Summary(run=run, failure=failure or "not finished")
-    directory = run.directory(root)
-    validation = directory / VALIDATION
     return Summary(
         run=run,
         failure=None,
-        result=Result.model_validate_json((directory / RESULT).read_text("utf-8")),
-        score=Score.model_validate_json((directory / SCORE).read_text("utf-8")),
-        validation=Validation.model_validate_json(validation.read_text("utf-8"))
-        if validation.is_file()
-        else None,
+        result=found.result,
+        score=found.score,
+        validation=found.validation,
     )

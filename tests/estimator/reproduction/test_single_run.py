@@ -95,6 +95,22 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
     assert len(found.configurations_right(found.generations[-1])) == 12
 
 
+@pytest.mark.parametrize("name", [SCORE, RESULT, VALIDATION])
+def test_what_another_version_wrote_is_written_again(
+    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr("estimator.reproduction.plan.PREDICTIONS", 2)
+    see_through(topological, root, Breaking())
+    assert is_finished(topological, root)
+    before = history(topological, root)
+    file = topological.directory(root) / name
+    file.write_text('{"of": "another version"}')
+    assert not is_finished(topological, root)
+    see_through(topological, root, Breaking())
+    assert is_finished(topological, root)
+    assert history(topological, root) == before
+
+
 def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         see_through(topological, root, Breaking(after=1))
