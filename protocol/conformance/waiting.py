@@ -28,11 +28,13 @@ def control_expires(bench: Bench) -> None:
     """Control is kept for 30 s of silence, then it is free."""
     viewer = bench.party()
     with bench.controlled() as party:
-        name = party.name
+        name, begun = party.name, bench.settings.clock()
         _silent_for(bench, viewer, EXPIRY - _TOLERANCE)
+        kept = viewer.status().get("controller")
+        silent = bench.settings.clock() - begun  # longer, if this computer stood still
         expect(
-            viewer.status().get("controller") == name,
-            f"Control was gone before {EXPIRY - _TOLERANCE:g} s of silence.",
+            kept == name or silent > EXPIRY - _TOLERANCE / 10,
+            f"Control was gone after {silent:.1f} s of silence.",
         )
         _silent_for(bench, viewer, 2 * _TOLERANCE)
         kept = viewer.status().get("controller")
