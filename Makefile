@@ -47,7 +47,7 @@ reproduce: $(READY) ## The paper's figures and claims, with statics; docs/reprod
 parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
 	$(BIN)/python -m bench.parametric
 
-soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about half an hour
+soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about 40 minutes
 	$(BIN)/python -m bench.soak --hours 24
 
 latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes

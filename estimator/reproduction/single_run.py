@@ -184,8 +184,8 @@ def _write_json(path: Path, found: BaseModel) -> None:
 
 
 def _read(file: Path, kind: type[_Document]) -> _Document | None:
-    """A document; ``None`` where there is none, or one of another version."""
+    """A document; ``None`` where there is none, or one that is damaged or of another version."""
     try:
-        return kind.model_validate_json(file.read_text("utf-8"))
+        return kind.model_validate_json(file.read_bytes())
     except (FileNotFoundError, ValidationError):
         return None

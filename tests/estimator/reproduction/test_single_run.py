@@ -95,16 +95,23 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
     assert len(found.configurations_right(found.generations[-1])) == 12
 
 
-@pytest.mark.parametrize("name", [SCORE, RESULT, VALIDATION])
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        (SCORE, b'{"of": "another version"}'),
+        (RESULT, b"{}"),
+        (VALIDATION, b"\xff damaged"),
+    ],
+)
 def test_what_another_version_wrote_is_written_again(
-    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str
+    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: bytes
 ) -> None:
     monkeypatch.setattr("estimator.reproduction.plan.PREDICTIONS", 2)
     see_through(topological, root, Breaking())
     assert is_finished(topological, root)
     before = history(topological, root)
     file = topological.directory(root) / name
-    file.write_text('{"of": "another version"}')
+    file.write_bytes(text)
     assert not is_finished(topological, root)
     see_through(topological, root, Breaking())
     assert is_finished(topological, root)
