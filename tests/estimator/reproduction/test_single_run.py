@@ -103,7 +103,7 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
         (VALIDATION, b"\xff damaged"),
     ],
 )
-def test_what_another_version_wrote_is_written_again(
+def test_what_is_damaged_or_of_another_version_is_written_again(
     topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: bytes
 ) -> None:
     monkeypatch.setattr("estimator.reproduction.plan.PREDICTIONS", 2)
