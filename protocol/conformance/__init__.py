@@ -3,7 +3,8 @@
 ======================= =========================================================================
 Module                  What is in it
 ======================= =========================================================================
-``registry``            ``Check``, the decorator that makes one, ``Broken`` and ``Untried``
+``registry``            ``Check``, the decorator that makes one
+``expectations``        what a check raises: ``Broken`` and ``Untried``
 ``line``, ``bench``     raw connections, clients in a session, and what all checks share
 ``transport`` … \
 ``waiting``             the checks, by subject

@@ -13,8 +13,8 @@ from typing import Any, Final
 import zmq
 
 from protocol.capabilities import Capabilities
+from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.line import GRACE, Line, Map, said
-from protocol.conformance.registry import Broken, Untried, expect
 from protocol.keys import ClientKeys
 
 LOOSE_ID: Final = 2**52

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from protocol.conformance.bench import Bench, Party
+from protocol.conformance.expectations import expect
 from protocol.conformance.line import said
-from protocol.conformance.registry import Need, check, expect
+from protocol.conformance.registry import Need, check
 
 HARMLESS = ("release", "clear", "perform")  # what cannot make a robot at rest move or go limp
 

@@ -8,8 +8,9 @@ from importlib import resources
 from typing import Any, Final
 
 from protocol.conformance.bench import Bench, Party
+from protocol.conformance.expectations import expect
 from protocol.conformance.line import Map, pack, pack_small, pack_wide, said
-from protocol.conformance.registry import check, expect
+from protocol.conformance.registry import check
 
 VECTORS: Final[tuple[Map, ...]] = tuple(
     vector

@@ -11,7 +11,7 @@ import msgpack
 import zmq
 
 from protocol.codec import decode
-from protocol.conformance.registry import Broken
+from protocol.conformance.expectations import Broken
 from protocol.errors import ERROR_CODES, RemoteProtocolError
 from protocol.keys import ClientKeys
 from protocol.messages import FINAL_REPLIES, parse_reply

@@ -6,8 +6,9 @@ from typing import Final
 
 from protocol.capabilities import Capabilities
 from protocol.conformance.bench import Bench, Party
+from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.line import Map, said
-from protocol.conformance.registry import Need, Untried, check, expect
+from protocol.conformance.registry import Need, check
 
 REACH: Final = 0.5
 """The largest angle that is asked for, rad; half of what a joint reaches, where that is less."""

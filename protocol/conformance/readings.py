@@ -12,8 +12,9 @@ import zmq
 from protocol.capabilities import Capabilities
 from protocol.codec import decode
 from protocol.conformance.bench import Bench
+from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.line import Map, said
-from protocol.conformance.registry import Broken, Need, Untried, check, expect
+from protocol.conformance.registry import Need, check
 from protocol.endpoints import Endpoint
 from protocol.errors import BodyschemaError, RemoteProtocolError
 from protocol.messages import parse_telemetry

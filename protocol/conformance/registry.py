@@ -5,20 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final, TypeAlias
 
-if TYPE_CHECKING:
-    from protocol.conformance.bench import Bench
+from protocol.conformance.bench import Bench
 
-Run: TypeAlias = "Callable[[Bench], None]"
-
-
-class Broken(Exception):  # noqa: N818 - a verdict on somebody else's program
-    """A clause does not hold; the message says what the robot did instead."""
-
-
-class Untried(Exception):  # noqa: N818 - likewise
-    """A clause could not be tried; the message says why."""
+Run: TypeAlias = Callable[[Bench], None]
 
 
 class Need(Enum):
@@ -60,9 +51,3 @@ def check(*clauses: str, need: Need = Need.NOTHING) -> Callable[[Run], Run]:
         return run
 
     return register
-
-
-def expect(condition: bool, sentence: str) -> None:
-    """Raises ``Broken`` with the sentence, unless the condition holds."""
-    if not condition:
-        raise Broken(sentence)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from protocol.conformance.bench import Bench
+from protocol.conformance.expectations import expect
 from protocol.conformance.line import pack, said
-from protocol.conformance.registry import Need, check, expect
+from protocol.conformance.registry import Need, check
 
 PLACES = 64
 

@@ -13,7 +13,8 @@ from types import MappingProxyType
 from typing import Final
 
 from protocol.conformance.bench import Bench, Settings
-from protocol.conformance.registry import CHECKS, Broken, Check, Need, Untried
+from protocol.conformance.expectations import Broken, Untried
+from protocol.conformance.registry import CHECKS, Check, Need
 from protocol.errors import RobotUnreachableError
 from protocol.probe import probe
 

@@ -9,8 +9,9 @@ import zmq
 
 from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
 from protocol.conformance.bench import Bench, Party
+from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.line import Line, Map, pack, said
-from protocol.conformance.registry import Broken, Need, Untried, check, expect
+from protocol.conformance.registry import Need, check
 from protocol.keys import ClientKeys, KeyPair
 from protocol.roles import MAY, Role
 

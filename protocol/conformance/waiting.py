@@ -6,9 +6,10 @@ import threading
 from typing import Final
 
 from protocol.conformance.bench import Bench, Party
+from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.line import said
 from protocol.conformance.motion import small_targets
-from protocol.conformance.registry import Need, Untried, check, expect
+from protocol.conformance.registry import Need, check
 from protocol.lease import EXPIRY, SILENCE
 
 _TOLERANCE: Final = 2.0
