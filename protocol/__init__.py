@@ -13,7 +13,7 @@ what can go wrong       ``protocol.errors``: ``RobotError``, ``RobotUnreachableE
                         ``RobotRestartedError``, ``KeysError``, and the table ``ERROR_CODES``
 messages                ``protocol.messages``, ``protocol.capabilities``
 frames                  ``protocol.codec``: ``encode``, ``decode``
-states of a robot       ``protocol.states``: ``TRANSITIONS``
+states of a robot       ``protocol.transitions``: ``TRANSITIONS``
 what a reading means    ``protocol.readings``: tilt, clearance, touch
 ======================= =========================================================================
 

@@ -2,8 +2,9 @@
 
 The server's thread calls ``submit``, ``silence`` and ``snapshot``, which never wait for a device;
 the control thread takes jobs from a queue and reports through ``events``. What a request may do in
-which state is ``protocol.states.TRANSITIONS``. Requests that end a motion (hold, relax, stop) and
-the controller's silence leave an *interrupt*, which the motion meets before its next serial line.
+which state is ``protocol.transitions.TRANSITIONS``. Requests that end a motion (hold, relax, stop)
+and the controller's silence leave an *interrupt*, which the motion meets before its next serial
+line.
 
 A fault ends all that waits in the queue, too: after it the robot does nothing until a ``clear`` has
 found every device in order. Until then, and when it has not, the state remains ``fault``.
@@ -24,7 +25,8 @@ from protocol.capabilities import Capabilities
 from protocol.errors import RobotError
 from protocol.messages import Observation, Ok, Perform, Read
 from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
-from protocol.states import REFUSALS, TRANSITIONS, Event, State
+from protocol.states import State
+from protocol.transitions import REFUSALS, TRANSITIONS, Event
 from robot.errors import DeviceError
 from robot.interaction import Aborted, Interaction, Outcome
 from robot.jobs import INTERRUPTS, NEWS, SENTENCES, STOPPED, Job, ended_by

@@ -12,7 +12,8 @@ from typing import Final
 from protocol.errors import RobotError
 from protocol.messages import ErrorReply, Observation
 from protocol.robot import RobotRequest
-from protocol.states import Event, State
+from protocol.states import State
+from protocol.transitions import Event
 from robot.interaction import Outcome
 
 INTERRUPTS: Final = MappingProxyType(

@@ -32,7 +32,8 @@ from protocol.messages import (
     parse_telemetry,
 )
 from protocol.robot import Finished, Progressed, RobotRequest, Snapshot
-from protocol.states import REFUSALS, TRANSITIONS, Event, State
+from protocol.states import State
+from protocol.transitions import REFUSALS, TRANSITIONS, Event
 from tests.fuzz import reference
 
 JOINTS: Final = ("a", "b")

@@ -17,7 +17,8 @@ from protocol.errors import ERROR_CODES
 from protocol.lease import EXPIRY, SILENCE
 from protocol.messages import REPLIES, REQUESTS, Request, Telemetry
 from protocol.roles import MAY
-from protocol.states import REFUSALS, TRANSITIONS, Event, State
+from protocol.states import State
+from protocol.transitions import REFUSALS, TRANSITIONS, Event
 
 SPEC = resources.files("protocol").joinpath("SPEC.md").read_text("utf-8")
 VECTORS: list[dict[str, Any]] = json.loads(
