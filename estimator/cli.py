@@ -131,7 +131,7 @@ def identify_command(
         keys=keys,
     )
     with sentences(place), _physics(jobs, dask) as physics_of, Screen(err) as screen:
-        result = identify(place, order, physics_of, screen)
+        result = identify(place, order, physics_of, screen, report=write_report)
     print_result(out, result)
     _print_place(place)
 
@@ -148,7 +148,7 @@ def resume_command(
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
     with sentences(directory), _physics(jobs, dask) as physics_of, Screen(err) as screen:
-        result = resume(directory, physics_of, screen, robot=robot, keys=keys)
+        result = resume(directory, physics_of, screen, robot=robot, keys=keys, report=write_report)
     print_result(out, result)
     _print_place(directory)
 

@@ -6,11 +6,12 @@ where one part ends and the next begins. For a quadruped with locked knees the l
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.morphology import BASE, HINGES, SIDES, Morphology, part_frames, tips
+from estimator.morphology import BASE, HINGES, SIDES, Array, Morphology, part_frames, tips
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,3 +69,13 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
             )
         )
     return tuple(sorted(found, key=lambda limb: (limb.motor is None, limb.motor or 0)))
+
+
+def driven_limbs(body: Morphology) -> tuple[Limb, ...]:
+    """The limbs that motors turn, in motor order."""
+    return tuple(limb for limb in limbs(body) if limb.motor is not None)
+
+
+def leg_lengths(bodies: Sequence[Morphology]) -> Array:
+    """Length of each body's legs, m, shape (bodies, legs)."""
+    return np.array([[limb.length for limb in driven_limbs(body)] for body in bodies])

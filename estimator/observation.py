@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -70,3 +70,23 @@ def by_joint_name(program: Program, capabilities: Capabilities) -> dict[str, flo
     """A program, as the targets that go over the wire."""
     joints = capabilities.joints
     return {joint.name: angle for joint, angle in zip(joints, program, strict=True)}
+
+
+def touched(sensors: Collection[int], observations: Sequence[Observation]) -> bool | None:
+    """Whether a touch sensor among these felt the ground in some interaction.
+
+    Args:
+        sensors: Indices of touch sensors.
+        observations: The interactions.
+
+    Returns:
+        ``None`` where none of them was read.
+    """
+    bits = [
+        observation.touch[sensor]
+        for observation in observations
+        for sensor in sensors
+        if sensor < len(observation.touch)
+    ]
+    known = [bit for bit in bits if bit is not None]
+    return any(known) if known else None

@@ -8,6 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import ValidationError
@@ -24,14 +25,13 @@ from estimator.physics.base import Settings
 from estimator.problem import Problem
 from estimator.problem_values import complaint
 from estimator.records import RunSettings
-from estimator.report.files import write_report
-from estimator.report.result import Result, observed_so_far
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 from estimator.store import RunStore, first_id
 from protocol.capabilities import Capabilities
 
-Report = Callable[[RunStore, Problem], Result]
+Summary = TypeVar("Summary")
+Report: TypeAlias = Callable[[RunStore, Problem], Summary]
 """Writes what a run leaves beside its database, and sums the run up."""
 
 
@@ -58,8 +58,8 @@ def identify(
     open_physics: OpenPhysics,
     listener: Listener,
     *,
-    report: Report = write_report,
-) -> Result:
+    report: Report[Summary],
+) -> Summary:
     """Starts a run and sees it through.
 
     Nothing is left behind when the robot cannot be reached or does not fit the problem.
@@ -69,7 +69,7 @@ def identify(
         order: What is asked of it.
         open_physics: Makes the back-end.
         listener: Hears what happens.
-        report: Called after each iteration.
+        report: Called after each iteration and at the end, for what is returned.
 
     Raises:
         BodyschemaError: Something prevents the run; the message says what.
@@ -102,8 +102,8 @@ def resume(
     *,
     robot: str | None = None,
     keys: Path | None = None,
-    report: Report = write_report,
-) -> Result:
+    report: Report[Summary],
+) -> Summary:
     """Sees an interrupted run through, as if it had not been interrupted.
 
     Args:
@@ -112,7 +112,7 @@ def resume(
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
         keys: The key directory, where the robot asks for keys; a run does not remember it.
-        report: Called after each iteration.
+        report: Called after each iteration and at the end, for what is returned.
 
     Raises:
         BodyschemaError: Something prevents it; the message says what.
@@ -213,8 +213,8 @@ def _work(
     connect: Callable[[], RobotLink],
     listener: Listener,
     *,
-    report: Report,
-) -> Result:
+    report: Report[Summary],
+) -> Summary:
     world = world_of(store, problem)
     physics = open_physics(store.settings.physics, world)
     with closing(physics):
@@ -235,7 +235,7 @@ def _work(
                 Genome(problem, problem.base(store.capabilities)),
                 np.array(checkpoint.state["population"], dtype=float),
                 np.array(store.generations()[-1].errors, dtype=float),
-                observations=observed_so_far(store),
+                observations=store.observations(),
                 modalities=store.settings.modalities,
                 physics=reference,
             )

@@ -19,13 +19,13 @@ from estimator.errors import TruthError
 from estimator.final_population import FinalPopulation
 from estimator.fit import fit_bodies
 from estimator.genome import Genome
+from estimator.limbs import driven_limbs
 from estimator.morphology import Array, Morphology
-from estimator.observation import Observation
+from estimator.observation import Observation, touched
 from estimator.physics.base import Physics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem import Problem
 from estimator.randomness import Stream, generator
-from estimator.report.result import driven_limbs, observed_so_far, touched
 from estimator.store import RunStore
 
 
@@ -121,8 +121,8 @@ def score(
     informative = [item for item in configurations if item.searched]
     limbs, legs = driven_limbs(body), tuple(known.legs.values())
     signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
-    seen = observed_so_far(store)
-    felt = tuple(touched(limb, seen) for limb in driven_limbs(comparison.true_body))
+    seen = store.observations()
+    felt = tuple(touched(limb.sensors, seen) for limb in driven_limbs(comparison.true_body))
     return Score(
         joints=tuple(limb.name for limb in legs),
         true_lengths_m=tuple(limb.limb.length for limb in legs),

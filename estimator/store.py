@@ -185,6 +185,11 @@ class RunStore:
         )
         return [Interaction(**_performed(*row)) for row in rows]
 
+    def observations(self) -> list[Observation]:
+        """The observations so far, in order."""
+        items = self.interactions()
+        return [item.observation for item in items if item.observation is not None]
+
     # --- the search -------------------------------------------------------------------------------
 
     def save(self, generation: Generation, state: Mapping[str, Any]) -> None:

@@ -13,7 +13,7 @@ from estimator.genome import Genome
 from estimator.interrupts import interrupts_deferred
 from estimator.problem import Problem
 from estimator.report.plots import plot_errors, plot_lengths
-from estimator.report.result import Result, observed_so_far, summarise
+from estimator.report.result import Result, summarise
 from estimator.store import RunStore
 
 RESULT: Final = "result.json"
@@ -46,7 +46,7 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) ->
     replace(store.directory / RESULT, lambda path: _text(path, result.model_dump_json(indent=2)))
     replace(
         store.directory / READINGS,
-        lambda path: readings_csv.write(path, joints, observed_so_far(store)),
+        lambda path: readings_csv.write(path, joints, store.observations()),
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace(store.directory / ROBOT, lambda path: _text(path, robot))

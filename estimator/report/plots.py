@@ -12,8 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from estimator.genome import Genome
+from estimator.limbs import driven_limbs
 from estimator.records import Generation
-from estimator.report.result import driven_limbs
 
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 """The paper's arrows: left, forward, right and back leg."""

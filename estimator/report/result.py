@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import platform
 from collections.abc import Sequence
-from importlib import metadata
 from typing import Any
 
 import numpy as np
@@ -14,12 +12,13 @@ from pydantic import BaseModel, ConfigDict
 from estimator.final_population import FinalPopulation
 from estimator.finish import pairs_turned
 from estimator.genome import Genome
-from estimator.limbs import Limb, limbs
-from estimator.morphology import BASE, HINGES, SIDES, Array, Morphology, Part
-from estimator.observation import Observation
+from estimator.limbs import driven_limbs, leg_lengths
+from estimator.morphology import BASE, HINGES, SIDES, Morphology, Part
+from estimator.observation import Observation, touched
 from estimator.problem import Problem
 from estimator.records import Counters, Finish
 from estimator.store import RunStore
+from estimator.versions import versions
 from protocol.capabilities import Capabilities
 
 BEST_MODELS = 10
@@ -162,7 +161,7 @@ class Result(_Record):
 def summarise(store: RunStore, problem: Problem) -> Result:
     """The outcome of a run as far as it has come."""
     settings, capabilities = store.settings, store.capabilities
-    observations = observed_so_far(store)
+    observations = store.observations()
     generations = store.generations()
     counters = generations[-1].counters if generations else Counters()
     genome = Genome(problem, problem.base(capabilities))
@@ -210,44 +209,6 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     )
 
 
-def observed_so_far(store: RunStore) -> list[Observation]:
-    """The observations of a run, in order."""
-    return [item.observation for item in store.interactions() if item.observation is not None]
-
-
-def driven_limbs(body: Morphology) -> tuple[Limb, ...]:
-    """The limbs that motors turn, in motor order."""
-    return tuple(limb for limb in limbs(body) if limb.motor is not None)
-
-
-def leg_lengths(bodies: Sequence[Morphology]) -> Array:
-    """Length of each body's legs, m, shape (bodies, legs)."""
-    return np.array([[limb.length for limb in driven_limbs(body)] for body in bodies])
-
-
-def touched(limb: Limb, observations: Sequence[Observation]) -> bool | None:
-    """Whether a limb touched the ground in some interaction; ``None`` where no sensor said."""
-    bits = [
-        observation.touch[sensor]
-        for observation in observations
-        for sensor in limb.sensors
-        if sensor < len(observation.touch)
-    ]
-    known = [bit for bit in bits if bit is not None]
-    return any(known) if known else None
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything that computes."""
-    found = {"python": platform.python_version()}
-    for name in ("bodyschema", "numpy", "numba", "pybullet"):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
-
-
 def _finish(end: Finish | None) -> FinishFound | None:
     if end is None:
         return None
@@ -274,7 +235,7 @@ def _legs(
             length_m=limb.length,
             spread_m=float(np.std(lengths[:, index])),
             range_m=(float(low[index]), float(high[index])),
-            touched=touched(limb, observations),
+            touched=touched(limb.sensors, observations),
         )
         for index, limb in enumerate(driven_limbs(bodies[0]))
     )

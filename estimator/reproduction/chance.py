@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 
 from estimator.genome import Genome
+from estimator.limbs import leg_lengths
 from estimator.morphology import Array
 from estimator.randomness import Stream, generator
-from estimator.report.result import leg_lengths
 
 MODELS: Final = 5000
 _SEED: Final = 0

@@ -11,12 +11,13 @@ import numpy as np
 from estimator.configurations import Comparison, Truth
 from estimator.final_population import FinalPopulation
 from estimator.genome import Genome
+from estimator.limbs import leg_lengths
 from estimator.morphology import Array, Morphology
 from estimator.observation import Observation
 from estimator.physics.base import Settings
 from estimator.problem import Problem
 from estimator.records import Generation, Interaction, Prediction
-from estimator.report.result import Result, leg_lengths
+from estimator.report.result import Result
 from estimator.reproduction.plan import PlannedRun
 from estimator.reproduction.single_run import TRUTH, documents, is_finished
 from estimator.run import problem_of, world_of

@@ -26,8 +26,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from estimator.errors import RunDirectoryError
 from estimator.locking import lock
 from estimator.report.files import replace
-from estimator.report.result import versions
 from estimator.reproduction.plan import Budget
+from estimator.versions import versions
 
 LEDGER: Final = "reproduction.json"
 _LOCK: Final = "reproduction.lock"

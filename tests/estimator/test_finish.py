@@ -15,7 +15,7 @@ from estimator.genome import Genome
 from estimator.physics.base import Pair, Readings
 from estimator.records import Finish
 from estimator.report.files import write_report
-from estimator.report.result import Result, observed_so_far
+from estimator.report.result import Result
 from tests.estimator.model_robot import make_capabilities, make_problem
 from tests.estimator.test_score import make_run
 
@@ -66,7 +66,7 @@ def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
             genome,
             before.genes,
             before.searched,
-            observations=observed_so_far(store),
+            observations=store.observations(),
             modalities=("touch", "tilt"),
             physics=Sceptic(0.1),
         )

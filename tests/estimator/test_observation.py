@@ -3,7 +3,7 @@ from dataclasses import replace
 import pytest
 from pydantic import ValidationError
 
-from estimator.observation import Observation, by_joint_name
+from estimator.observation import Observation, by_joint_name, touched
 from protocol import messages
 from tests.estimator.model_robot import make_capabilities
 
@@ -53,3 +53,10 @@ def test_json_brings_it_back_exactly() -> None:
 def test_a_reading_that_is_no_number_cannot_exist() -> None:
     with pytest.raises(ValidationError):
         Observation(angles=(0.0,), clearance=float("nan"))
+
+
+def test_whether_a_limb_touched_is_unknown_where_no_sensor_said() -> None:
+    silent = Observation(angles=(0.0,), touch=(True, None))
+    assert touched((1,), [silent]) is None
+    assert touched((1,), [silent, Observation(angles=(0.0,), touch=(True, False))]) is False
+    assert touched((1,), [Observation(angles=(0.0,), touch=())]) is None

@@ -17,6 +17,7 @@ from estimator.listener import Listener
 from estimator.physics.base import Physics, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.records import Generation
+from estimator.report.files import write_report
 from estimator.report.result import Result
 from estimator.run import Order, identify, resume
 from estimator.store import RunStore
@@ -61,7 +62,9 @@ def history(directory: Path) -> list[Generation]:
 def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     folder = tmp_path_factory.mktemp("uninterrupted")
     with serving(ModelRobot()) as uri:
-        result = identify(folder / "run", make_order(folder, uri), here, Witness())
+        result = identify(
+            folder / "run", make_order(folder, uri), here, Witness(), report=write_report
+        )
     return result, folder / "run"
 
 
@@ -86,8 +89,14 @@ def test_an_interrupted_run_resumes_to_the_same_result(
     robot = ModelRobot()
     with serving(robot) as uri:
         with pytest.raises(KeyboardInterrupt):
-            identify(tmp_path / "run", make_order(tmp_path, uri), here, Witness(pieces))
-        result = resume(tmp_path / "run", here, Witness())
+            identify(
+                tmp_path / "run",
+                make_order(tmp_path, uri),
+                here,
+                Witness(pieces),
+                report=write_report,
+            )
+        result = resume(tmp_path / "run", here, Witness(), report=write_report)
     assert outcome(result) == outcome(uninterrupted[0])
     assert len(robot.motions) == 2
 
@@ -96,12 +105,18 @@ def test_a_finished_run_needs_no_robot_to_resume(
     uninterrupted: tuple[Result, Path],
 ) -> None:
     result, directory = uninterrupted
-    assert outcome(resume(directory, here, Witness())) == outcome(result)
+    assert outcome(resume(directory, here, Witness(), report=write_report)) == outcome(result)
 
 
 def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Result, Path]) -> None:
     result, directory = uninterrupted
-    again = identify(tmp_path / "run", make_order(tmp_path, f"replay:{directory}"), here, Witness())
+    again = identify(
+        tmp_path / "run",
+        make_order(tmp_path, f"replay:{directory}"),
+        here,
+        Witness(),
+        report=write_report,
+    )
     assert outcome(again) == outcome(result)
 
 
@@ -110,7 +125,7 @@ def test_its_own_readings_serve_as_readings_by_hand(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"file:{directory}/readings.csv")
-    again = identify(tmp_path / "run", order, here, Witness())
+    again = identify(tmp_path / "run", order, here, Witness(), report=write_report)
     assert again.interactions == 2
     for one, two in zip(again.legs, result.legs, strict=True):
         assert (one.joint, one.touched) == (two.joint, two.touched)
@@ -122,7 +137,7 @@ def test_the_number_of_processes_does_not_show(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"replay:{directory}")
-    again = identify(tmp_path / "run", order, in_processes(2), Witness())
+    again = identify(tmp_path / "run", order, in_processes(2), Witness(), report=write_report)
     assert outcome(again) == outcome(result)
 
 
@@ -159,7 +174,7 @@ def test_killed_while_the_robot_moves_the_outcome_is_fetched(
         kill(process)
         robot.complete()
         robot.manual = False
-        result = resume(tmp_path / "run", here, witness)
+        result = resume(tmp_path / "run", here, witness, report=write_report)
     assert "Interaction 1 was under way; its outcome was still there." in witness.heard
     assert len(robot.motions) == 2
     assert outcome(result) == outcome(uninterrupted[0])
@@ -186,7 +201,7 @@ def test_killed_while_it_models_nothing_is_lost(
             with pytest.raises(subprocess.TimeoutExpired):
                 process.wait(0.02)
         kill(process)
-        result = resume(tmp_path / "run", here, Witness())
+        result = resume(tmp_path / "run", here, Witness(), report=write_report)
     assert outcome(result) == outcome(uninterrupted[0])
     assert len(robot.motions) == 2
     done, reference = history(tmp_path / "run"), history(uninterrupted[1])
@@ -208,7 +223,7 @@ def test_the_daemon_restarts_in_mid_motion(
         assert "the robot's daemon restarted while the motion was under way" in said
         assert f"Go on with: estimator resume {tmp_path / 'run'}" in said
         assert not fresh.motions
-        result = resume(tmp_path / "run", here, witness)
+        result = resume(tmp_path / "run", here, witness, report=write_report)
     assert any("performed anew" in sentence for sentence in witness.heard)
     assert len(fresh.motions) == 2
     assert outcome(result) == outcome(uninterrupted[0])
@@ -219,8 +234,10 @@ def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
     robot.refusals.append(RobotError("not_planar", "It leans."))
     with serving(robot) as uri:
         with pytest.raises(InteractionError, match="back on its belly"):
-            identify(tmp_path / "run", make_order(tmp_path, uri), here, Witness())
-        result = resume(tmp_path / "run", here, Witness())
+            identify(
+                tmp_path / "run", make_order(tmp_path, uri), here, Witness(), report=write_report
+            )
+        result = resume(tmp_path / "run", here, Witness(), report=write_report)
     assert result.complete
     assert len(robot.motions) == 3
 
@@ -236,7 +253,7 @@ def test_nothing_is_left_behind_where_no_robot_answers(
         pass
     order = make_order(tmp_path, uri)
     with pytest.raises(RobotUnreachableError, match="no robot daemon runs"):
-        identify(tmp_path / "run", order, here, Witness())
+        identify(tmp_path / "run", order, here, Witness(), report=write_report)
     assert not (tmp_path / "run").exists()
 
 
@@ -264,19 +281,19 @@ def test_what_cannot_be_done_is_refused_with_a_sentence(
 ) -> None:
     order = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), **changes)
     with pytest.raises(kind, match=sentence):
-        identify(tmp_path / "run", order, in_processes(1), Witness())
+        identify(tmp_path / "run", order, in_processes(1), Witness(), report=write_report)
     assert not (tmp_path / "run").exists()
 
 
 def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:
     robot = ModelRobot()
     with serving(robot) as uri, pytest.raises(KeyboardInterrupt):
-        identify(tmp_path / "run", make_order(tmp_path, uri), here, Witness(1))
+        identify(tmp_path / "run", make_order(tmp_path, uri), here, Witness(1), report=write_report)
     other = ModelRobot()
     object.__setattr__(other.capabilities, "base_mass", 9.0)
     with (
         serving(other) as uri,
         pytest.raises(InteractionError, match="other joints, sensors or another main body"),
     ):
-        resume(tmp_path / "run", here, Witness(), robot=uri)
+        resume(tmp_path / "run", here, Witness(), report=write_report, robot=uri)
     assert not other.motions

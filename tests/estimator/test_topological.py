@@ -17,6 +17,7 @@ from estimator.physics.base import Physics, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem import Problem
 from estimator.problem_template import Inventory
+from estimator.report.files import write_report
 from estimator.run import Order, identify
 from protocol.capabilities import Capabilities
 from tests.estimator.model_robot import make_capabilities
@@ -242,7 +243,7 @@ def test_readings_by_hand_of_a_robot_with_three_legs(tmp_path: Path) -> None:
         population=4,
         generations=1,
     )
-    result = identify(tmp_path / "run", order, here, Listener())
+    result = identify(tmp_path / "run", order, here, Listener(), report=write_report)
     assert result.complete
     assert result.interactions == 2
     assert [part.joint for part in result.best_models[0].parts] == ["a", "b", "c"]

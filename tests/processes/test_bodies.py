@@ -12,6 +12,7 @@ from estimator.listener import Listener
 from estimator.physics.base import Physics, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
+from estimator.report.files import write_report
 from estimator.run import Order, identify, problem_of, reconnect
 from estimator.score import Score, score
 from estimator.store import RunStore
@@ -30,7 +31,7 @@ def whole_path(folder: Path, body: str, problem: str) -> Score:
         order = Order(
             robot=robot.uri, problem=problem, seed=7, interactions=2, population=4, generations=1
         )
-        result = identify(folder / "run", order, here, Listener())
+        result = identify(folder / "run", order, here, Listener(), report=write_report)
         assert result.complete
         assert len(result.best_models[0].leg_lengths_m) == len(result.legs)
         with RunStore.open(folder / "run") as store:

@@ -3,10 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from estimator.limbs import Limb
 from estimator.observation import Observation
 from estimator.report.files import write_report
-from estimator.report.result import Result, summarise, touched
+from estimator.report.result import Result, summarise
 from tests.estimator.model_robot import JOINTS
 from tests.estimator.test_score import make_run
 
@@ -95,11 +94,3 @@ def test_robot_and_readings_stand_beside_the_result(tmp_path: Path) -> None:
     robot = json.loads((store.directory / "robot.json").read_text())
     assert robot["base_mass"] == 0.3
     assert not list(store.directory.rglob(".*"))  # no half-written files
-
-
-def test_whether_a_limb_touched_is_unknown_where_no_sensor_said() -> None:
-    limb = Limb(motor=0, parent=-1, side=0, hinge=2, length=0.1, sensors=(1,))
-    silent = Observation(angles=(0.0,), touch=(True, None))
-    assert touched(limb, [silent]) is None
-    assert touched(limb, [silent, Observation(angles=(0.0,), touch=(True, False))]) is False
-    assert touched(limb, [Observation(angles=(0.0,), touch=())]) is None
