@@ -29,6 +29,9 @@ MAX_NESTING: Final = 16
 MAX_LENGTH: Final = 1024
 """Most items of one array or map: keeps what a hostile header can make us allocate small."""
 
+MAX_VALUES: Final = 2048
+"""Most items of all arrays and maps of a frame together: keeps what decoding costs small."""
+
 _WORDLESS: Final = {
     "FormatError": "it holds an invalid byte",
     "StackError": "it is nested too deeply",
@@ -44,6 +47,8 @@ def encode(found: Mapping[str, Any]) -> bytes:
     flaw = _flaw(found, 1)
     if flaw is not None:
         raise LocalProtocolError(f"A message cannot hold {flaw}.")
+    if _values(found) > MAX_VALUES:
+        raise LocalProtocolError(f"A message cannot hold more than {MAX_VALUES} values.")
     try:
         frame: bytes = msgpack.packb(dict(found), use_bin_type=True)
     except (ValueError, TypeError) as error:
@@ -66,12 +71,14 @@ def decode(frame: bytes) -> dict[str, Any]:
         raise RemoteProtocolError(
             f"The frame has {len(frame)} bytes; at most {MAX_FRAME} are allowed.", code="too_large"
         )
+    count = _Count()
     try:
         found = msgpack.unpackb(
             frame,
             raw=False,
             strict_map_key=True,
-            object_pairs_hook=_map_of,
+            list_hook=count.array,
+            object_pairs_hook=count.map,
             ext_hook=_refuse_extension,
             max_array_len=MAX_LENGTH,
             max_map_len=MAX_LENGTH,
@@ -95,6 +102,29 @@ def request_id_of(found: Mapping[str, Any]) -> int | None:
     if isinstance(value, bool) or not isinstance(value, int):
         return None
     return value if 0 <= value <= MAX_INTEGER else None
+
+
+class _Count:
+    """Counts values while a frame is decoded, and gives up at the first too many.
+
+    An empty array or map counts as one: a frame may hold 65,000 of them.
+    """
+
+    def __init__(self) -> None:
+        self._left = MAX_VALUES
+
+    def array(self, found: list[Any]) -> list[Any]:
+        self._take(len(found))
+        return found
+
+    def map(self, pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
+        self._take(len(pairs))
+        return _map_of(pairs)
+
+    def _take(self, items: int) -> None:
+        self._left -= items or 1
+        if self._left < 0:
+            raise RemoteProtocolError(f"The frame holds more than {MAX_VALUES} values.")
 
 
 def _map_of(pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
@@ -136,8 +166,20 @@ def _flaw(value: Any, depth: int) -> str | None:  # noqa: PLR0911 - one line per
     return next((flaw for item in children if (flaw := _flaw(item, depth + 1))), None)
 
 
+def _values(value: Any) -> int:
+    """Items of all arrays and maps in a value, as ``_Count`` counts them."""
+    if not isinstance(value, Mapping | list | tuple):
+        return 0
+    children = value.values() if isinstance(value, Mapping) else value
+    return (len(value) or 1) + sum(map(_values, children))
+
+
 def _is_unicode(value: str) -> bool:
-    return not any("\ud800" <= character <= "\udfff" for character in value)
+    try:
+        value.encode()
+    except UnicodeEncodeError:  # half of a surrogate pair
+        return False
+    return True
 
 
 def _kind(value: Any) -> str:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import random
+import time
 from typing import Any
 
 import msgpack
@@ -9,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_NESTING, decode, encode
+from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_NESTING, MAX_VALUES, decode, encode
 from protocol.errors import LocalProtocolError, RemoteProtocolError
 
 scalars = (
@@ -113,6 +114,39 @@ def test_lengths_are_bounded_both_ways() -> None:
         encode({"a": [0] * (MAX_LENGTH + 1)})
     with pytest.raises(RemoteProtocolError, match="1024"):
         decode(msgpack.packb({"a": [0] * (MAX_LENGTH + 1)}))
+
+
+def test_values_are_bounded_both_ways() -> None:
+    def filled(empty: int) -> dict[str, Any]:
+        """1 key, 3 rows, 2000 numbers, and arrays that count twice: as item, and as empty."""
+        return {"a": [[0] * 1000, [0] * 1000, [[]] * empty]}
+
+    most = (MAX_VALUES - 2004) // 2
+    assert decode(encode(filled(most))) == filled(most)
+    with pytest.raises(LocalProtocolError, match=f"{MAX_VALUES} values"):
+        encode(filled(most + 1))
+    with pytest.raises(RemoteProtocolError, match=f"{MAX_VALUES} values"):
+        decode(msgpack.packb(filled(most + 1)))
+
+
+ROW = b"\xdc\x03\xf8"  # an array of 1016 items
+
+
+@pytest.mark.parametrize(
+    "items",
+    [b"\x80" * 1016, b"\x90" * 1016, b"\xc0" * 1016, b"\xa0" * 1016],
+    ids=["maps", "arrays", "nils", "strings"],
+)
+def test_a_full_frame_of_small_values_costs_little(items: bytes) -> None:
+    frame = b"\x81\xa1a" + b"\xdc\x00\x40" + 64 * (ROW + items)
+    assert MAX_FRAME - 1024 < len(frame) <= MAX_FRAME
+    spent = []
+    for _ in range(5):
+        begun = time.thread_time()
+        with pytest.raises(RemoteProtocolError, match="values"):
+            decode(frame)
+        spent.append(time.thread_time() - begun)
+    assert min(spent) < 0.005
 
 
 def test_headers_that_claim_too_much_cost_nothing() -> None:
