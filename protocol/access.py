@@ -8,14 +8,19 @@ moment. A list that cannot be read any more lets nobody do anything but stop the
 from __future__ import annotations
 
 import logging
+import math
+import time
 from collections.abc import Mapping
+from typing import Final
 
 from protocol.errors import KeysError, RobotError
 from protocol.keys import ROBOT, KeyDirectory, Known
-from protocol.messages import Request, Stop
+from protocol.messages import Heartbeat, Hello, Request, Stop
 from protocol.roles import MAY, Role
 
-_MEND = "Ask the robot's owner to mend it."
+_MEND: Final = "Ask the robot's owner to mend it."
+_STOPPING: Final = (Hello, Heartbeat, Stop)  # what it takes to stop the robot with our client
+_AGAIN: Final = 0.5  # s between two looks at a list that cannot be read
 
 
 class Access:
@@ -39,6 +44,7 @@ class Access:
         self._listed = bool(self._stamp)  # an editor may move the list away for a moment
         self._known = self._read()
         self._flaw: str | None = None
+        self._look_at = math.inf  # monotonic, s; finite while there is a flaw
         self.version = 0
         if not self._known:
             log.warning("no client is known in %s: nobody can connect", keys.path)
@@ -46,7 +52,7 @@ class Access:
     def refresh(self) -> int:
         """Reads the list again if it has changed; returns ``version``."""
         stamp = self._keys.stamp()
-        if stamp == self._stamp and self._flaw is None:
+        if stamp == self._stamp and time.monotonic() < self._look_at:
             return self.version
         self._stamp = stamp
         try:
@@ -56,12 +62,14 @@ class Access:
                 self._log.error("%s Until it is mended, clients may only stop the robot.", error)
                 self.version += 1
             self._flaw = str(error)
+            self._look_at = time.monotonic() + _AGAIN
             return self.version
         if known != self._known or self._flaw is not None:
             names = ", ".join(f"{person.name} ({person.role})" for person in known.values())
             self._log.info("the list of clients has changed: %s", names or "nobody")
             self.version += 1
         self._known, self._flaw, self._listed = known, None, bool(stamp)
+        self._look_at = math.inf
         return self.version
 
     def admits(self, key: str) -> bool:
@@ -90,7 +98,7 @@ class Access:
         found = self._known.get(user or "")
         if found is None:
             raise RobotError("unauthorised", "The robot does not know this key (any more).")
-        if self._flaw is not None and not isinstance(request, Stop):
+        if self._flaw is not None and not isinstance(request, _STOPPING):
             raise RobotError(
                 "unauthorised", "The robot cannot read its list of clients.", advice=_MEND
             )

@@ -18,7 +18,6 @@ import os
 import re
 import secrets
 import struct
-import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -29,6 +28,7 @@ import zmq
 from zmq.utils import z85
 
 from protocol.errors import KeysError
+from protocol.key_files import check_private, read_toml
 from protocol.roles import Role
 
 ROBOT: Final = "robot"
@@ -75,11 +75,18 @@ class Known:
 class KeyDirectory:
     """A key directory; nothing is read before it is asked for.
 
-    All methods raise ``KeysError`` where a file is missing, wrong, or open to others.
+    All methods raise ``KeysError`` where a file is missing, wrong, another user's, or open to
+    others.
+
+    Args:
+        path: The directory.
+        tended: Root looks after the directory of another user, as ``robotd keys`` may; otherwise
+            it has to belong to whoever uses it, or to root.
     """
 
-    def __init__(self, path: str | os.PathLike[str]):
+    def __init__(self, path: str | os.PathLike[str], *, tended: bool = False):
         self.path = Path(path).expanduser()
+        self._tended = tended
 
     def create(self, name: str) -> Path:
         """Makes this computer's pair of keys.
@@ -110,8 +117,9 @@ class KeyDirectory:
     def pair(self) -> KeyPair:
         """This computer's own keys."""
         place = self._file(_SECRET)
-        found = _read(place, advice=f"make it with: robotd keys new --keys {self.path}")
-        _check_closed(place, 0o077, "read", advice=f"chmod 600 {place}")
+        found = self._read(
+            place, closed=0o077, advice=f"make it with: robotd keys new --keys {self.path}"
+        )
         pair = KeyPair(*(_key_of(found, name, place) for name in KeyPair._fields))
         if zmq.curve_public(pair.secret.encode()) != pair.public.encode():
             raise KeysError(f"{place}: the two keys do not belong together.")
@@ -122,8 +130,7 @@ class KeyDirectory:
         place = self._file(_KNOWN)
         if not must_exist and not place.exists():
             return ()
-        found = _read(place)
-        _check_closed(place, 0o022, "change", advice=f"chmod 600 {place}")
+        found = self._read(place, closed=0o022)
         people = tuple(_known_of(name, entry, place) for name, entry in found.items())
         if len({person.public for person in people}) != len(people):
             raise KeysError(f"{place}: two names have the same key; remove one of them.")
@@ -172,15 +179,33 @@ class KeyDirectory:
     def stamp(self) -> tuple[int, ...]:
         """Changes whenever the list of the known does; cheap, raises nothing."""
         try:
-            found = os.stat(self._file(_KNOWN))
+            found, around = os.stat(self._file(_KNOWN)), os.stat(self.path)
         except OSError:
             return ()
-        return found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size
+        changes = found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size
+        return *changes, around.st_mode, around.st_uid
 
     # --- files ------------------------------------------------------------------------------------
 
     def _file(self, name: str) -> Path:
         return self.path / name
+
+    def _read(self, place: Path, *, closed: int, advice: str = "") -> dict[str, Any]:
+        """A file of this directory, once nobody else can have changed either."""
+        try:
+            around = os.stat(self.path)
+        except OSError:
+            return read_toml(place, advice=advice)  # which says what is missing
+        owners = self._check_directory(around)
+        return read_toml(place, owners=owners, closed=closed, advice=advice)
+
+    def _check_directory(self, state: os.stat_result) -> frozenset[int]:
+        """The users whose files are believed here."""
+        owners = frozenset({os.geteuid(), 0})
+        if self._tended and os.geteuid() == 0:
+            owners |= {state.st_uid}
+        check_private(self.path, state, owners=owners, closed=0o022)
+        return owners
 
     def _write_known(self, people: tuple[Known, ...]) -> None:
         entries = (
@@ -197,6 +222,7 @@ class KeyDirectory:
         except OSError as error:
             raise KeysError(f"{self.path} cannot be opened: {error.strerror}.") from None
         try:
+            self._check_directory(os.fstat(handle))
             fcntl.flock(handle, fcntl.LOCK_EX)
             yield
         finally:
@@ -231,7 +257,7 @@ def read_public(place: Path) -> tuple[str, str]:
     Raises:
         KeysError: It is no such file.
     """
-    found = _read(place)
+    found = read_toml(place)
     name = found.get("name")
     if not isinstance(name, str):
         raise KeysError(f"{place}: 'name' is missing; is it the .public file of `robotd keys new`?")
@@ -258,30 +284,6 @@ def check_key(key: str, what: str) -> None:
 def _lines(**entries: str) -> str:
     # Neither Z85 nor a name holds a quotation mark or a backslash.
     return "".join(f'{key} = "{value}"\n' for key, value in entries.items())
-
-
-def _read(place: Path, *, advice: str = "") -> dict[str, Any]:
-    try:
-        text = place.read_bytes().decode()
-        if not text:  # an editor is about to write it
-            raise KeysError(f"{place} is empty.")
-        return tomllib.loads(text)
-    except FileNotFoundError:
-        ending = f": {advice}" if advice else "."
-        raise KeysError(f"{place} does not exist{ending}") from None
-    except OSError as error:
-        raise KeysError(f"{place} cannot be read: {error.strerror}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise KeysError(f"{place} is no TOML: {error}.") from None
-
-
-def _check_closed(place: Path, bits: int, what: str, *, advice: str) -> None:
-    try:
-        mode = os.stat(place).st_mode
-    except OSError as error:  # it was there a moment ago
-        raise KeysError(f"{place} cannot be read: {error.strerror}.") from None
-    if mode & bits:
-        raise KeysError(f"Others can {what} {place}: say {advice}")
 
 
 def _key_of(found: Mapping[str, Any], name: str, place: Path) -> str:

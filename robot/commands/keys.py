@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Carries out one action."""
-    keys = KeyDirectory(options.keys)
+    keys = KeyDirectory(options.keys, tended=True)
     {"new": _new, "add": _add, "list": _list, "remove": _remove}[options.action](keys, options)
     return 0
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import stat
 import subprocess
 import sys
-import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import pytest
 import zmq
@@ -113,41 +112,43 @@ def test_an_unknown_role(keys: KeyDirectory) -> None:
         keys.add(person("ann", "king"))
 
 
-def test_a_list_that_is_written_while_it_is_read(
-    keys: KeyDirectory, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """An editor empties the file first, and fills it after it was read."""
-    keys.add(person("ann"))
+def test_a_list_that_is_no_file_is_not_waited_for(keys: KeyDirectory) -> None:
     place = keys.path / "known.toml"
-    good = place.read_bytes()
-    place.write_bytes(b"")
-    read = Path.read_bytes
-
-    def just_before_it_is_filled(path: Path) -> bytes:
-        found = read(path)
-        place.write_bytes(good)
-        return found
-
-    monkeypatch.setattr(Path, "read_bytes", just_before_it_is_filled)
-    with pytest.raises(KeysError, match="is empty"):
+    os.mkfifo(place, 0o600)
+    with pytest.raises(KeysError, match=r"known\.toml is no regular file"):
         keys.known()
-    assert keys.known()[0].name == "ann"
+    place.unlink()
+    place.mkdir()
+    with pytest.raises(KeysError, match=r"known\.toml cannot be read: Is a directory"):
+        keys.known()
 
 
-def test_a_list_that_goes_away_while_it_is_read(
-    keys: KeyDirectory, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_directory_that_others_can_change(keys: KeyDirectory) -> None:
     keys.add(person("ann"))
-    place = keys.path / "known.toml"
-    parse = tomllib.loads
+    for open_to in (0o777, 0o770, 0o702):
+        keys.path.chmod(open_to)
+        for action in (keys.pair, keys.known, lambda: keys.add(person("bob"))):
+            with pytest.raises(KeysError, match=r"Others can change .*keys: say chmod 700"):
+                action()
+    keys.path.chmod(0o755)  # what is secret has a mode of its own
+    assert keys.pair()
 
-    def slowly(text: str) -> dict[str, Any]:
-        place.unlink()
-        return parse(text)
 
-    monkeypatch.setattr("protocol.keys.tomllib.loads", slowly)
-    with pytest.raises(KeysError, match="cannot be read: No such file"):
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_what_belongs_to_somebody_else(keys: KeyDirectory) -> None:
+    keys.add(person("ann"))
+    for name in ("secret.toml", "known.toml"):
+        os.chown(keys.path / name, 12_345, -1)
+    for action in (keys.pair, keys.known):
+        with pytest.raises(KeysError, match=r"toml belongs to user 12345, .* say chown 0 "):
+            action()
+    os.chown(keys.path, 12_345, -1)
+    with pytest.raises(KeysError, match="keys belongs to user 12345, "):
         keys.known()
+    tended = KeyDirectory(keys.path, tended=True)  # as root does, with robotd keys
+    tended.add(person("bob"))
+    assert [known.name for known in tended.known()] == ["ann", "bob"]
+    assert tended.pair()
 
 
 @pytest.mark.parametrize(
@@ -156,6 +157,11 @@ def test_a_list_that_goes_away_while_it_is_read(
         ("", "is empty"),
         ("[ann", "is no TOML"),
         ("\udcff", "is no TOML"),
+        ("a = " + "[\n" * 5000, "is no TOML: it is nested too deeply"),
+        ("a = " + "[" * 5000, "has a line of more than 1024 bytes"),
+        ("a" + ".a" * 30_000 + " = 1", "has a line of more than 1024 bytes"),
+        ("a = 1" + "0" * 1000, r"\[a\] must be a table"),
+        ("# long\n" * 10_000, "has more than 65536 bytes"),
         ("ann = 1", r"\[ann\] must be a table"),
         ('[ann]\npublic = "x"\nrole = "viewer"', r"'public' is no key"),
         ('[ann]\nrole = "viewer"', "'public' is missing"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -261,6 +262,25 @@ def test_a_list_that_cannot_be_read_lets_nobody_do_more_than_stop(
         put(place, good)
         client.acquire()
         assert client.clear().state == "holding"
+
+
+@pytest.mark.parametrize("spoilt", ["[ann", "a = " + "[\n" * 5000, None], ids=str)
+def test_who_is_known_can_stop_while_the_list_is_broken(
+    serve: Serve, robot: FakeRobot, keyring: Keyring, spoilt: str | None
+) -> None:
+    """With a client of the library, which says hello first."""
+    bob = keyring.client("bob", "viewer")
+    server = serve(robot, keys=keyring.robot)
+    place = keyring.robot / "known.toml"
+    if spoilt is None:
+        place.unlink()
+        os.mkfifo(place, 0o600)
+    else:
+        put(place, spoilt)
+    with RobotClient(server.endpoint, keys=bob) as viewer:
+        assert viewer.status().state == "idle"
+        assert refusal(viewer.read) == "The robot cannot read its list of clients."
+        assert viewer.stop().state == "stopped"
 
 
 def test_a_list_that_is_gone_for_a_moment_ends_no_session(
