@@ -26,7 +26,9 @@ class Submit:
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """Tell the robot that nobody steers any more."""
+    """Tell the robot that nobody steers any more; ``reason`` says why, in a sentence."""
+
+    reason: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -165,7 +165,9 @@ class ServerCore:
         holder = self._lease.holder or ""
         for lapse in self._lease.lapse(now):
             if lapse is Lapse.SILENT:
-                actions.append(Silence())
+                actions.append(
+                    Silence("The controller was silent for too long; the robot holds its pose.")
+                )
             else:
                 reason = f"{self._clients.name_of(holder)} was silent for {EXPIRY:g} s"
                 actions.append(ControllerChanged(None, reason))
@@ -182,7 +184,9 @@ class ServerCore:
             role = role_of(client.user)
             if client.name == self._lease.holder and role is not Role.CONTROLLER:
                 reason = f"the key of {self._clients.name_of(client.name)} may no longer control it"
-                actions += self._let_go(reason)
+                actions += self._let_go(
+                    reason, "The controller's key may no longer control the robot"
+                )
             if role is None:
                 self._clients.forget(client)
         return actions
@@ -327,12 +331,13 @@ class ServerCore:
     def _release(self, outcome: Outcome) -> list[Action]:
         assert outcome.request is not None
         reason = f"{self._clients.name_of(outcome.request.client)} released it"
-        return [*self._let_go(reason), *_end(outcome, self._ok(outcome))]
+        released = self._let_go(reason, "The controller released the robot in mid-motion")
+        return [*released, *_end(outcome, self._ok(outcome))]
 
-    def _let_go(self, reason: str) -> list[Action]:
+    def _let_go(self, reason: str, cause: str) -> list[Action]:
         moving = any(isinstance(other.request, Perform) for other in self._in_flight.values())
         self._lease.free()
-        unsteered: list[Action] = [Silence()] if moving else []
+        unsteered: list[Action] = [Silence(f"{cause}; it holds its pose.")] if moving else []
         return [*unsteered, ControllerChanged(None, reason)]
 
     def _ok(self, outcome: Outcome) -> Ok:

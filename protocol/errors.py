@@ -167,13 +167,18 @@ ERROR_CODES: Final = MappingProxyType(
         "not_settled": _kind(
             True, "The robot did not come to rest in time.", "Retry, or take away what shakes it."
         ),
-        "aborted_stop": _kind(False, "A stop ended the motion.", "Clear, then send a new request."),
+        "aborted_stop": _kind(
+            False, "A stop ended the request.", "Clear, then send a new request."
+        ),
         "aborted_hold": _kind(True, "A hold ended the motion.", "Send a new request."),
         "aborted_relax": _kind(False, "A relax ended the motion.", "Hold, then a new request."),
         "aborted_silent": _kind(
             True,
-            "The controller fell silent and the robot holds its pose.",
-            "Keep heartbeats flowing, then send a new request.",
+            "The controller fell silent or let go; the robot holds its pose.",
+            "Keep control and heartbeats, then send a new request.",
+        ),
+        "aborted_read": _kind(
+            True, "A command of the controller ended the read.", "Send a new read."
         ),
         "stale": _kind(True, "A sensor has no fresh value.", "Retry; check the sensor."),
         "shutting_down": _kind(True, "The daemon is parking and exits.", "Wait for its restart."),

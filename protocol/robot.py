@@ -86,11 +86,14 @@ class Robot(Protocol):
         """
         ...
 
-    def silence(self) -> None:
+    def silence(self, reason: str) -> None:
         """Nobody steers any more: the controller fell silent or let go in mid-motion.
 
-        Hold the present pose, end a ``Perform`` with ``aborted_silent``, say so in ``reason``.
-        Called once per silence, whatever the state.
+        Hold the present pose, end a ``Perform`` with ``aborted_silent``. Called once per silence,
+        whatever the state.
+
+        Args:
+            reason: What happened, a sentence: for the error, and for ``reason`` in the snapshot.
         """
         ...
 

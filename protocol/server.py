@@ -235,7 +235,7 @@ class Server(Closing):
                 self._submit(action)
             elif isinstance(action, Silence):
                 self._log.warning("nobody steers any more: the robot holds")
-                self._robot.silence()
+                self._robot.silence(action.reason)
             elif isinstance(action, ControllerChanged):
                 self._log.info("control: %s", action.reason)
                 self._robot.controller_changed(action.client)

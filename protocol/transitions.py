@@ -3,7 +3,7 @@
 Theory of operation: the robot is always in exactly one state. *Events* are either requests of a
 client or things that happen to the robot. A pair (state, event) that is absent from
 ``TRANSITIONS`` is not allowed: a request is then refused with the code that ``REFUSALS`` gives for
-the state; an internal event there is a bug and raises ``KeyError``. Everything that affects the
+the state; an internal event there changes nothing. Everything that affects the
 state lives in this table; ``SPEC.md`` prints it and the tests hold the two together.
 """
 

@@ -2,9 +2,10 @@
 
 The server's thread calls ``submit``, ``silence`` and ``snapshot``, which never wait for a device;
 the control thread takes jobs from a queue and reports through ``events``. What a request may do in
-which state is ``protocol.transitions.TRANSITIONS``. Requests that end a motion (hold, relax, stop)
-and the controller's silence leave an *interrupt*, which the motion meets before its next serial
-line.
+which state is ``protocol.transitions.TRANSITIONS``, and what it ends ``robot.jobs.ENDS``: what
+waits ends at once, what is under way is given an *interrupt*, which it meets before its next line,
+query or sample. A request is judged by the state to which the accepted ones lead; a ``snapshot``
+shows the state that the devices have reached.
 
 A fault ends all that waits in the queue, too: after it the robot does nothing until a ``clear`` has
 found every device in order. Until then, and when it has not, the state remains ``fault``.
@@ -13,7 +14,6 @@ found every device in order. Until then, and when it has not, the state remains 
 from __future__ import annotations
 
 import logging
-import queue
 import threading
 import time
 from collections import deque
@@ -23,17 +23,19 @@ from functools import partial
 
 from protocol.capabilities import Capabilities
 from protocol.errors import RobotError
-from protocol.messages import Observation, Ok, Perform, Read
+from protocol.messages import Ok, Perform
 from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.states import State
 from protocol.transitions import REFUSALS, TRANSITIONS, Event
 from robot.errors import DeviceError
-from robot.interaction import Aborted, Interaction, Outcome
-from robot.jobs import INTERRUPTS, NEWS, SENTENCES, STOPPED, Job, ended_by
+from robot.interaction import Interaction, Outcome
+from robot.job_queue import JobQueue
+from robot.jobs import ENDS, LEAVING, NEWS, STOPPED, Job, ended_by
 from robot.notify import ServiceManager
 
 _RARELY = 86_400.0  # s; a wait that needs no end
 PROGRESS_PERIOD = 0.1  # s of robot time between progress messages of one phase
+_SLEWS = ("homing", "moving")  # the phases in which the joints move
 
 
 class Controller:
@@ -62,15 +64,13 @@ class Controller:
         self._housekeeping = housekeeping
         self._log = log
         self._manager = manager or ServiceManager({})
-        self._lock = threading.Lock()
+        self._lock = threading.Condition()  # notified when there is work, or no more to come
         self._state = State.RELAXED if interaction.limp else State.IDLE
         self._reason: str | None = None
-        self._motion: Job | None = None  # the last motion that was accepted and has not ended
-        self._faults = 0
-        self._stops = 0
         self._leaving = False
+        self._ended = False
         self._sequence = 0
-        self._jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
+        self._jobs = JobQueue()
         self._events: deque[RobotEvent] = deque()
         self._notify: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
@@ -87,51 +87,29 @@ class Controller:
         Raises:
             RobotError: The request is refused.
         """
-        event = Event(request.TYPE)
+        job = Job(ticket, request)
         with self._lock:
-            if self._leaving:
-                self._submit_late(ticket, request)
+            if self._leaving and job.event is not Event.STOP:
+                raise ended_by("shutting_down")
+            state = self._jobs.leads_to(self._state)
+            if (state, job.event) not in TRANSITIONS:
+                raise self._refusal(state, job.event)
+            self._end({event: ended_by(code) for event, code in ENDS[job.event].items()})
+            if not self._ended:
+                self._jobs.put(job)
+                self._lock.notify()
                 return
-            before = self._state
-            following = TRANSITIONS.get((self._state, event))
-            if following is None:
-                raise self._refusal(event)
-            job = Job(ticket, request, before, self._faults, self._stops)
-            if event is Event.PERFORM:
-                self._motion = job
-            elif self._motion is not None and event in INTERRUPTS:
-                self._motion.interrupt = INTERRUPTS[event]
-            if job.clears(State.FAULT):
-                following = before  # until the devices are found in order
-            elif event is Event.STOP:
-                self._reason = self._reason or STOPPED
-                self._stops += 1
-            elif event in (Event.CLEAR, Event.PERFORM):
-                self._reason = None
-            self._state = following
-            self._jobs.put(job)
-        if following is not before:
-            self._tell_news(request)
-
-    def _submit_late(self, ticket: int, request: RobotRequest) -> None:
-        """While the robot parks: only a stop is for it, and ends that motion, too."""
-        if request.TYPE != Event.STOP:
-            raise ended_by("shutting_down")
-        self._state = TRANSITIONS[self._state, Event.STOP]
-        self._reason = STOPPED
-        self._tell_news(request)
-        # Answered here: the control thread takes no more jobs, or has ended.
-        reply = Ok(id=request.id, state=self._state)
-        self._emit(Finished(ticket=ticket, reply=reply))
+        self._carry_out(job)  # a stop, and nothing moves any more
 
     def controller_changed(self, client: str | None) -> None:
         """The next zero pose is the new controller's reference for lying flat."""
         del client
         self._interaction.forget_flat()
 
-    def silence(self) -> None:
-        """The controller fell silent: a motion ends, and the robot holds."""
-        self._end_motion("aborted_silent")
+    def silence(self, reason: str) -> None:
+        """Nobody steers any more: a motion ends, and the robot holds."""
+        with self._lock:
+            self._end({Event.PERFORM: RobotError("aborted_silent", reason)})
 
     def snapshot(self) -> Snapshot:
         """What the robot is doing at this moment."""
@@ -168,17 +146,24 @@ class Controller:
         """
         with self._lock:
             self._leaving = True
-        self._end_motion("shutting_down")
-        self._jobs.put(None)
+            self._end({event: ended_by(code) for event, code in LEAVING.items()})
+            self._lock.notify()
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
     # --- the control thread -----------------------------------------------------------------------
 
     def _run(self) -> None:
+        self._work()
+        self._guarded(self._park)
+        while not self._ended:
+            self._work()  # a stop that came meanwhile
+            with self._lock:
+                self._ended = not self._jobs
+
+    def _work(self) -> None:
         while (job := self._next_job()) is not None:
             self._guarded(partial(self._carry_out, job), job)
-        self._guarded(self._park)
 
     def _next_job(self) -> Job | None:
         """Waits for work; meanwhile looks after the board and shows that the loop turns."""
@@ -186,8 +171,11 @@ class Controller:
         while True:
             self._manager.alive()
             patience = min(due - time.monotonic(), self._manager.period or _RARELY)
-            with suppress(queue.Empty):
-                return self._jobs.get(timeout=max(patience, 0.0))
+            with self._lock:
+                if not (self._jobs or self._leaving):
+                    self._lock.wait(max(patience, 0.0))
+                if self._jobs or self._leaving:
+                    return self._jobs.take()
             if self._housekeeping is not None and time.monotonic() >= due:
                 self._guarded(self._check_board)
                 due = time.monotonic() + self._housekeeping
@@ -202,66 +190,75 @@ class Controller:
             self._fail(f"internal error: {error!r}", job)
 
     def _carry_out(self, job: Job) -> None:
-        request = job.request
-        with self._lock:
-            overtaken = job.faults != self._faults and request.TYPE != Event.STOP
-            sentence = f"The robot went down before this was done: {self._reason}"
-            too_late = self._leaving and isinstance(request, Perform | Read)
-            stopped = job.stops != self._stops
-        if overtaken:
-            self._finish(job, job.error(RobotError("fault", sentence)))
-        elif too_late:
-            self._finish(job, job.error(ended_by("shutting_down")))
-        elif isinstance(request, Perform):
-            self._finish(job, self._perform(job, request.targets))
-        elif request.TYPE == Event.READ:
-            self._finish(job, self._read(job))
+        if job.event in (Event.PERFORM, Event.READ):
+            self._finish(job, self._measure(job))
+            return
+        before = self._state
+        try:
+            self._command(job.event, partial(self._check, job))
+        except RobotError:
+            event = Event.DONE  # and its interrupt tells why
         else:
-            if request.TYPE == Event.RELAX:
-                self._interaction.relax()
-            elif job.clears(State.FAULT):
-                self._recover(job)
-            elif not stopped and (request.TYPE == Event.HOLD or job.clears(State.STOPPED)):
-                self._interaction.hold()  # also when it was limp: that must not move after a stop
-            self._finish(job, Ok(id=request.id, state=self.snapshot().state))
-
-    def _perform(self, job: Job, targets: Mapping[str, float]) -> FinalReply:
-        def report(phase: str, fraction: float) -> None:
-            wanted = Event.ARRIVED if phase in ("settling", "sampling") else Event.DEPARTED
-            with self._lock:
-                if job.interrupt is not None:
-                    raise Aborted(job.interrupt)
-                self._state = TRANSITIONS.get((self._state, wanted), self._state)
-            self._progress(job, phase, fraction)
-
-        outcome: Outcome | RobotError
-        try:
-            outcome = self._interaction.perform(targets, report)
-        except Aborted as error:
-            outcome = ended_by(error.code)
-        except RobotError as error:
-            outcome = error
+            event = job.event
         with self._lock:
-            if job.interrupt is not None:  # maybe since the last report
-                outcome = ended_by(job.interrupt)
-            if self._motion is job:
-                self._motion = None
-                self._state = TRANSITIONS.get((self._state, Event.DONE), self._state)
-        if isinstance(outcome, RobotError):
-            return job.error(outcome)
-        return self._observation(job, outcome)
+            self._enter(event)
+            if event in (Event.HOLD, Event.RELAX, Event.CLEAR):
+                self._reason = None
+            elif event is Event.STOP and self._state is State.STOPPED:
+                self._reason = STOPPED
+            state = self._state
+            self._jobs.under_way = None
+        if state is not before and event in NEWS:
+            level, sentence = NEWS[event]
+            self._announce(level, sentence.format(job.request.client))
+        aborted = job.interrupt if event is Event.DONE else None
+        self._finish(job, job.error(aborted) if aborted else Ok(id=job.request.id, state=state))
 
-    def _read(self, job: Job) -> FinalReply:
-        def report(phase: str, fraction: float) -> None:
-            with self._lock:
-                if self._leaving:
-                    raise Aborted("shutting_down")
-            self._progress(job, phase, fraction)
+    def _command(self, event: Event, check: Callable[[], None]) -> None:
+        if event is Event.RELAX:
+            self._interaction.relax()
+        elif event is Event.CLEAR and self._state is State.FAULT:
+            self._interaction.recover(check)
+        elif event is Event.HOLD or (event is Event.CLEAR and self._state is State.STOPPED):
+            self._interaction.hold(check)  # also when it was limp: that must not move after a stop
 
+    def _measure(self, job: Job) -> FinalReply:
+        measured: Outcome | RobotError
+        report = partial(self._report, job)
         try:
-            return self._observation(job, self._interaction.read(report))
-        except Aborted as error:
-            return job.error(ended_by(error.code))
+            if isinstance(job.request, Perform):
+                measured = self._interaction.perform(job.request.targets, report)
+            else:
+                measured = self._interaction.read(report)
+        except RobotError as error:
+            measured = error
+        with self._lock:
+            self._enter(Event.DONE)
+            self._jobs.under_way = None
+            if job.interrupt is not None:  # maybe since the last report
+                measured = job.interrupt
+                if job.event is Event.PERFORM:
+                    self._reason = measured.message
+            if isinstance(measured, RobotError):
+                return job.error(measured)
+            self._sequence += 1
+            sequence = self._sequence
+        return job.observation(measured, sequence, self._interaction.angles())
+
+    def _report(self, job: Job, phase: str, fraction: float) -> None:
+        self._check(job)
+        if job.event is Event.PERFORM:
+            with self._lock:
+                if self._state not in (State.MOVING, State.SETTLING):
+                    self._enter(Event.PERFORM)
+                    self._reason = None
+                self._enter(Event.DEPARTED if phase in _SLEWS else Event.ARRIVED)
+        self._progress(job, phase, fraction)
+
+    def _check(self, job: Job) -> None:
+        with self._lock:
+            if job.interrupt is not None:
+                raise job.interrupt
 
     def _progress(self, job: Job, phase: str, fraction: float) -> None:
         now = self._interaction.now()
@@ -272,28 +269,17 @@ class Controller:
                 Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
             )
 
-    def _recover(self, job: Job) -> None:
-        with self._lock:
-            if self._state is not State.FAULT:  # an earlier clear did it
-                return
-        self._interaction.recover()
-        with self._lock:
-            stopped = job.stops != self._stops  # a stop that comes after a clear outlasts it
-            self._state = State.STOPPED if stopped else TRANSITIONS[self._state, Event.CLEAR]
-            self._reason = STOPPED if stopped else None
-        self._tell_news(job.request)
-
-    def _observation(self, job: Job, outcome: Outcome) -> Observation:
-        with self._lock:
-            self._sequence += 1
-            sequence = self._sequence
-        return job.observation(outcome, sequence, self._interaction.angles())
-
     def _check_board(self) -> None:
         with self._lock:
-            waiting = self._state not in (State.MOVING, State.SETTLING, State.FAULT)
-        if waiting:
-            self._interaction.check_board()
+            sound = self._state is not State.FAULT
+        if sound:
+            with suppress(RobotError):
+                self._interaction.check_board(self._unless_wanted)
+
+    def _unless_wanted(self) -> None:
+        with self._lock:
+            if self._jobs:
+                raise ended_by("aborted_stop")
 
     def _park(self) -> None:
         with self._lock:
@@ -302,51 +288,43 @@ class Controller:
         if not calm:
             self._log.info("not parked: the robot is %s", state)
             return
-
-        def unless_stopped(phase: str, fraction: float) -> None:
-            del phase, fraction
-            with self._lock:
-                if self._state is State.STOPPED:
-                    raise Aborted("aborted_stop")
-
         try:
-            self._interaction.park(unless_stopped)
-        except Aborted:
-            self._log.warning("not parked: %s", SENTENCES["aborted_stop"])
+            self._interaction.park(lambda phase, fraction: self._unless_wanted())
+        except RobotError as error:
+            self._log.warning("not parked: %s", error.message)
         else:
             self._log.info("parked")
 
-    def _end_motion(self, code: str) -> None:
-        with self._lock:
-            if self._motion is not None and self._state in (State.MOVING, State.SETTLING):
-                self._motion.interrupt = code
-                self._state = TRANSITIONS[self._state, Event.HOLD]
-                self._reason = SENTENCES[code]
+    def _enter(self, event: Event) -> None:
+        """What happened to the robot, if it means a change."""
+        self._state = TRANSITIONS.get((self._state, event), self._state)
+
+    def _end(self, errors: Mapping[Event, RobotError]) -> None:
+        """Ends requests of some kinds with an error: now if they wait, else at the next check."""
+        for job in self._jobs.withdraw(errors):
+            self._finish(job, job.error(errors[job.event]))
+        current = self._jobs.under_way
+        if current is not None and current.interrupt is None:
+            current.interrupt = errors.get(current.event)
 
     def _fail(self, sentence: str, job: Job | None) -> None:
         self._announce(logging.ERROR, f"fault: {sentence}")
+        overtaken = RobotError("fault", f"The robot went down before this was done: {sentence}")
         with self._lock:
-            self._motion = None
-            self._faults += 1
+            self._jobs.under_way = None
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence[:500]
+            self._end(dict.fromkeys(ENDS[Event.STOP], overtaken))
         if job is not None:
             self._finish(job, job.error(RobotError("fault", sentence)))
-
-    def _tell_news(self, request: RobotRequest) -> None:
-        if (news := NEWS.get(Event(request.TYPE))) is not None:
-            level, sentence = news
-            self._announce(level, sentence.format(request.client))
 
     def _announce(self, level: int, sentence: str) -> None:
         self._log.log(level, "%s", sentence)
         self._manager.status(sentence)
 
-    def _refusal(self, event: Event) -> RobotError:
-        reason = f" ({self._reason})" if self._reason else ""
-        return RobotError(
-            REFUSALS[self._state], f"The robot is {self._state}{reason}: {event} is refused."
-        )
+    def _refusal(self, state: State, event: Event) -> RobotError:
+        reason = f" ({self._reason})" if self._reason and state is self._state else ""
+        return RobotError(REFUSALS[state], f"The robot is {state}{reason}: {event} is refused.")
 
     def _finish(self, job: Job, reply: FinalReply) -> None:
         self._emit(Finished(ticket=job.ticket, reply=reply))

@@ -1,8 +1,8 @@
 """The choreography of one interaction, on the devices of one robot.
 
 Return to zero, settle, see that the robot lies flat; slew every joint to its own target, settle,
-average, read. ``report(phase, fraction)`` is called before each serial line and each sample, and
-may raise ``Aborted`` there: the servos then stay at the last commanded counts.
+average, read. ``report(phase, fraction)`` is called before each serial line, query and sample, and
+may raise ``RobotError`` there: the servos then stay at the last commanded counts.
 
 The servo board acknowledges nothing, so it is asked before a motion and after a reading whether it
 still has the counts that it was sent: what an observation calls commanded was, all along.
@@ -20,7 +20,7 @@ from protocol.errors import RobotError
 from robot.calibration import DrivenJoint
 from robot.errors import DeviceDataError
 from robot.motion import Slew
-from robot.sensing import OnProgress, Reading, Senses, ignore
+from robot.sensing import OnProgress, Reading, Senses
 from robot.servo_bus import ServoBus
 from robot.settling import RestCriterion, RestDetector
 from robot.steady import MAX_GAP, SteadyClock
@@ -32,14 +32,6 @@ FLAT_CLEARANCE: Final = 0.005
 _SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 
 Report = Callable[[str, float], None]
-
-
-class Aborted(Exception):  # noqa: N818 - an interrupt, not an error
-    """Ends an interaction between two lines; ``code`` is the error code of the answer."""
-
-    def __init__(self, code: str):
-        super().__init__(code)
-        self.code = code
 
 
 class Attendant(Protocol):
@@ -133,12 +125,11 @@ class Interaction:
         """One interaction.
 
         Raises:
-            Aborted: ``report`` ended it.
-            RobotError: ``not_settled``, ``not_planar``: in its zero pose the robot does not come to
-                rest, or does not lie flat.
+            RobotError: ``report`` ended it; or ``not_settled``, ``not_planar``: in its zero pose
+                the robot does not come to rest, or does not lie flat.
             DeviceError: A device failed.
         """
-        self._verify()
+        self._verify(partial(report, "homing", 0.0))
         self._clock.watch()
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
         if self._attendant is not None:
@@ -154,23 +145,27 @@ class Interaction:
         """Waits for rest in the present pose, and averages the sensors.
 
         Raises:
-            Aborted: ``report`` ended it.
+            RobotError: ``report`` ended it.
             DeviceError: A device failed.
         """
         self._clock.watch()
         return self._observe(report)
 
-    def hold(self) -> None:
+    def hold(self, check: Callable[[], None]) -> None:
         """Sends the last commanded counts again.
 
         A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
         that was limp when the daemon started returns to zero.
 
+        Args:
+            check: Called before each query; it may raise ``RobotError``, and then nothing is sent.
+
         Raises:
+            RobotError: ``check`` ended it.
             DeviceError: A device failed, or the board was reset: then nothing is sent, for the
                 servos would leap back from neutral.
         """
-        self._verify()
+        self._verify(check)
         self._stiffen()
 
     def relax(self) -> None:
@@ -178,13 +173,17 @@ class Interaction:
         self._released = True
         self._servos.release(self._outputs)
 
-    def recover(self) -> None:
+    def recover(self, check: Callable[[], None]) -> None:
         """After a fault: makes the devices work, tries all of them, goes on from where they stand.
 
         A board that was reset keeps the counts that it has now. Joints that are limp are held, as
         after ``hold``.
 
+        Args:
+            check: Called before each sample and query; it may raise ``RobotError``.
+
         Raises:
+            RobotError: ``check`` ended it.
             DeviceError: Something still fails.
         """
         self._clock.watch()
@@ -195,25 +194,29 @@ class Interaction:
         self._released = False
         if not all(board.values()):
             self._stiffen()
-        self._average()
-        self._verify()
+        self._average(lambda _: check())
+        self._verify(check)
 
-    def check_board(self) -> None:
+    def check_board(self, check: Callable[[], None]) -> None:
         """Finds out whether the board was reset behind our back.
 
+        Args:
+            check: Called before each query; it may raise ``RobotError``.
+
         Raises:
+            RobotError: ``check`` ended it.
             DeviceDataError: It was.
         """
-        self._verify()
+        self._verify(check)
 
     def park(self, report: Report) -> None:
         """Slews to zero.
 
         Raises:
-            Aborted: ``report`` ended it.
+            RobotError: ``report`` ended it.
             DeviceError: A device failed.
         """
-        self._verify()
+        self._verify(partial(report, "homing", 0.0))
         self._clock.watch()
         zero = {joint.name: 0.0 for joint in self._joints}
         self._slew(zero, "homing", report)
@@ -226,7 +229,7 @@ class Interaction:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         settled, settle_time = self._settle(report)
         reading = self._average(partial(report, "sampling"))
-        self._verify()
+        self._verify(partial(report, "sampling", 1.0))
         return Outcome(
             reading=reading,
             saturated_joints=self._saturated(),
@@ -307,7 +310,7 @@ class Interaction:
             )
         self._flat = reference if self._flat else reading
 
-    def _average(self, report: OnProgress = ignore) -> Reading:
+    def _average(self, report: OnProgress) -> Reading:
         self._clock.check()
         reading = self._sensing.average(self._samples, report)
         self._clock.check(MAX_GAP + self._samples * (1.0 / self._rest.rate + _SAMPLE_TIME))
@@ -323,9 +326,11 @@ class Interaction:
             )
         return counts
 
-    def _verify(self) -> None:
-        limp = dict.fromkeys(self._outputs, 0)
-        lost = self._servos.verify(limp if self._released else self._counts)
+    def _verify(self, check: Callable[[], None]) -> None:
+        lost = []
+        for output, count in self._counts.items():  # one at a time: eight queries take a while
+            check()
+            lost += self._servos.verify({output: 0 if self._released else count})
         if lost:
             names = [joint.name for joint in self._joints if joint.output in lost]
             raise DeviceDataError(

@@ -12,29 +12,38 @@ from typing import Final
 from protocol.errors import RobotError
 from protocol.messages import ErrorReply, Observation
 from protocol.robot import RobotRequest
-from protocol.states import State
 from protocol.transitions import Event
 from robot.interaction import Outcome
 
-INTERRUPTS: Final = MappingProxyType(
-    {
-        Event.HOLD: "aborted_hold",
-        Event.RELAX: "aborted_relax",
-        Event.STOP: "aborted_stop",
-    }
-)
-"""The requests that end a motion, and the error code with which it then ends."""
-
 SENTENCES: Final = MappingProxyType(
     {
+        "aborted_read": "A command of the controller ended the read.",
         "aborted_hold": "A hold request ended the motion.",
         "aborted_relax": "A relax request ended the motion.",
-        "aborted_stop": "A stop request ended the motion; the robot is frozen.",
-        "aborted_silent": "The controller was silent for too long; the robot holds its pose.",
+        "aborted_stop": "A stop request came before this was done; the robot is frozen.",
         "shutting_down": "The daemon is shutting down.",
     }
 )
-"""What each of those codes means."""
+"""What the codes mean with which a request ends that was interrupted."""
+
+_READ = MappingProxyType({Event.READ: "aborted_read"})
+
+ENDS: Final = MappingProxyType(
+    {
+        Event.PERFORM: _READ,
+        Event.READ: MappingProxyType({}),
+        Event.HOLD: _READ | {Event.PERFORM: "aborted_hold"},
+        Event.RELAX: _READ | {Event.PERFORM: "aborted_relax"},
+        Event.CLEAR: _READ,
+        Event.STOP: dict.fromkeys(
+            (Event.READ, Event.PERFORM, Event.HOLD, Event.RELAX, Event.CLEAR), "aborted_stop"
+        ),
+    }
+)
+"""What each request ends that was accepted before it, and the error code with which that ends."""
+
+LEAVING: Final = MappingProxyType({Event.READ: "shutting_down", Event.PERFORM: "shutting_down"})
+"""What the end of the daemon ends, likewise."""
 
 STOPPED: Final = "A client sent stop."
 
@@ -55,24 +64,19 @@ class Job:
     Attributes:
         ticket: Ties its events to it.
         request: What was asked.
-        before: The robot's state at that moment.
-        faults: How many faults had happened when it was submitted; after another it is void.
-        stops: How many stops, likewise; a clear does not outlast a later one.
-        interrupt: The error code with which it shall end.
+        interrupt: The error with which it shall end.
         reported: Phase and robot time of the last progress.
     """
 
     ticket: int
     request: RobotRequest
-    before: State
-    faults: int
-    stops: int
-    interrupt: str | None = None
+    interrupt: RobotError | None = None
     reported: tuple[str, float] = ("", 0.0)
 
-    def clears(self, state: State) -> bool:
-        """Whether it is to bring the robot back from a state."""
-        return self.request.TYPE == Event.CLEAR and self.before is state
+    @property
+    def event(self) -> Event:
+        """Its row in the table of states."""
+        return Event(self.request.TYPE)
 
     def observation(
         self, outcome: Outcome, sequence: int, angles: Mapping[str, float]

@@ -45,6 +45,11 @@ NOT_CHECKED: Final = MappingProxyType(
         "4.11": "needs a robot that reads slowly",
         "4.13": "for clients",
         "5.14": "needs the robot to be shut down",
+        "5.15": "needs a robot that reads slowly",
+        "5.16": "needs a robot that reads slowly",
+        "5.17": "needs a robot that acts slowly",
+        "6.3": "needs to see the robot",
+        "6.4": "needs a robot that acts slowly",
         "8.2": "for clients",
         "9.3": "needs to see the robot",
     }

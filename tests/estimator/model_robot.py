@@ -112,7 +112,7 @@ class ModelRobot:
             self.complete()
         self.begun.release()
 
-    def silence(self) -> None:
+    def silence(self, reason: str) -> None:
         """Goes on: how a motion ends in silence is the daemon's own affair."""
 
     def controller_changed(self, client: str | None) -> None:

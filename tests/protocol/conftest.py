@@ -100,7 +100,8 @@ class FakeRobot:
         self.state = State.STOPPED if isinstance(request, Stop) else State.HOLDING
         self._emit(Finished(ticket=ticket, reply=Ok(id=request.id, state=self.state.value)))
 
-    def silence(self) -> None:
+    def silence(self, reason: str) -> None:
+        self.reason = reason
         self.silences += 1
         self.abort("aborted_silent")
         self.silenced.set()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from dataclasses import dataclass, field
+from typing import Any
 
 from protocol.messages import Clear, Hold, Observation, Ok, Perform, Read, Relax, Stop
 from protocol.robot import FinalReply, Finished, RobotEvent
@@ -123,3 +124,16 @@ def hip(bench: Bench) -> float:
     """The commanded angle of the first joint, degrees, from the board's own counts."""
     joint = bench.robot.config.joints[0]
     return math.degrees(joint.scale.angle(bench.pulses()[joint.output - 1]))
+
+
+def shake(bench: Bench, *, at_zero: bool) -> None:
+    """Makes the tilt swing: always, or only while the first joint is not at zero."""
+
+    class Shaking(list[float]):
+        def __getitem__(self, channel: Any) -> Any:
+            angle = bench.robot.controller.snapshot().angles["hip_left"]
+            shakes = channel == 0 and (at_zero or abs(angle) > math.radians(1))
+            swing = 0.05 if shakes and int(bench.clock.now() * 25) % 2 else 0.0
+            return super().__getitem__(channel) + swing
+
+    bench.robot.world.volts = Shaking(bench.robot.world.volts)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import pytest
 
 from protocol.errors import RobotError
 from protocol.messages import Clear, ErrorReply, Hold, Observation, Perform, Read, Relax, Stop
 from protocol.robot import Progressed
-from tests.robot.stepped import Bench, hip, program, request
+from tests.robot.stepped import Bench, hip, program, request, shake
 
 SPEED = 60.0  # degrees per second
 
@@ -109,7 +108,7 @@ def test_a_silent_controller_leaves_a_holding_robot(bench: Bench) -> None:
     bench.clock.freeze()
     motion = bench.submit(program(bench.robot, hip_left=30.0))
     bench.clock.advance_to(0.2)
-    bench.robot.controller.silence()
+    bench.robot.controller.silence("The controller was silent for too long.")
     bench.clock.free()
     ended = bench.end_of(motion)
     assert isinstance(ended, ErrorReply)
@@ -245,17 +244,6 @@ def test_an_accelerometer_that_feels_no_gravity_is_a_fault(bench: Bench) -> None
     ended = bench.end_of(bench.submit(program(bench.robot)))
     assert isinstance(ended, ErrorReply)
     assert "accelerometer" in ended.message
-
-
-def shake(bench: Bench, *, at_zero: bool) -> None:
-    class Shaking(list[float]):
-        def __getitem__(self, channel: Any) -> Any:
-            angle = bench.robot.controller.snapshot().angles["hip_left"]
-            shakes = channel == 0 and (at_zero or abs(angle) > math.radians(1))
-            swing = 0.05 if shakes and int(bench.clock.now() * 25) % 2 else 0.0
-            return super().__getitem__(channel) + swing
-
-    bench.robot.world.volts = Shaking(bench.robot.world.volts)
 
 
 def test_a_shaking_robot_is_read_after_the_timeout_and_it_says_so(bench: Bench) -> None:

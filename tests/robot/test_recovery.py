@@ -32,12 +32,14 @@ def read(bench: Bench) -> int:
 def test_what_waits_when_a_device_fails_is_not_carried_out(bench: Bench) -> None:
     bench.perform()
     before = bench.pulses()
-    order(bench, "daq.stuck_wait")
     bench.clock.freeze()
-    reading = read(bench)
-    motion = bench.submit(program(bench.robot, hip_left=30.0))  # accepted while the reading lasts
+    bench.submit(program(bench.robot, hip_left=30.0))
+    bench.clock.advance_to(bench.clock.now() + 0.01)
+    order(bench, "servo_board.mute")
+    holding = bench.submit(Hold(id=1, client="test", session="s"))
+    motion = bench.submit(program(bench.robot, hip_left=30.0))  # accepted: that one holds first
     bench.clock.free()
-    for ticket in (reading, motion):
+    for ticket in (holding, motion):
         reply = bench.end_of(ticket)
         assert isinstance(reply, ErrorReply)
         assert reply.code == "fault"
@@ -85,9 +87,11 @@ def test_a_stop_that_comes_after_a_clear_outlasts_it(bench: Bench) -> None:
     bench.clock.advance_to(bench.clock.now() + 0.05)
     bench.submit(Stop(id=3, client="anybody"))
     bench.clock.free()
-    bench.end_of(first)
-    bench.end_of(second)
-    assert bench.state() == "stopped"
+    for ticket in (first, second):
+        reply = bench.end_of(ticket)
+        assert isinstance(reply, ErrorReply)
+        assert reply.code == "aborted_stop"
+    assert bench.state() == "fault"
     assert isinstance(clear(bench), Ok)
     assert bench.state() == "holding"
 
@@ -118,15 +122,16 @@ def test_a_limp_robot_that_was_stopped_is_held_when_it_is_cleared(bench: Bench) 
 
 def test_a_limp_robot_does_not_move_when_a_stop_follows_at_once(bench: Bench) -> None:
     bench.perform(hip_left=20.0)
+    bench.ok(Relax(id=1, client="test", session="s"))
     bench.clock.freeze()
-    reading = read(bench)
-    bench.submit(Relax(id=1, client="test", session="s"))
-    bench.submit(Hold(id=2, client="test", session="s"))  # waits for the reading, as relax does
+    holding = bench.submit(Hold(id=2, client="test", session="s"))
+    bench.clock.advance_to(bench.clock.now() + 0.01)  # it asks the board
     stopping = bench.submit(Stop(id=3, client="anybody"))
     bench.clock.free()
-    for ticket in (reading, stopping):
-        bench.end_of(ticket)
-    assert bench.state() == "stopped"
+    held = bench.end_of(holding)
+    assert isinstance(held, ErrorReply)
+    assert held.code == "aborted_stop"
+    assert bench.end_of(stopping) == Ok(id=3, state="stopped")
     assert set(bench.pulses()) == {0}
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from protocol.errors import RobotError
-from protocol.messages import Clear, ErrorReply, Hold, Perform, Read, Relax, Stop
+from protocol.messages import Clear, ErrorReply, Hold, Ok, Perform, Read, Relax, Stop
 from tests.robot.stepped import Bench, hip, program, request
 
 
@@ -47,9 +47,10 @@ def test_a_stop_ends_the_parking_too(bench: Bench) -> None:
     leaving = Thread(target=bench.robot.controller.shut_down, args=(20.0,))
     leaving.start()
     bench.clock.advance_to(bench.clock.now() + 0.1)
-    assert bench.ok(Stop(id=1, client="anybody")).state == "stopped"
+    stopping = bench.submit(Stop(id=1, client="anybody"))
     bench.clock.free()
     leaving.join()
+    assert bench.end_of(stopping) == Ok(id=1, state="stopped")
     assert 5 < hip(bench) < 30  # parking would have taken 0.5 s
     assert bench.ok(Stop(id=2, client="anybody")).state == "stopped"  # answered to the very end
 
