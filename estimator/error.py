@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from estimator.errors import EstimatorError
 from estimator.morphology import Array
+from estimator.observation import ObservedReadings
 from estimator.physics.base import Flags, Readings
 
 MODALITIES: Final = ("touch", "tilt", "clearance")
@@ -27,23 +27,6 @@ CLEARANCE_WEIGHT: Final = 10.0  # the paper's
 EXCUSED: Final = 1
 """Interactions in which a body may be undecided: one in five hundred is by accident, so a body that
 is undecided twice is built so."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Observed:
-    """What the robot felt in one interaction; NaN where a reading is missing.
-
-    Attributes:
-        angles: The angle of each motor that the robot really took, rad, shape (motors,).
-        touch: 0 or 1 per touch sensor, shape (s,).
-        tilt: Left/right and forward/back, rad, shape (2,).
-        clearance: m.
-    """
-
-    angles: Array
-    touch: Array
-    tilt: Array
-    clearance: float
 
 
 def check_modalities(names: Sequence[str]) -> tuple[str, ...]:
@@ -62,7 +45,7 @@ def check_modalities(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def interaction_errors(
-    readings: Readings, observed: Observed, modalities: Sequence[str] = MODALITIES
+    readings: Readings, observed: ObservedReadings, modalities: Sequence[str] = MODALITIES
 ) -> Array:
     """Error of each model in one interaction.
 

@@ -10,10 +10,10 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.error import Observed, interaction_errors, largest
+from estimator.error import interaction_errors, largest
 from estimator.genome import Genome
 from estimator.morphology import Array, Morphology
-from estimator.observation import Observation
+from estimator.observation import Observation, ObservedReadings
 from estimator.physics.base import Physics, Readings
 from estimator.physics.bodies import Bodies
 from estimator.physics.statics import StaticsPhysics
@@ -34,17 +34,6 @@ class Fit:
     errors: Array
     invalid: int
     undecided: int
-
-
-def observed(observation: Observation) -> Observed:
-    """An observation as arrays; NaN where a reading is missing."""
-    missing = float("nan")
-    return Observed(
-        angles=np.array(observation.angles, dtype=float),
-        touch=np.array([missing if bit is None else bit for bit in observation.touch], dtype=float),
-        tilt=np.array([missing if angle is None else angle for angle in observation.tilt]),
-        clearance=missing if observation.clearance is None else observation.clearance,
-    )
 
 
 def fit_bodies(
@@ -138,13 +127,13 @@ class _Targets:
         modalities: Modalities that count.
     """
 
-    observed: Sequence[Observed]
+    observed: Sequence[ObservedReadings]
     programs: Array
     modalities: Sequence[str]
 
     @classmethod
     def of(cls, observations: Sequence[Observation], modalities: Sequence[str]) -> _Targets:
-        found = [observed(item) for item in observations]
+        found = [item.as_arrays() for item in observations]
         return cls(found, np.array([item.angles for item in found]), modalities)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:

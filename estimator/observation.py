@@ -3,16 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
+from estimator.morphology import Array
 from protocol import messages
 from protocol.capabilities import Capabilities
 
 Reading = Annotated[float, Field(allow_inf_nan=False)]
 Program = tuple[Reading, ...]
 """A motor program: one target angle per joint, rad, in motor order."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservedReadings:
+    """What the robot felt in one interaction, as arrays; NaN where a reading is missing.
+
+    Attributes:
+        angles: The angle of each motor that the robot really took, rad, shape (motors,).
+        touch: 0 or 1 per touch sensor, shape (s,).
+        tilt: Left/right and forward/back, rad, shape (2,).
+        clearance: m.
+    """
+
+    angles: Array
+    touch: Array
+    tilt: Array
+    clearance: float
 
 
 class Observation(BaseModel):
@@ -58,6 +78,16 @@ class Observation(BaseModel):
             saturated_joints=found.saturated_joints,
             sequence=found.sequence,
             robot_time=found.robot_time,
+        )
+
+    def as_arrays(self) -> ObservedReadings:
+        """The angles and readings as arrays; NaN where a reading is missing."""
+        missing = float("nan")
+        return ObservedReadings(
+            angles=np.array(self.angles, dtype=float),
+            touch=np.array([missing if bit is None else bit for bit in self.touch], dtype=float),
+            tilt=np.array([missing if angle is None else angle for angle in self.tilt]),
+            clearance=missing if self.clearance is None else self.clearance,
         )
 
 

@@ -18,7 +18,6 @@ from pydantic import BaseModel, ConfigDict
 from estimator.acting import carry_out
 from estimator.errors import EstimatorError, InteractionError
 from estimator.final_population import FinalPopulation
-from estimator.fit import observed
 from estimator.genome import Genome
 from estimator.listener import Listener
 from estimator.morphology import Array
@@ -204,7 +203,7 @@ def _median_errors(
     """Mean error of each model over the programs, then the median over the models."""
     touch, tilt, clearance = [], [], []
     for found, observation in zip(predicted, observations, strict=True):
-        wanted = observed(observation)
+        wanted = observation.as_arrays()
         touch.append(np.abs(found["touch"] - (wanted.touch if wanted.touch.size else math.nan)))
         tilt.append(np.degrees(np.abs(found["tilt"] - wanted.tilt)))
         clearance.append(1000 * np.abs(found["clearance"] - wanted.clearance))

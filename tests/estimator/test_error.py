@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from estimator.error import Observed, check_modalities, interaction_errors, largest
+from estimator.error import check_modalities, interaction_errors, largest
 from estimator.errors import EstimatorError
+from estimator.observation import ObservedReadings
 from estimator.physics.base import Readings
 
 NAN = math.nan
@@ -27,8 +28,8 @@ def observed(
     touch: tuple[float, ...] = (1, 0, 0, 1),
     tilt: tuple[float, float] = (5.0, 1.5),
     clearance: float = 0.042,
-) -> Observed:
-    return Observed(
+) -> ObservedReadings:
+    return ObservedReadings(
         angles=np.zeros(8),
         touch=np.array(touch, dtype=float),
         tilt=np.radians(tilt),
@@ -56,7 +57,7 @@ def test_the_seven_variants_of_the_paper(modalities: tuple[str, ...], expected: 
 
 
 def test_missing_readings_add_nothing() -> None:
-    def error(found: Observed) -> float:
+    def error(found: ObservedReadings) -> float:
         return float(interaction_errors(readings(), found)[0])
 
     assert error(observed(touch=(1, NAN, 0, 1))) == pytest.approx(1 + TILT + CLEARANCE + SPEED)

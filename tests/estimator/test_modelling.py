@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from estimator.error import interaction_errors
-from estimator.fit import observed
 from estimator.genome import Genome
 from estimator.modelling import Modeller
 from estimator.morphology import Array
@@ -57,7 +56,7 @@ def in_full(
 ) -> Array:
     columns = []
     for observation in observations:
-        target = observed(observation)
+        target = observation.as_arrays()
         pairs = [(body, target.angles) for body in genome.decode_all(genes)]
         columns.append(interaction_errors(physics.read(pairs), target, MODALITIES))
     found: Array = np.max(columns, axis=0)
@@ -108,15 +107,6 @@ def test_counting_goes_on_where_an_earlier_process_stopped(genome: Genome) -> No
     after = modeller.counters(2.5)
     assert (after.simulations_requested, after.simulations_run) == (106, 66)
     assert (after.steps, after.wall_seconds) == (18_000, 2.5)
-
-
-def test_a_missing_reading_becomes_nan() -> None:
-    found = observed(
-        Observation(angles=(0.1,), touch=(True, None), tilt=(None, 0.2), clearance=None)
-    )
-    assert np.array_equal(found.touch, [1.0, np.nan], equal_nan=True)
-    assert np.array_equal(found.tilt, [np.nan, 0.2], equal_nan=True)
-    assert np.isnan(found.clearance)
 
 
 def test_real_physics_tells_the_true_model_from_others(
