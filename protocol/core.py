@@ -36,9 +36,7 @@ from protocol.messages import (
     Release,
     Request,
     SessionRequest,
-    Status,
     Stop,
-    Telemetry,
     Welcome,
     parse_request,
 )
@@ -140,7 +138,8 @@ class ServerCore:
             client = self._clients.find(request.client, session=request.session, user=user)
             self._lease.hear(client.name, now)
             if isinstance(request, Heartbeat):
-                return [_send(peer, self._status(request))]
+                status = self._view().status(request.id, self._lease.holder)
+                return [_send(peer, status)]
             return self._numbered(client, peer, request, now)
         except RobotError as error:
             self._on_refusal(request, error)
@@ -232,16 +231,7 @@ class ServerCore:
 
     def publication(self) -> bytes:
         """The telemetry frame of this moment."""
-        view = self._view()
-        message = Telemetry(
-            robot=self._capabilities.robot,
-            state=view.state.value,
-            robot_time=view.robot_time,
-            sequence=view.sequence,
-            angles=view.angles,
-            controller=self._lease.holder,
-            reason=view.reason,
-        )
+        message = self._view().telemetry(self._capabilities.robot, self._lease.holder)
         return encode(message.to_map())
 
     # --- requests ---------------------------------------------------------------------------------
@@ -264,17 +254,6 @@ class ServerCore:
             capabilities=self._capabilities,
         )
         return _send(peer, reply)
-
-    def _status(self, request: Heartbeat) -> Status:
-        view = self._view()
-        return Status(
-            id=request.id,
-            state=view.state.value,
-            robot_time=view.robot_time,
-            sequence=view.sequence,
-            controller=self._lease.holder,
-            reason=view.reason,
-        )
 
     def _numbered(
         self, client: Client, peer: bytes, request: SessionRequest, now: float

@@ -199,7 +199,8 @@ class Observation(Reply):
         clearance: Belly to ground along the belly's normal, m.
         clearance_saturated: The ground lay beyond the sensor's range.
         settled: Whether the readings came to rest before they were averaged.
-        settle_time: Time from the last command to rest, s.
+        settle_time: Time waited for rest, s: since the last command of a ``Perform``, or since a
+            ``Read`` began.
         samples: Samples in the average.
     """
 

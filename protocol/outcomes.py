@@ -220,7 +220,11 @@ def _fingerprint(request: Request) -> bytes:
 
 
 def _sorted(found: Mapping[str, Any]) -> dict[str, Any]:
-    return dict(sorted(found.items()))
+    # -0.0 equals 0.0, and only its bytes differ: the sum of both is 0.0.
+    return {
+        key: value + 0.0 if isinstance(value, float) else value
+        for key, value in sorted(found.items())
+    }
 
 
 def _printable(text: str) -> str:

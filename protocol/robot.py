@@ -13,7 +13,19 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from protocol.capabilities import Capabilities
-from protocol.messages import Clear, ErrorReply, Hold, Observation, Ok, Perform, Read, Relax, Stop
+from protocol.messages import (
+    Clear,
+    ErrorReply,
+    Hold,
+    Observation,
+    Ok,
+    Perform,
+    Read,
+    Relax,
+    Status,
+    Stop,
+    Telemetry,
+)
 from protocol.states import State
 
 RobotRequest: TypeAlias = Perform | Read | Hold | Relax | Stop | Clear
@@ -40,6 +52,29 @@ class Snapshot:
     sequence: int
     angles: Mapping[str, float]
     reason: str | None = None
+
+    def status(self, request_id: int, controller: str | None) -> Status:
+        """The answer to a heartbeat of this id, with the client that controls the robot."""
+        return Status(
+            id=request_id,
+            state=self.state.value,
+            robot_time=self.robot_time,
+            sequence=self.sequence,
+            controller=controller,
+            reason=self.reason,
+        )
+
+    def telemetry(self, robot: str, controller: str | None) -> Telemetry:
+        """The publication under a robot's name, with the client that controls it."""
+        return Telemetry(
+            robot=robot,
+            state=self.state.value,
+            robot_time=self.robot_time,
+            sequence=self.sequence,
+            angles=self.angles,
+            controller=controller,
+            reason=self.reason,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import count
 from typing import Final
 
 from protocol.capabilities import Joint
 from protocol.errors import RobotError
 
-ROUNDING: Final = 1e-9
-"""How far beyond a limit still counts as the limit, rad: degrees do not convert exactly."""
+_DECIMALS: Final = 4  # with which an angle is printed, or more, where those hide the difference
 
 
 def check_targets(joints: Sequence[Joint], targets: Mapping[str, float]) -> None:
-    """Checks that the targets name every joint once and lie within the limits.
+    """Checks that the targets name every joint once and lie within the limits, which are reachable.
 
     Args:
         joints: The joints that ``hello`` lists.
@@ -31,12 +31,18 @@ def check_targets(joints: Sequence[Joint], targets: Mapping[str, float]) -> None
         raise RobotError("bad_targets", f"There is no joint {_list(unknown)}.")
     for joint in joints:
         target = targets[joint.name]
-        if not joint.lower - ROUNDING <= target <= joint.upper + ROUNDING:
+        if not joint.lower <= target <= joint.upper:
+            limit = joint.lower if target < joint.lower else joint.upper
+            digits = next(n for n in count(_DECIMALS) if _differ(target, limit, n))
             raise RobotError(
                 "out_of_range",
-                f"Joint {joint.name} reaches {joint.lower:.4f} to {joint.upper:.4f} rad, "
-                f"not {target:.4f}.",
+                f"Joint {joint.name} reaches {joint.lower:.{digits}f} to {joint.upper:.{digits}f} "
+                f"rad, not {target:.{digits}f}.",
             )
+
+
+def _differ(one: float, other: float, digits: int) -> bool:
+    return f"{one:.{digits}f}" != f"{other:.{digits}f}"
 
 
 def _list(names: Sequence[str]) -> str:

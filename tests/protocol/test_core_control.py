@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import re
+
 import pytest
 
 from protocol.actions import ControllerChanged, Send, Silence, Submit
@@ -79,6 +82,28 @@ def test_a_limit_itself_is_within_reach(bench: Bench) -> None:
     one(Submit, bench.send("c", "perform", 2, targets={"a": 0.6, "b": -0.6}))
 
 
+@pytest.mark.parametrize(
+    ("beyond", "numbers"),
+    [
+        (1.0, "-0.6000 to 0.6000 rad, not 1.6000"),
+        (1e-7, "-0.6000000 to 0.6000000 rad, not 0.6000001"),
+        (math.ulp(0.6), "to 0.6000000000000000 rad, not 0.6000000000000001"),
+    ],
+)
+def test_whatever_lies_beyond_a_limit_is_refused_with_numbers_that_show_it(
+    bench: Bench, beyond: float, numbers: str
+) -> None:
+    bench.control()
+    for number, sign in ((2, 1.0), (3, -1.0)):
+        targets = {"a": sign * (0.6 + beyond), "b": 0.0}
+        reply = bench.reply(bench.send("c", "perform", number, targets=targets))
+        assert reply["code"] == "out_of_range"
+        if sign > 0:
+            assert numbers in reply["message"]
+        shown = re.findall(r"-?\d+\.\d+", reply["message"])
+        assert len(set(shown)) == 3, reply["message"]
+
+
 def test_a_silent_controller_is_told_to_the_robot_once_then_loses_control(bench: Bench) -> None:
     bench.control()
     deadlines = [bench.core.deadline]
@@ -122,11 +147,26 @@ def test_other_frames_are_no_sign_of_life(bench: Bench, kind: str) -> None:
     assert bench.core.tick(105.0) == [Silence()]
 
 
+def test_a_silence_says_that_it_is_one(bench: Bench) -> None:
+    bench.control()
+    assert "silent" in one(Silence, bench.core.tick(105.0)).reason
+
+
+@pytest.mark.parametrize("session", ["of nobody", None])
+def test_a_stop_is_carried_out_whoever_it_says_it_is_from(
+    bench: Bench, session: str | None
+) -> None:
+    bench.hello("d", user="one")
+    actions = bench.send("d", "stop", 1, user="another", peer=b"p", session=session)
+    assert one(Submit, actions).request.TYPE == "stop"
+
+
 def test_letting_go_in_mid_motion_lets_the_robot_hold(bench: Bench) -> None:
     bench.control()
     bench.perform(2)
     actions = bench.send("c", "release", 3)
     assert actions[:2] == [Silence(), ControllerChanged(None)]
+    assert "released" in one(Silence, actions).reason
 
 
 def test_letting_go_at_rest_is_no_silence(bench: Bench) -> None:

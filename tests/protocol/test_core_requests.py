@@ -37,6 +37,13 @@ def test_a_retry_gets_progress_then_the_first_outcome_and_never_moves_again(benc
     assert retry(b"fourth").frame == end.frame
 
 
+def test_both_zeros_are_the_same_target(bench: Bench) -> None:
+    bench.control()
+    one(Submit, bench.send("c", "perform", 2, targets={"a": 0.0, "b": -0.0}))
+    again = bench.send("c", "perform", 2, targets={"a": -0.0, "b": 0})
+    assert again == []  # the same request, under way, and nothing to tell yet
+
+
 def test_the_order_of_targets_and_the_kind_of_number_do_not_matter(bench: Bench) -> None:
     bench.control()
     first = one(Submit, bench.send("c", "perform", 2, targets={"a": 0.0, "b": 0.5}))

@@ -147,6 +147,7 @@ def test_a_user_who_is_gone_is_forgotten_in_mid_motion(bench: Bench) -> None:
     bench.core.accept(ticket)
     actions = bench.core.review(roles(bob=Role.VIEWER))
     assert actions == [Silence(), ControllerChanged(None)]
+    assert "key" in one(Silence, actions).reason
     event = Progressed(ticket=ticket, phase="moving", fraction=0.5, robot_time=1.0)
     assert bench.core.progress(event) == []  # nobody hears it any more
     assert bench.core.finish(Finished(ticket=ticket, reply=observation(2))) == []

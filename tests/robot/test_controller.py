@@ -164,6 +164,16 @@ def test_reading_moves_nothing(bench: Bench) -> None:
     assert bench.pulses() == before
 
 
+def test_a_belly_on_the_ground_may_read_below_zero(bench: Bench) -> None:
+    """Cut off at zero, the mean of many readings would be too large."""
+    assert bench.robot.world.distance_mm is not None
+    bench.robot.world.distance_mm -= 2.0
+    seen = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
+    assert isinstance(seen, Observation)
+    assert seen.clearance == pytest.approx(-0.002, abs=1e-3)
+    assert not seen.clearance_saturated
+
+
 def test_joints_at_their_ends_are_named(bench: Bench) -> None:
     joint = bench.robot.config.joints[0]
     upper = math.degrees(joint.reachable[1])
