@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test check format bench compare-engines reproduce parametric soak latency faults fuzz clean
+.PHONY: help install demo test check format bench compare-engines reproduce parametric soak latency leaps faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -56,6 +56,9 @@ latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes
 fuzz: $(READY) ## Two million frames through codec and server core; about seven minutes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt 'atheris>=3.0'
 	$(BIN)/python -m tests.fuzz.long
+
+leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged lines; about 10 minutes
+	$(BIN)/python -m tests.faults.leaps
 
 faults: $(READY) ## Write docs/faults.md from the fault matrix
 	$(BIN)/python -m tests.faults.document

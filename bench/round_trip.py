@@ -38,7 +38,7 @@ IDLE_SECONDS = 20.0
 LINE_GAP = 0.003  # s, and
 PHASE = 0.3  # s between lines: settling lies in between
 BYTE_TIME = 10 / 9600  # s: what a line takes
-_MOVES_TWO = re.compile(r"BD1SV\dM\d+SV\dM\d+\r")
+_MOVES_TWO = re.compile(r"SV\dM\d+SV\dM\d+\r")
 
 
 def jitter(lines: Sequence[tuple[float, str]]) -> list[float]:

@@ -22,6 +22,7 @@ from robot.steady import SteadyClock
 
 SUFFIX: Final = " (dry run)"
 _LONGEST_NAME: Final = 64
+_SECONDS_PER_SERVO: Final = 0.01
 _NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
 
 
@@ -49,6 +50,10 @@ class NullServos:
 
     def forget(self) -> None:
         """Does nothing: everything is sent every time."""
+
+    def seconds_for(self, changed: int) -> float:
+        """As long as over the usual line."""
+        return changed * _SECONDS_PER_SERVO
 
 
 class NoSensors:

@@ -5,7 +5,8 @@ average, read. ``report(phase, fraction)`` is called before each serial line, qu
 may raise ``RobotError`` there: the servos then stay at the last commanded counts.
 
 The servo board acknowledges nothing, so it is asked before a motion and after a reading whether it
-still has the counts that it was sent: what an observation calls commanded was, all along.
+still has the counts that it was sent: what an observation calls commanded was, all along. One that
+was reset in mid-motion ignores the rest of it, and is found out when the motion has ended.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from robot.settling import RestCriterion, RestDetector
 from robot.steady import MAX_GAP, SteadyClock
 
 SERVOS_PER_LINE: Final = 2
+LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)
 FLAT_CLEARANCE: Final = 0.005
 
@@ -187,8 +189,8 @@ class Interaction:
             DeviceError: Something still fails.
         """
         self._clock.watch()
-        self._revive()
         self._servos.forget()
+        self._revive()
         board = self._board_counts()
         self._counts = {output: board[output] or self._counts[output] for output in board}
         self._released = False
@@ -246,7 +248,6 @@ class Interaction:
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)
             for joint in self._joints
         }
-        self._servos.forget()
         self._servos.set_counts(self._counts)
         self._released = False
 
@@ -256,6 +257,7 @@ class Interaction:
             start=self._counts,
             targets={j.output: j.quantise(targets[j.name]) for j in self._joints},
             speed=self._speed,
+            period=LATENESS * self._servos.seconds_for(len(self._joints)),
             now=self._clock.now(),
         )
         while not slew.arrived:
@@ -269,7 +271,8 @@ class Interaction:
             self._counts = self._counts | counts
             self._servos.set_counts(counts)
             slew.sent(counts, now)
-        report(phase, 1.0)
+        # A board that was reset meanwhile answers to no query.
+        self._verify(partial(report, phase, 1.0), self._outputs[:1])
 
     def _settle(self, report: Report) -> tuple[bool, float]:
         detector = RestDetector(self._rest)
@@ -326,11 +329,13 @@ class Interaction:
             )
         return counts
 
-    def _verify(self, check: Callable[[], None]) -> None:
+    def _verify(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
+        """Compares the board's counts, of all outputs or of some, with those that it was sent."""
         lost = []
-        for output, count in self._counts.items():  # one at a time: eight queries take a while
-            check()
-            lost += self._servos.verify({output: 0 if self._released else count})
+        for output in self._outputs if outputs is None else outputs:
+            check()  # one at a time: eight queries take a while
+            count = 0 if self._released else self._counts[output]
+            lost += self._servos.verify({output: count})
         if lost:
             names = [joint.name for joint in self._joints if joint.output in lost]
             raise DeviceDataError(

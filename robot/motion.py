@@ -3,20 +3,17 @@
 A ``Slew`` is pure arithmetic: it is told the time and says which counts to send. Each update
 advances a joint by at most the top speed times the time since that joint's last update; joints do
 not finish together. Where one count is more than the speed allows, the joint waits until enough
-time has passed. However long the loop stood still, an update advances a joint by one count, or by
-what it moves in ``MAX_ADVANCE``, at most, so that a delay never ends in a leap.
+time has passed. However long the loop stood still, an update advances a joint by no more than when
+it is in time: one count, or what it moves in ``period``. So a delay never ends in a leap; the joint
+arrives later.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
 
 from robot.calibration import DrivenJoint
-
-MAX_ADVANCE: Final = 0.4
-"""Seconds of motion in one update, at most; eight servos at 2400 baud take turns in 0.32 s."""
 
 
 @dataclass
@@ -26,13 +23,13 @@ class _Track:
     target: int
     updated: float
 
-    def next_count(self, now: float, speed: float) -> int:
+    def next_count(self, now: float, speed: float, period: float) -> int:
         """The count nearest to the target that may be sent now."""
         if self.count == self.target:
             return self.count
         scale = self.joint.scale
         here = scale.angle(self.count)
-        most = max(speed * MAX_ADVANCE, scale.resolution * (1 + 1e-9))
+        most = max(speed * period, scale.resolution * (1 + 1e-9))
         reach = min(speed * (now - self.updated), most)
         if abs(scale.angle(self.target) - here) <= reach:
             return self.target
@@ -52,6 +49,7 @@ class Slew:
         start: Present count of each output.
         targets: Target count of each output.
         speed: Top speed of every joint, rad/s.
+        period: Seconds between two updates of a joint, at most, when nothing is late.
         now: Robot time at which the motion begins, s.
     """
 
@@ -62,9 +60,11 @@ class Slew:
         start: Mapping[int, int],
         targets: Mapping[int, int],
         speed: float,
+        period: float,
         now: float,
     ):
         self._speed = speed
+        self._period = period
         self._tracks = [
             _Track(joint, start[joint.output], targets[joint.output], now) for joint in joints
         ]
@@ -85,7 +85,7 @@ class Slew:
         waiting = sorted(self._tracks, key=lambda track: track.updated)
         found: dict[int, int] = {}
         for track in waiting:
-            count = track.next_count(now, self._speed)
+            count = track.next_count(now, self._speed, self._period)
             if count != track.count and len(found) < at_most:
                 found[track.joint.output] = count
         return found

@@ -10,7 +10,7 @@ class ServoBus(Protocol):
     """What is needed of a servo board."""
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
-        """Commands outputs 1..8 to counts 1..255."""
+        """Commands outputs 1..8 to counts 1..255; a board that was reset ignores it."""
 
     def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
         """The counts that the board holds."""
@@ -19,7 +19,10 @@ class ServoBus(Protocol):
         """Lets outputs go limp."""
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Outputs whose count on the board is not the expected one."""
+        """Outputs whose count on the board is not the expected one; raises after a reset."""
 
     def forget(self) -> None:
-        """Makes the next ``set_counts`` send everything."""
+        """Takes the board, reset or not, as the next ``read_counts`` finds it."""
+
+    def seconds_for(self, changed: int) -> float:
+        """How long ``set_counts`` takes for so many outputs, s."""

@@ -1,14 +1,23 @@
 """Pontech SV203 servo board: eight servos and five 8-bit analogue inputs on a serial line.
 
 Commands are ASCII lines of at most 20 characters, ended by a carriage return. The board
-acknowledges nothing and ignores what it does not understand, and after a brown-out it comes back
-deselected with all servos at neutral. So this driver checks ranges itself, selects board and servo
-on every line, and offers ``verify`` to find out whether the board still has what it was sent.
+acknowledges nothing and ignores what it does not understand. So this driver checks ranges itself,
+selects the servo on every line, and offers ``verify`` to find out whether the board still has what
+it was sent.
+
+After a brown-out the board comes back deselected, with all servos at neutral, and acts upon nothing
+until it is selected. Moves therefore never select it: those that are under way when it is reset
+reach a board that ignores them, instead of making every servo leap back to where it was. Only a
+query selects, and only one whose answer is waited for, when the driver begins and after it was told
+to ``forget``. Otherwise a query that stays unanswered is how a reset is noticed. A second board on
+the same line would have to be read back in the same way at each change of the selection. All this
+holds for a board as it leaves the factory; one that was set up to be selected when it is switched
+on would follow the moves after a reset.
 
 Source: Pontech SV203 User Manual, revision 1.20. Three things are not in it, and want a look with
 an oscilloscope on a new board: that count 0 stops the pulses (``release``), that a reply to ``RR``
 ends with a carriage return as one to ``AD`` does, and whether the return counts among the 20
-characters (lines here have at most 19 without it).
+characters (lines here have at most 18 without it).
 """
 
 from __future__ import annotations
@@ -25,6 +34,7 @@ from robot.clock import Clock
 from robot.errors import (
     CommandError,
     DeviceDataError,
+    DeviceError,
     DeviceMissingError,
     DeviceTimeoutError,
 )
@@ -40,6 +50,7 @@ _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
 _MAX_REPLY: Final = 16
 _ATTEMPTS: Final = 3
 _WRITE_TIMEOUT: Final = 1.0  # pyserial counts a moment without the processor as the line's delay
+_RESET: Final = "Check the servos' supply: it drops under load."
 _PLUG: Final = "Check that the adapter is plugged in and the board has power, then clear the fault."
 
 
@@ -115,6 +126,7 @@ class SV203:
         self._line_gap = line_gap
         self._reply_timeout = reply_timeout
         self._sent: dict[int, int] = {}
+        self._selected = False
         self.repeats = 0
         self._take(serial_port)
 
@@ -125,9 +137,12 @@ class SV203:
             counts: Count 1 to 255 by servo output 1 to 8; one count is about 0.7°.
 
         Raises:
-            CommandError: An output or count out of range; nothing was sent.
+            CommandError: An output or count out of range, or the board was not read since the
+                driver began, forgot or noticed a reset; nothing was sent.
             DeviceError: The line failed; counts not known to have arrived are forgotten.
         """
+        if not self._selected:
+            raise CommandError("read the servo board's counts before moving its servos")
         for output, count in counts.items():
             _check_output(output)
             if count not in COUNTS:
@@ -135,7 +150,7 @@ class SV203:
         self._send(counts)
 
     def release(self, outputs: Iterable[int] = OUTPUTS) -> None:
-        """Stops the pulses of some servos, so that they go limp.
+        """Stops the pulses of some servos, so that they go limp, also on a board that was reset.
 
         Raises:
             CommandError: An output out of range; nothing was sent.
@@ -145,7 +160,7 @@ class SV203:
         for output in counts:
             _check_output(output)
             self._sent.pop(output, None)  # a limp servo is worth the bytes of a repeat
-        self._send(counts)
+        self._send(counts, select=self._select)
 
     def read_counts(self, outputs: Iterable[int] = OUTPUTS) -> dict[int, int]:
         """Asks the board which counts it has been sent; no servo reports where it really is.
@@ -180,14 +195,15 @@ class SV203:
         return self._query(f"AD{channel}") * 5.0 / 255.0
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares the board with what it should have; a difference means reset or a lost line.
+        """Compares the board with what it should have; a difference means a damaged line.
 
-        A difference is read twice, so that one damaged reply is not taken for a reset.
+        A difference is read twice, so that it is not the reply that was damaged.
 
         Returns:
             The outputs that differ, ascending; these are forgotten and will be sent again.
 
         Raises:
+            DeviceDataError: The board was reset.
             DeviceError: As ``read_counts``.
         """
         suspects = [n for n, found in self.read_counts(expected).items() if found != expected[n]]
@@ -197,8 +213,9 @@ class SV203:
         return sorted(differing)
 
     def forget(self) -> None:
-        """Forgets what was sent, so that the next counts are all sent."""
+        """Forgets what is known of the board: the next query selects it, all counts are sent."""
         self._sent.clear()
+        self._selected = False
 
     def reopen(self, open_port: Callable[[], serial.Serial]) -> None:
         """Gives the line up and takes a new one: an adapter that was re-plugged is another device.
@@ -217,9 +234,7 @@ class SV203:
         """How long ``set_counts`` takes at most when so many counts changed, s."""
         pairs, single = divmod(changed, _SERVOS_PER_LINE)
         one = len("SV8M255")
-        return pairs * self._line_time(len(self._select) + 2 * one) + single * self._line_time(
-            len(self._select) + one
-        )
+        return pairs * self._line_time(2 * one) + single * self._line_time(one)
 
     def close(self) -> None:
         """Closes the line; the board keeps the servos where they are."""
@@ -232,17 +247,16 @@ class SV203:
         with self._link("setting it up"):
             port.timeout = self._reply_timeout
 
-    def _send(self, counts: Mapping[int, int]) -> None:
+    def _send(self, counts: Mapping[int, int], *, select: str = "") -> None:
         changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
         for start in range(0, len(changed), _SERVOS_PER_LINE):
             group = changed[start : start + _SERVOS_PER_LINE]
             for output in group:
                 self._sent.pop(output, None)
-            self._write("".join(f"SV{n}M{counts[n]}" for n in group))
+            self._write(select + "".join(f"SV{n}M{counts[n]}" for n in group))
             self._sent.update((n, counts[n]) for n in group)
 
-    def _write(self, commands: str) -> None:
-        line = self._select + commands
+    def _write(self, line: str) -> None:
         with self._link("writing to it"):
             self._port.write(line.encode("ascii") + b"\r")
         self.bytes_written += len(line) + 1
@@ -252,17 +266,46 @@ class SV203:
         return (characters + 1) * self._byte_time + self._line_gap
 
     def _query(self, command: str) -> int:
-        """Repeats a query, which changes nothing, until a sound reply comes."""
+        """Repeats a query, which changes nothing, until a sound reply comes.
+
+        Raises:
+            DeviceDataError: The board was reset, or answers only garbage.
+            DeviceError: It does not answer, or the line failed.
+        """
         for _ in range(_ATTEMPTS - 1):
             with suppress(DeviceTimeoutError, DeviceDataError):
-                return self._query_once(command)
+                return self._ask(command)
             self.repeats += 1
-        return self._query_once(command)
+        try:
+            return self._ask(command)
+        except DeviceTimeoutError:
+            if self._selected:
+                self._look_for_reset(command)
+            raise
 
-    def _query_once(self, command: str) -> int:
+    def _ask(self, command: str) -> int:
+        """Asks once, and selects the board with the question where that was not yet done."""
+        answer = self._query_once(command, select="" if self._selected else self._select)
+        self._selected = True
+        return answer
+
+    def _look_for_reset(self, command: str) -> None:
+        """A board that answers only when it is selected anew was reset since it last was."""
+        try:
+            self._query_once(command, select=self._select)
+        except DeviceError:
+            return
+        self.forget()
+        raise DeviceDataError(
+            "The servo board is not selected any more: it was reset, and its servos went to "
+            "neutral.",
+            _RESET,
+        )
+
+    def _query_once(self, command: str, *, select: str) -> int:
         with self._link("emptying its input"):
             self._port.reset_input_buffer()
-        self._write(command)
+        self._write(select + command)
         with self._link("reading from it"):
             reply = self._port.read_until(b"\r", _MAX_REPLY)
             if not reply.endswith(b"\r"):  # it may have come while we had no processor

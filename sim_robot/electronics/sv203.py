@@ -73,6 +73,14 @@ class SV203Emulator(FaultSwitch):
         """Count 1 to 255 at each of the eight outputs, or 0 where there are no pulses."""
         return self._board.pulses
 
+    def watch_moves(self, on_move: Callable[[int, int, int], None]) -> None:
+        """Has every move that the host commands reported, by the thread that reads the line.
+
+        Args:
+            on_move: Called with servo, count before and count after.
+        """
+        self._board.on_move = on_move
+
     def set_analogue(self, channel: int, count: int) -> None:
         """Sets what analogue input 1 to 5 reads, 0 to 255."""
         self._board.analogue[channel - 1] = count

@@ -33,12 +33,15 @@ class Board:
     Attributes:
         pulses: Count at each output, 0 without pulses; replaced, never changed in place.
         analogue: What the five analogue inputs read, 0 to 255.
+        on_move: Called with servo, count before and count after whenever a command changes one;
+            what servos do by themselves when the supply comes back is no move.
     """
 
     pulses: tuple[int, ...]
 
     def __init__(self, number: int = 1):
         self.analogue = [0] * 5
+        self.on_move: Callable[[int, int, int], None] = lambda servo, before, after: None
         self._number = number
         self._eeprom = bytearray(b"\xff" * _EEPROM_SIZE)
         self._eeprom[9] = 50
@@ -105,8 +108,11 @@ class Board:
                 self._set(self._servo, count)
 
     def _set(self, servo: int, count: int) -> None:
+        before = self._counts[servo - 1]
         self._counts[servo - 1] = count
         self.pulses = tuple(self._counts)
+        if count != before:
+            self.on_move(servo, before, count)
 
     def _delay(self, milliseconds: int) -> None:
         """Delays nothing: the emulated processor has no time of its own."""

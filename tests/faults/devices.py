@@ -124,8 +124,9 @@ DEVICES: Final = {
         _device(
             "brown-out while moving: the board is deselected, servos jump to neutral",
             "servo_board.brown_out",
-            "cannot see it at once: servos under way go on from neutral, the others stay there. "
-            "Checks the board's counts after the reading, and gives no observation",
+            "sees it when it has moved (to zero, or to the targets) and reads the board back. "
+            "Meanwhile the board ignores it, for what moves servos never selects a board: they "
+            "stay where the reset threw them, all of them",
             "it was reset",
             "`clear` works at once; motion goes on from where the board stands now.",
             after=0.4,

@@ -160,7 +160,8 @@ PROCESSES: Final = {
     "stall": Row(
         fault="the daemon's computer stands still for 2.5 s while moving",
         injected="SIGSTOP and SIGCONT",
-        does="freezes when it goes on; no joint leaps",
+        does="freezes when it goes on; no joint leaps. After less than 2 s it goes on moving, from "
+        "where it was and no faster than ever",
         state="fault",
         code="fault",
         words="The robot clock jumped by +",

@@ -38,7 +38,7 @@ def test_every_joint_arrives_and_none_is_faster_than_its_servo(
     driven = joints(len(ways))
     start = {joint.output: way[0] for joint, way in zip(driven, ways, strict=True)}
     targets = {joint.output: way[1] for joint, way in zip(driven, ways, strict=True)}
-    slew = Slew(driven, start=start, targets=targets, speed=SPEED, now=0.0)
+    slew = Slew(driven, start=start, targets=targets, speed=SPEED, period=1.0, now=0.0)
     counts, updated, now = dict(start), dict.fromkeys(start, 0.0), 0.0
     rounds = 0
     while not slew.arrived:
@@ -60,24 +60,31 @@ def test_every_joint_arrives_and_none_is_faster_than_its_servo(
 
 def test_joints_do_not_finish_together() -> None:
     driven = joints(2)
-    slew = Slew(driven, start={1: 128, 2: 128}, targets={1: 130, 2: 200}, speed=SPEED, now=0.0)
+    slew = Slew(
+        driven, start={1: 128, 2: 128}, targets={1: 130, 2: 200}, speed=SPEED, period=1.0, now=0.0
+    )
     first = slew.due(0.1, at_most=2)
     assert first[1] == 130
     assert 128 < first[2] < 200
 
 
-@given(st.floats(0.5, 1e4), st.floats(math.radians(1), SPEED))
-def test_a_delay_never_ends_in_a_leap(delay: float, speed: float) -> None:
+@given(st.floats(0.1, 1e4), st.floats(math.radians(1), SPEED), st.floats(0.01, 0.3))
+def test_a_delay_never_ends_in_a_leap(delay: float, speed: float, period: float) -> None:
     driven = joints(1)
-    slew = Slew(driven, start={1: 10}, targets={1: 250}, speed=speed, now=0.0)
+    slew = Slew(driven, start={1: 10}, targets={1: 250}, speed=speed, period=period, now=0.0)
     scale = driven[0].scale
-    moved = scale.angle(slew.due(delay, at_most=2).get(1, 10)) - scale.angle(10)
-    assert moved <= max(0.4 * speed, scale.resolution) + 1e-9
+    count = slew.due(delay, at_most=2).get(1, 10)
+    assert scale.angle(count) - scale.angle(10) <= max(period * speed, scale.resolution) + 1e-9
+    slew.sent({1: count}, delay)
+    # … and the time that was lost is not made up for.
+    further = slew.due(delay + period, at_most=2).get(1, count)
+    moved = scale.angle(further) - scale.angle(count)
+    assert moved <= max(period * speed, scale.resolution) + 1e-9
 
 
 def test_the_slowest_joint_arrives() -> None:
     driven = joints(1)
-    slew = Slew(driven, start={1: 10}, targets={1: 13}, speed=math.radians(1), now=0.0)
+    slew = Slew(driven, start={1: 10}, targets={1: 13}, speed=math.radians(1), period=0.1, now=0.0)
     now = 0.0
     while not slew.arrived:
         now += 0.05

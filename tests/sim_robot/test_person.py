@@ -34,6 +34,7 @@ def person(parts: Emulation) -> SimulatedPerson:
 
 def test_the_protractor_shows_the_real_angle(parts: Emulation, person: SimulatedPerson) -> None:
     person.ask("on the stand: Enter")
+    parts.devices.servos.read_counts([3])
     parts.devices.servos.set_counts({3: 150})
     readings = [
         float(person.ask("hip_right at its new 0°: the angle measured, or Enter"))

@@ -49,6 +49,7 @@ def test_a_board_at_neutral_was_just_switched_on(clinic: Clinic) -> None:
     assert any("switching on" in text for text in boards())
     clinic.robot.servo_board.power_cycle()
     port = clinic.access().servos()
+    port.read_counts([1])
     port.set_counts({1: 100})
     port.close()
     assert not any("switching on" in text for text in boards())

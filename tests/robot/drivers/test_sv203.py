@@ -12,58 +12,76 @@ from hypothesis import strategies as st
 
 from robot.clock import SteppedClock
 from robot.drivers.sv203 import OUTPUTS, SV203, open_serial
-from robot.errors import CommandError
+from robot.errors import CommandError, DeviceDataError
 from sim_robot.electronics.sv203 import SV203Emulator
-from tests.robot.drivers.lines import Line, Wire
+from tests.robot.drivers.lines import Line
 
 COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
 
 
-def written_by(wire: Wire, board: int, act: Callable[[SV203], object]) -> list[bytes]:
-    driver = SV203(open_serial(wire.name), board=board, clock=SteppedClock())
+def written_by(board: int, act: Callable[[SV203], object]) -> list[bytes]:
+    """The lines that follow the first query."""
+    line = Line(lambda: b"128\r")
+    driver = SV203(cast(serial.Serial, line), board=board, clock=SteppedClock())
+    driver.read_counts([1])
     act(driver)
-    driver.close()
-    return wire.lines(driver.bytes_written)
+    assert len(line.written) == driver.bytes_written
+    query, *lines, rest = line.written.split(b"\r")
+    assert (query, rest) == (b"BD%dRR51" % board, b"")
+    return lines
 
 
-def test_a_line_selects_board_and_servo_and_carries_two_servos(wire: Wire) -> None:
-    lines = written_by(wire, 1, lambda driver: driver.set_counts({8: 255, 1: 7, 3: 128}))
-    assert lines == [b"BD1SV1M7SV3M128", b"BD1SV8M255"]
+def test_a_line_selects_the_servo_never_the_board_and_carries_two_servos() -> None:
+    lines = written_by(1, lambda driver: driver.set_counts({8: 255, 1: 7, 3: 128}))
+    assert lines == [b"SV1M7SV3M128", b"SV8M255"]
 
 
-def test_no_line_exceeds_19_characters(wire: Wire) -> None:
-    lines = written_by(wire, 255, lambda driver: driver.set_counts(dict.fromkeys(OUTPUTS, 255)))
-    assert len(lines) == 4
-    assert max(map(len, lines)) == 19
+def test_no_line_exceeds_19_characters() -> None:
+    def act(driver: SV203) -> None:
+        driver.set_counts(dict.fromkeys(OUTPUTS, 255))
+        driver.release()
+
+    lines = written_by(255, act)
+    assert len(lines) == 8
+    assert max(map(len, lines)) <= 19
 
 
-def test_only_changes_are_sent(wire: Wire) -> None:
+def test_only_changes_are_sent() -> None:
     def act(driver: SV203) -> None:
         driver.set_counts({1: 10, 2: 20})
         driver.set_counts({1: 10, 2: 21})
         driver.set_counts({1: 10, 2: 21})
         driver.forget()
+        driver.read_counts([1])
         driver.set_counts({1: 10})
 
-    assert written_by(wire, 1, act) == [b"BD1SV1M10SV2M20", b"BD1SV2M21", b"BD1SV1M10"]
+    assert written_by(1, act) == [b"SV1M10SV2M20", b"SV2M21", b"BD1RR51", b"SV1M10"]
 
 
-def test_release_is_always_sent_and_forgets(wire: Wire) -> None:
+def test_release_is_always_sent_to_any_board_and_forgets() -> None:
     def act(driver: SV203) -> None:
         driver.set_counts({2: 20})
         driver.release([2])
         driver.release([2])
         driver.set_counts({2: 20})
 
-    assert written_by(wire, 1, act) == [b"BD1SV2M20", b"BD1SV2M0", b"BD1SV2M0", b"BD1SV2M20"]
+    assert written_by(1, act) == [b"SV2M20", b"BD1SV2M0", b"BD1SV2M0", b"SV2M20"]
 
 
 @pytest.mark.parametrize("counts", [{0: 5}, {9: 5}, {1: 0}, {1: 256}, {1: -3}, {1: 5, 2: 1000}])
 def test_what_the_board_would_ignore_is_refused_and_nothing_is_sent(
     servos: SV203, counts: dict[int, int]
 ) -> None:
+    servos.read_counts()
+    before = servos.bytes_written
     with pytest.raises(CommandError, match=r"must lie in 1 to 255|outputs 1 to 8"):
         servos.set_counts(counts)
+    assert servos.bytes_written == before
+
+
+def test_a_board_that_was_not_read_is_not_moved(servos: SV203) -> None:
+    with pytest.raises(CommandError, match="read the servo board's counts"):
+        servos.set_counts({1: 10})
     assert servos.bytes_written == 0
 
 
@@ -90,7 +108,7 @@ def on_line_with_board(board: int, clock: SteppedClock) -> SV203:
 def test_the_servos_get_what_was_commanded(history: list[dict[int, int]]) -> None:
     emulator = SV203Emulator()
     driver = SV203(open_serial(emulator.port), clock=SteppedClock())
-    expected = dict.fromkeys(OUTPUTS, 128)
+    expected = driver.read_counts()
     for counts in history:
         driver.set_counts(counts)
         expected |= counts
@@ -102,18 +120,21 @@ def test_the_servos_get_what_was_commanded(history: list[dict[int, int]]) -> Non
     emulator.close()
 
 
-@pytest.mark.parametrize(("count", "seconds"), [(8, 0.087), (2, 0.02175), (1, 0.01446), (0, 0.0)])
+@pytest.mark.parametrize(("count", "seconds"), [(8, 0.0745), (2, 0.018625), (1, 0.01133), (0, 0.0)])
 def test_pacing_is_the_wire_time_at_9600_baud_plus_3_ms(
     servos: SV203, clock: SteppedClock, count: int, seconds: float
 ) -> None:
+    servos.read_counts()
+    start = clock.now()
     servos.set_counts(dict.fromkeys(range(1, count + 1), 200))
-    assert clock.now() == pytest.approx(seconds, abs=1e-5)
+    assert clock.now() - start == pytest.approx(seconds, abs=1e-5)
     assert servos.seconds_for(count) == pytest.approx(seconds, abs=1e-5)
 
 
 def test_answers_take_their_time_on_the_wire(servos: SV203, clock: SteppedClock) -> None:
-    assert servos.read_counts([1]) == {1: 128}
-    assert clock.now() == pytest.approx((len("BD1RR51\r") + len("128\r")) * 10 / 9600 + 0.003)
+    assert servos.read_counts([1, 2]) == {1: 128, 2: 128}
+    written = len("BD1RR51\r" + "RR52\r" + "128\r" * 2)
+    assert clock.now() == pytest.approx(written * 10 / 9600 + 2 * 0.003)
 
 
 def test_analogue_inputs_read_volts(servos: SV203, servo_board: SV203Emulator) -> None:
@@ -121,20 +142,41 @@ def test_analogue_inputs_read_volts(servos: SV203, servo_board: SV203Emulator) -
     assert servos.read_analogue(3) == pytest.approx(1.0)
 
 
-def test_a_brown_out_is_found_and_mended(servos: SV203, servo_board: SV203Emulator) -> None:
+def test_a_board_that_was_reset_ignores_moves_and_is_found_out(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
     pose = {1: 100, 2: 128, 5: 30}
+    servos.read_counts()
     servos.set_counts(pose)
     assert servo_board.wait_until_read(servos.bytes_written, 5.0)
     servo_board.power_cycle()
-    assert servos.verify(pose) == [1, 5]  # 2 stood at neutral anyway
+    servos.set_counts(pose | {1: 101, 7: 10})
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
+    assert set(servo_board.pulses()) == {128}
+    with pytest.raises(DeviceDataError, match="it was reset"):
+        servos.verify({2: 128})  # where it is by chance
+    with pytest.raises(CommandError, match="read the servo board's counts"):
+        servos.set_counts(pose)
+    assert servos.read_counts() == dict.fromkeys(OUTPUTS, 128)
     servos.set_counts(pose)
     assert servos.verify(pose) == []
+
+
+def test_a_board_that_was_reset_is_released_all_the_same(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    servos.read_counts()
+    servo_board.power_cycle()
+    servos.release()
+    assert servo_board.wait_until_read(servos.bytes_written, 5.0)
+    assert set(servo_board.pulses()) == {0}
 
 
 def test_bytes_lost_on_the_line_are_found_and_mended(
     servos: SV203, servo_board: SV203Emulator
 ) -> None:
     pose = {n: 40 + n for n in OUTPUTS}
+    servos.read_counts()
     servo_board.inject("drop", 10)
     servos.set_counts(pose)
     assert servo_board.wait_until_read(servos.bytes_written, 5.0)

@@ -52,9 +52,12 @@ def test_nothing_but_damaged_answers_are_an_error(
         servos.read_counts([1])
 
 
+@pytest.mark.parametrize("known", [False, True])
 def test_a_silent_board_is_an_error_in_time(
-    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock
+    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock, known: bool
 ) -> None:
+    if known:  # it is asked once more, whether it was reset
+        servos.read_counts()
     servo_board.inject("mute")
     start = time.monotonic()
     with pytest.raises(DeviceTimeoutError, match=r"did not answer RR51 within 0\.2 s"):
@@ -78,8 +81,7 @@ def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
 
     def write_on() -> None:
         for _ in range(20_000):
-            driver.forget()
-            driver.set_counts({1: 100, 2: 100})
+            driver.release([1, 2])
 
     with pytest.raises(DeviceTimeoutError, match="took no more bytes"):
         write_on()
@@ -90,6 +92,7 @@ def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
 def test_unplugged_while_moving_and_back(
     servos: SV203, servo_board: SV203Emulator, clock: SteppedClock
 ) -> None:
+    servos.read_counts([1])
     servos.set_counts({1: 90})
     assert servo_board.wait_until_read(servos.bytes_written, 5.0)
     servo_board.unplug()
@@ -113,7 +116,8 @@ def test_unplugged_while_moving_and_back(
 
 def test_a_count_that_may_not_have_arrived_is_sent_again() -> None:
     failure: dict[str, Exception] = {}
-    driver = on_line(Line(lambda: b"", failure), SteppedClock())
+    driver = on_line(Line(lambda: b"128\r", failure), SteppedClock())
+    driver.read_counts([1])
     driver.set_counts({1: 10})
     failure["write"] = OSError(errno.EIO, "Input/output error")
     with pytest.raises(DeviceMissingError):
@@ -122,7 +126,7 @@ def test_a_count_that_may_not_have_arrived_is_sent_again() -> None:
     before = driver.bytes_written
     driver.set_counts({1: 10})  # the board may have 20 by now
     driver.set_counts({1: 10})
-    assert driver.bytes_written - before == len("BD1SV1M10\r")
+    assert driver.bytes_written - before == len("SV1M10\r")
 
 
 def test_one_wrong_but_sound_answer_is_not_taken_for_a_reset() -> None:
@@ -192,6 +196,7 @@ def test_a_second_program_is_told_that_the_port_is_taken(
 def test_a_line_that_is_another_device_now_is_opened_anew(
     servos: SV203, servo_board: SV203Emulator
 ) -> None:
+    servos.read_counts([1])
     servos.set_counts({1: 90})
     before = servos.bytes_written
     assert servo_board.wait_until_read(before, 5.0)
@@ -204,5 +209,5 @@ def test_a_line_that_is_another_device_now_is_opened_anew(
     servos.reopen(lambda: open_serial(servo_board.port))
     assert servos.read_counts([1]) == {1: 90}
     servos.set_counts({1: 90})  # what the old line carried is not taken for granted
-    assert servos.bytes_written == before + len("BD1RR51\r" + "BD1SV1M90\r")
+    assert servos.bytes_written == before + len("BD1RR51\r" + "SV1M90\r")
     assert servo_board.wait_until_read(servos.bytes_written, 5.0)
