@@ -15,6 +15,7 @@ from itertools import pairwise
 
 MIN_COUNT = 1  # count 0 means "no pulses"
 MAX_COUNT = 255
+SLOPES = (0.25, 2.0)  # degrees a count of any servo; 0.7 is usual
 
 
 @dataclass(frozen=True)

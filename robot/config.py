@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 from robot.calibration import DrivenJoint
 from robot.calibration_file import Calibration, read_calibration
@@ -19,7 +20,7 @@ from robot.drivers.dmm32 import BASES, RANGES
 from robot.drivers.sv203 import BAUDS
 from robot.errors import ConfigError
 from robot.plausible import Underside
-from robot.sections import read_toml
+from robot.sections import Section, numbered, read_toml
 from robot.sensing import Accelerometer
 from robot.settling import RestCriterion
 from robot.tables import (
@@ -32,6 +33,9 @@ from robot.tables import (
     read_settling,
 )
 from robot.touch import TouchGauge
+
+DENSITIES: Final = (10.0, 20_000.0)
+"""Kilograms per cubic metre of whatever a body can be made of."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,27 +92,22 @@ class RobotConfig:
     noise: NoiseConfig
 
     def __post_init__(self) -> None:
-        outputs = [joint.output for joint in self.joints]
-        names = [joint.name for joint in self.joints]
-        if len(set(outputs)) < len(outputs):
-            raise ConfigError(f"two joints share an output: {outputs}.", key="joint")
-        if len(set(names)) < len(names):
-            raise ConfigError(f"two joints share a name: {names}.", key="joint")
-        gauges = [gauge.name for gauge in self.gauges]
-        if len(set(gauges)) < len(gauges):
-            raise ConfigError(f"two gauges share a name: {gauges}.", key="touch")
+        _all_different("joint", "name", [joint.name for joint in self.joints])
+        _all_different("joint", "output", [joint.output for joint in self.joints])
+        _all_different("touch", "name", [gauge.name for gauge in self.gauges])
         channels = [*self.accelerometer.channels, *(gauge.channel for gauge in self.gauges)]
-        for gauge in self.gauges:
+        for number, gauge in enumerate(self.gauges, 1):
+            key = numbered("touch", number, gauge.name)
             if channels.count(gauge.channel) > 1:
                 raise ConfigError(
                     f"input {gauge.channel} is another sensor's, too: each has one of its own.",
-                    key=f"touch ({gauge.name}).channel",
+                    key=f"{key}.channel",
                 )
             if gauge.debounce > self.samples:
                 raise ConfigError(
                     f"a debounce of {gauge.debounce} can never set the bit: an observation has "
                     f"only {self.samples} samples.",
-                    key=f"touch ({gauge.name})",
+                    key=f"{key}.debounce",
                 )
 
     @property
@@ -126,6 +125,29 @@ class RobotConfig:
         """
         nameless = replace(self, servo_board=replace(self.servo_board, port=""))
         return hashlib.sha256(repr(nameless).encode()).hexdigest()[:12]
+
+
+def _all_different(table: str, key: str, values: Sequence[str | int]) -> None:
+    for number, value in enumerate(values, 1):
+        first = values.index(value) + 1
+        if first < number:
+            raise ConfigError(
+                f"is {value!r}, as that of {table} {first}: each has one of its own.",
+                key=f"{table} {number}.{key}",
+            )
+
+
+def _dense_enough(section: Section, size: Sequence[float], mass: float) -> float:
+    """The mass, if there can be a body of that mass and size (x, y, z in m)."""
+    density = mass / math.prod(size)
+    if not DENSITIES[0] <= density <= DENSITIES[1]:
+        raise section.refuse(
+            "mass_kg",
+            f"is {mass:g} for a body of {' x '.join(f'{1000 * m:g}' for m in size)} mm: that is "
+            f"{density:.3g} kg per cubic metre, and foam has {DENSITIES[0]:g}, gold "
+            f"{DENSITIES[1]:g}; write kilograms, and size_mm in millimetres.",
+        )
+    return mass
 
 
 def load_config(path: Path) -> RobotConfig:
@@ -230,20 +252,21 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
     settling = root.table("settling")
     noise = root.table("noise")
     try:
+        size = tuple(mm / 1000 for mm in body.numbers("size_mm", 3, 5, 2000))
         config = RobotConfig(
             name=name,
             body=BodyConfig(
-                size=tuple(mm / 1000 for mm in body.numbers("size_mm", 3, 1, 10_000)),
-                mass=body.number("mass_kg", 1e-3, 1000),
+                size=size,
+                mass=_dense_enough(body, size, body.number("mass_kg", 0.01, 100)),
             ),
             servo_board=ServoBoardConfig(
                 port=board.text("port"),
                 baud=board.one_of("baud", BAUDS, 9600),
                 board=board.integer("board", 0, 255, 1),
-                line_gap=board.number("line_gap_ms", 3, 1000, 3) / 1000,
+                line_gap=board.number("line_gap_ms", 3, 100, 3) / 1000,
             ),
             joints=tuple(read_joint(section) for section in root.tables("joint")),
-            speed=math.radians(motion.number("speed_deg_s", 1, 60, 60)),
+            speed=math.radians(motion.number("speed_deg_s", 5, 60, 60)),
             daq=DaqConfig(
                 base=daq.one_of("base", BASES, 0x300, written="{:#x}"),
                 input_range=daq.choice("input_range", tuple(RANGES), "±5V"),
@@ -256,8 +279,8 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
             settling=read_settling(settling),
             samples=settling.integer("samples", 1, 1000, 10),
             noise=NoiseConfig(
-                tilt=math.radians(noise.number("tilt_deg", 0, 90)),
-                clearance=noise.number("clearance_mm", 0, 1000) / 1000,
+                tilt=math.radians(noise.number_or_zero("tilt_deg", 0.01, 10)),
+                clearance=noise.number_or_zero("clearance_mm", 0.01, 50) / 1000,
             ),
         )
     except ConfigError as error:

@@ -11,9 +11,27 @@ import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Final
 
 from robot.errors import ConfigError
+
+_UNITS: Final = MappingProxyType(
+    {
+        "_deg_s": "degrees per second",
+        "_deg": "degrees",
+        "_mm": "millimetres",
+        "_kg": "kilograms",
+        "_ms": "milliseconds",
+        "_s": "seconds",
+        "_hz": "hertz",
+        "_v": "volts",
+        "_n": "newtons",
+        "volts_per_g": "volts",
+        "volts_per_newton": "volts",
+    }
+)
+"""What the end of a key says about its unit."""
 
 
 def read_toml(path: Path) -> Section:
@@ -71,8 +89,8 @@ class Section:
         if not isinstance(value, list) or not value or not all(isinstance(v, dict) for v in value):
             raise self.refuse(key, f"must be one or more tables, each written [[{key}]].")
         return [
-            Section(self._file, f"{self._path}{key}[{index}].", item)
-            for index, item in enumerate(value)
+            Section(self._file, f"{self._path}{numbered(key, number, item.get('name'))}.", item)
+            for number, item in enumerate(value, 1)
         ]
 
     def text(self, key: str, default: str | None = None) -> str:
@@ -109,12 +127,23 @@ class Section:
         """A finite number from ``least`` to ``most``."""
         return self._number(key, self._take(key, default), least, most)
 
+    def number_or_zero(self, key: str, least: float, most: float) -> float:
+        """A number from ``least`` to ``most``, or 0."""
+        value = self._take(key)
+        zero = isinstance(value, int | float) and not isinstance(value, bool) and value == 0
+        return 0.0 if zero else self._number(key, value, least, most, also="0, or ")
+
+    def magnitude(self, key: str, least: float, most: float) -> float:
+        """A number of either sign, from ``least`` to ``most`` without it."""
+        return self._magnitude(key, self._take(key), least, most)
+
+    def magnitudes(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
+        """An array of ``count`` such numbers."""
+        return tuple(self._magnitude(key, item, least, most) for item in self._array(key, count))
+
     def numbers(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
         """An array of ``count`` numbers."""
-        value = self._take(key)
-        if not isinstance(value, list) or len(value) != count:
-            raise self.refuse(key, f"must be an array of {count} numbers, not {value!r}.")
-        return tuple(self._number(key, item, least, most) for item in value)
+        return tuple(self._number(key, item, least, most) for item in self._array(key, count))
 
     def pairs(self, key: str) -> tuple[tuple[float, float], ...]:
         """An array of two or more pairs of finite numbers."""
@@ -132,11 +161,24 @@ class Section:
             for pair in value
         )
 
-    def _number(self, key: str, value: Any, least: float, most: float) -> float:
-        good = isinstance(value, int | float) and not isinstance(value, bool)
-        if not good or not math.isfinite(value) or not least <= value <= most:
-            raise self.refuse(key, f"must be a number from {least:g} to {most:g}, not {value!r}.")
+    def _array(self, key: str, count: int) -> list[Any]:
+        value = self._take(key)
+        if not isinstance(value, list) or len(value) != count:
+            raise self.refuse(key, f"must be an array of {count} numbers, not {value!r}.")
+        return value
+
+    def _number(self, key: str, value: Any, least: float, most: float, *, also: str = "") -> float:
+        if not _is_number(value) or not least <= value <= most:
+            unit = next((f" {name}" for end, name in _UNITS.items() if key.endswith(end)), "")
+            raise self.refuse(
+                key, f"must be {also}a number from {least:g} to {most:g}{unit}, not {value!r}."
+            )
         return float(value)
+
+    def _magnitude(self, key: str, value: Any, least: float, most: float) -> float:
+        if _is_number(value) and value < 0:
+            return -self._number(key, -value, least, most, also="(without its sign) ")
+        return self._number(key, value, least, most, also="(without its sign) ")
 
     def _take(self, key: str, default: Any = None) -> Any:
         self._asked.add(key)
@@ -145,3 +187,13 @@ class Section:
         if default is None:
             raise self.refuse(key, "is missing.")
         return default
+
+
+def numbered(key: str, number: int, name: object) -> str:
+    """How a person finds one of several tables: ``joint 2 (hip_front)``, counted from 1."""
+    return f"{key} {number} ({name})" if name and isinstance(name, str) else f"{key} {number}"
+
+
+def _is_number(value: Any) -> bool:
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    return good and math.isfinite(value)

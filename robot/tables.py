@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
 
-from robot.calibration import DrivenJoint, JointScale
+from robot.calibration import SLOPES, DrivenJoint, JointScale
 from robot.sections import Section
 from robot.sensing import Accelerometer, BellySensor
 from robot.settling import RestCriterion
@@ -24,6 +26,10 @@ class I2CConfig:
     bus: int
     address: int
     sensor: BellySensor
+
+
+_SHORTEST_RANGE: Final = 10.0
+"""Degrees from the lower limit to the upper one; a joint typed in radians spans six at most."""
 
 
 def check_count(root: Section, head: Section, key: str, table: str, least: int) -> None:
@@ -42,7 +48,7 @@ def read_joint(section: Section) -> DrivenJoint:
         output=section.integer("output", 1, 8),
         lower_limit=lower,
         upper_limit=upper,
-        part_radius=section.number("part_radius_mm", 0.1, 1000) / 1000,
+        part_radius=section.number("part_radius_mm", 1, 200) / 1000,
         scale=read_scale(section),
     )
     try:
@@ -58,6 +64,12 @@ def read_limits(section: Section) -> tuple[float, float]:
     lower, upper = section.numbers("limits_deg", 2, -180, 180)
     if lower >= upper:
         raise section.refuse("limits_deg", f"must rise, not {lower:g} to {upper:g}.")
+    if upper - lower < _SHORTEST_RANGE:
+        raise section.refuse(
+            "limits_deg",
+            f"must be at least {_SHORTEST_RANGE:g} degrees apart, not {lower:g} to {upper:g}; "
+            "write degrees.",
+        )
     return math.radians(lower), math.radians(upper)
 
 
@@ -65,9 +77,18 @@ def read_scale(section: Section) -> JointScale:
     """``calibration``, pairs of count and degrees."""
     pairs = section.pairs("calibration")
     try:
-        return JointScale(tuple((count, math.radians(angle)) for count, angle in pairs))
+        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs))
     except ValueError as error:
         raise section.refuse("calibration", f"{error}.") from error
+    for (count, angle), (following, next_angle) in pairwise(sorted(pairs)):
+        slope = abs((next_angle - angle) / (following - count))
+        if not SLOPES[0] <= slope <= SLOPES[1]:
+            raise section.refuse(
+                "calibration",
+                f"has {slope:.3g} degrees a count from count {count:g} to {following:g}, and a "
+                f"servo has {SLOPES[0]:g} to {SLOPES[1]:g}; write [count, degrees].",
+            )
+    return scale
 
 
 def read_accelerometer(section: Section) -> Accelerometer:
@@ -85,9 +106,7 @@ def read_accelerometer(section: Section) -> Accelerometer:
 
 def read_axes(section: Section) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """``zero_v`` and ``volts_per_g``."""
-    gains = section.numbers("volts_per_g", 3, -10, 10)
-    if 0 in gains:
-        raise section.refuse("volts_per_g", "must not be 0.")
+    gains = section.magnitudes("volts_per_g", 3, 0.02, 5)
     return section.numbers("zero_v", 3, -10, 10), gains
 
 
@@ -110,16 +129,14 @@ def read_gauge(section: Section) -> TouchGauge:
 
 def read_bridge(section: Section) -> tuple[float, float]:
     """``tare_v`` and ``volts_per_newton``."""
-    gain = section.number("volts_per_newton", -100, 100)
-    if gain == 0:
-        raise section.refuse("volts_per_newton", "must not be 0.")
+    gain = section.magnitude("volts_per_newton", 1e-4, 50)
     return section.number("tare_v", -10, 10), gain
 
 
 def read_thresholds(section: Section) -> tuple[float, float]:
     """``on_n`` and ``off_n``."""
-    on = section.number("on_n", 0, 1000, 0.1)
-    off = section.number("off_n", 0, 1000, on / 2)
+    on = section.number("on_n", 0, 50, 0.1)
+    off = section.number("off_n", 0, 50, on / 2)
     if off > on:
         raise section.refuse("off_n", f"must not exceed on_n ({on:g}), not {off:g}.")
     return on, off
@@ -128,10 +145,11 @@ def read_thresholds(section: Section) -> tuple[float, float]:
 def read_distance(section: Section) -> I2CConfig:
     """The ``[distance]`` table."""
     zero, scale = read_ruler(section)
+    reach = section.number("range_mm", 20, 255) / 1000
     found = I2CConfig(
         bus=section.integer("bus", 0, 255),
         address=section.integer("address", 0x08, 0x77, 0x29),
-        sensor=BellySensor(zero=zero, scale=scale, reach=section.number("range_mm", 1, 255) / 1000),
+        sensor=BellySensor(zero=zero, scale=scale, reach=reach),
     )
     section.done()
     return found
@@ -145,9 +163,9 @@ def read_ruler(section: Section) -> tuple[float, float]:
 def read_settling(section: Section) -> RestCriterion:
     """The ``[settling]`` table, save ``samples``."""
     return RestCriterion(
-        window=section.number("window_s", 0.05, 60, 0.3),
-        swing=math.radians(section.number("swing_deg", 0, 90, 0.5)),
-        drift=math.radians(section.number("drift_deg", 0, 90, 0.1)),
-        timeout=section.number("timeout_s", 0.1, 600, 5),
+        window=section.number("window_s", 0.05, 10, 0.3),
+        swing=math.radians(section.number("swing_deg", 0.05, 20, 0.5)),
+        drift=math.radians(section.number("drift_deg", 0.01, 20, 0.1)),
+        timeout=section.number("timeout_s", 0.1, 60, 5),
         rate=section.number("rate_hz", 1, 1000, 50),
     )

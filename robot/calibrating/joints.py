@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Final
 
 from robot.calibrating.dialogue import Dialogue, number
-from robot.calibration import MAX_COUNT, MIN_COUNT, DrivenJoint, JointScale
+from robot.calibration import MAX_COUNT, MIN_COUNT, SLOPES, DrivenJoint, JointScale
 from robot.calibration_file import JointCalibration
 from robot.clock import Clock
 from robot.errors import DeviceDataError
@@ -35,7 +35,6 @@ MAX_STEP: Final = 20
 PACE: Final = 0.03  # s between counts besides the serial line's own: about 13° a second
 NEUTRAL: Final = 128
 _MIN_APART: Final = 10  # counts between two measured angles
-_SLOPES: Final = (0.25, 2.0)  # degrees a count; 0.7 is usual
 _ZERO_TOLERANCE: Final = 1.5  # degrees
 _WELL_BEYOND: Final = 30  # counts
 
@@ -249,7 +248,7 @@ def _objection(points: Sequence[tuple[int, float]]) -> str | None:
                 f"{_MIN_APART} counts in between."
             )
         slope = (next_angle - angle) / (following - count)
-        if not _SLOPES[0] <= abs(slope) <= _SLOPES[1]:
+        if not SLOPES[0] <= abs(slope) <= SLOPES[1]:
             return (
                 f"from count {count} to {following} that would be {abs(slope):.2f}° a count, and "
                 "0.7° is usual. Is the joint at a stop, or an angle mistyped?"

@@ -76,6 +76,7 @@ def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> Non
 
 
 numbers = st.floats(-9, 9).map(lambda value: round(value, 5))
+gains = st.floats(0.02, 5).map(lambda value: round(value, 5))
 positive = st.floats(0.01, 9).map(lambda value: round(value, 5))
 names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=8)
 
@@ -106,7 +107,7 @@ calibrations = st.builds(
     | st.builds(
         AxesCalibration,
         zero=st.tuples(numbers, numbers, numbers),
-        volts_per_g=st.tuples(positive, positive, positive),
+        volts_per_g=st.tuples(gains, gains, gains),
     ),
     gauges=st.dictionaries(
         names,
@@ -153,9 +154,9 @@ def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) ->
         ("[end]", "", ["end", "missing"]),
         (
             "[[touch]]",
-            '[[joint]]\nname = "hip_left"\nlimits_deg = [-9, 9]\n'
+            '[[joint]]\nname = "hip_left"\nlimits_deg = [-60, 60]\n'
             "calibration = [[1, -9], [200, 9]]\n\n[[touch]]",
-            ["joint[1].name", "twice"],
+            ["joint 2 (hip_left).name", "twice"],
         ),
         ('name = "hip_left"', 'name = "hip_lef"', ["joint", "'hip_lef'"]),
         ('name = "lower_left"', 'name = "foot"', ["touch", "'foot'"]),
@@ -163,8 +164,8 @@ def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) ->
         ("scale = 0.98", "scales = 0.98", ["distance.scales", "Did you mean 'scale'"]),
         ("zero_v = [2.4, ", "zero_v = [nan, ", ["accelerometer.zero_v"]),
         ("limits_deg = [-90, 70]", "limits_deg = [10, 70]", ["joint.calibration", "zero pose"]),
-        ("[10, 72], ", "[10, -72], ", ["joint[0].calibration", "rise or fall"]),
-        ("off_n = 0.06", "off_n = 0.6", ["touch[0].off_n", "on_n"]),
+        ("[10, 72], ", "[10, -72], ", ["joint 1 (hip_left).calibration", "rise or fall"]),
+        ("off_n = 0.06", "off_n = 0.6", ["touch 1 (lower_left).off_n", "on_n"]),
         ("[distance]", "[distance", ["TOML"]),
     ],
 )

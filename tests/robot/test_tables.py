@@ -34,8 +34,8 @@ def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> N
     ("read", "text", "words"),
     [
         (tables.read_limits, "limits_deg = [5, 5]", "part.limits_deg: must rise"),
-        (tables.read_axes, "zero_v = [1, 2, 3]\nvolts_per_g = [1, 0, 1]", "must not be 0"),
-        (tables.read_bridge, "tare_v = 0\nvolts_per_newton = 0", "must not be 0"),
+        (tables.read_axes, "zero_v = [1, 2, 3]\nvolts_per_g = [1, 0, 1]", "0.02 to 5 volts, not 0"),
+        (tables.read_bridge, "tare_v = 0\nvolts_per_newton = 0", "to 50 volts, not 0"),
         (tables.read_thresholds, "on_n = 0.1\noff_n = 0.2", "part.off_n: must not exceed"),
         (tables.read_ruler, "zero_mm = 10\nscale = 3", "part.scale: must be a number from 0.5"),
         (tables.read_scale, "calibration = [[1, 5], [1, 6]]", "one count twice"),
