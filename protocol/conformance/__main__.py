@@ -7,7 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 
-from protocol.conformance.bench import Settings
+from protocol.conformance.settings import Settings
 from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, run
 from protocol.errors import BodyschemaError
 from protocol.keys import KeyDirectory
@@ -22,6 +22,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             keys=KeyDirectory(options.keys).client_keys() if options.keys else None,
             move=options.move,
             slow=options.slow,
+            trace=print if options.verbose else None,
         )
         results = run(settings, only=options.only, on_result=_print)
     except (BodyschemaError, ValueError) as error:
@@ -60,6 +61,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--slow", action="store_true", help="also what takes some minutes of silence"
+    )
+    parser.add_argument(
+        "--verbose",
+        action="store_true",
+        help="also each message that is sent or received: its bytes in hex, and what they say",
     )
     parser.add_argument(
         "--only",

@@ -47,7 +47,7 @@ def control_is_needed_to_hold_and_relax(bench: Bench) -> None:
         _without_control(viewer, ("hold", "relax"))
 
 
-@check("5.3", need=Need.CONTROL)
+@check("5.3", need=Need.CONTROL, after=("5.1", "5.2"))
 def acquire_and_release(bench: Bench) -> None:
     """The controller may acquire again; release ends control."""
     with bench.controlled() as party:
@@ -62,7 +62,7 @@ def acquire_and_release(bench: Bench) -> None:
         other.expect("ok", "release")
 
 
-@check("5.4", need=Need.CONTROL)
+@check("5.4", need=Need.CONTROL, after=("5.1",))
 def held(bench: Bench) -> None:
     """A second controller is held, and told who has it."""
     other = bench.party()
@@ -85,7 +85,7 @@ def anybody_stops(bench: Bench) -> None:
         expect(seen == "stopped", f"After a stop that was ok, status says {seen}.")
 
 
-@check("5.11", need=Need.CONTROL)
+@check("5.11", need=Need.CONTROL, after=("5.2",))
 def stop_latches(bench: Bench) -> None:
     """After a stop everything is stopped, until the controller clears it."""
     viewer = bench.party()

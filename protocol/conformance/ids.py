@@ -10,7 +10,7 @@ from protocol.conformance.registry import Need, check
 MEMORY = 64
 
 
-@check("4.2")
+@check("4.2", after=("4.4",))
 def memory(bench: Bench) -> None:
     """The last 64 outcomes of a client are remembered."""
     party = bench.party()
@@ -37,7 +37,7 @@ def first_outcome(bench: Bench) -> None:
     )
 
 
-@check("4.6")
+@check("4.6", after=("4.4",))
 def reused(bench: Bench) -> None:
     """Another request under a remembered id is id_reused."""
     party = bench.party()
@@ -47,7 +47,7 @@ def reused(bench: Bench) -> None:
     party.expect("id_reused", "acquire", id=number)
 
 
-@check("4.7")
+@check("4.7", after=("4.4",))
 def expired(bench: Bench) -> None:
     """A smaller id that is not remembered is expired, and nothing is executed."""
     party = bench.party()
@@ -59,7 +59,7 @@ def expired(bench: Bench) -> None:
     expect(party.status()["sequence"] == before, "An expired read was carried out.")
 
 
-@check("4.7")
+@check("4.7", after=("4.4",))
 def forgotten(bench: Bench) -> None:
     """An id that was pushed out of the memory is expired, never executed again."""
     party = bench.party()
@@ -76,7 +76,7 @@ def forgotten(bench: Bench) -> None:
     expect(party.status()["sequence"] == before, "A forgotten read was carried out again.")
 
 
-@check("4.8")
+@check("4.8", after=("4.4", "4.6"))
 def the_same(bench: Bench) -> None:
     """The order of keys, and 1 against 1.0, make no other request; another value does."""
     party = bench.party()
@@ -89,7 +89,7 @@ def the_same(bench: Bench) -> None:
     party.expect("id_reused", "perform", id=number, targets={"no joint": 1, "none": 0.25})
 
 
-@check("4.9", need=Need.CONTROL)
+@check("4.9", need=Need.CONTROL, after=("4.4", "5.1"))
 def refusals_stand(bench: Bench) -> None:
     """What was refused is refused again under its id, although it would be possible now."""
     other = bench.party()
@@ -108,7 +108,7 @@ def refusals_stand(bench: Bench) -> None:
         other.ask("release")
 
 
-@check("4.10")
+@check("4.10", after=("2.10", "3.8"))
 def what_is_no_outcome(bench: Bench) -> None:
     """malformed, unknown_type and restarted leave an id free."""
     party = bench.party()
@@ -124,7 +124,7 @@ def what_is_no_outcome(bench: Bench) -> None:
     )
 
 
-@check("4.12")
+@check("4.12", after=("2.10", "3.8", "4.4", "4.6", "5.2"))
 def order(bench: Bench) -> None:
     """Of several things that are wrong, the first in the order is answered."""
     party = bench.party()
@@ -139,7 +139,7 @@ def order(bench: Bench) -> None:
     party.refused(pack(unknown), "unknown_type", unknown["id"], "An unknown type with wrong fields")
 
 
-@check("4.12", need=Need.CONTROL)
+@check("4.12", need=Need.CONTROL, after=("7.2",))
 def order_in_control(bench: Bench) -> None:
     """The targets come before the state."""
     with bench.controlled() as party:
@@ -147,7 +147,7 @@ def order_in_control(bench: Bench) -> None:
         party.expect("bad_targets", "perform", targets={})
 
 
-@check("4.14")
+@check("4.14", after=("3.5",))
 def not_numbered(bench: Bench) -> None:
     """Any id will do for hello and heartbeat, again and again."""
     party = bench.party()

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import msgpack
 import zmq
 
 from protocol.codec import decode
-from protocol.conformance.expectations import Broken
+from protocol.conformance.expectations import Broken, expect
+from protocol.conformance.settings import Settings
+from protocol.conformance.trace import shown
 from protocol.errors import ERROR_CODES, RemoteProtocolError
 from protocol.keys import ClientKeys
 from protocol.messages import FINAL_REPLIES, parse_reply
@@ -22,7 +25,12 @@ Map = dict[str, Any]
 GRACE: Final = 0.3
 """Seconds that an answer may come late, although a later request was answered already."""
 
-_FINAL: Final = frozenset(kind.TYPE for kind in FINAL_REPLIES)
+FINAL: Final = frozenset(kind.TYPE for kind in FINAL_REPLIES)
+"""Types of the replies that end a request."""
+
+
+class Unanswered(Broken):
+    """What has to be answered was not, or not to its end."""
 
 
 class Line:
@@ -30,25 +38,28 @@ class Line:
 
     Args:
         context: ZeroMQ context.
-        uri: Where the robot is.
+        settings: Where the robot is, and how long to wait.
         keys: Who connects, or ``None``.
-        patience: Seconds to wait for an answer that must come.
-        wrong_errors: Where to note errors that are not as in the table of ``SPEC.md``.
+        noted: Where to note what is wrong with an answer that can be used all the same, by clause.
+        number: Its number in the trace.
     """
 
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
-        uri: str,
+        settings: Settings,
         keys: ClientKeys | None,
-        patience: float,
-        wrong_errors: list[str],
+        noted: defaultdict[str, list[str]],
+        number: int,
     ):
-        self.patience = patience
-        self._wrong_errors = wrong_errors
+        self._settings = settings
+        self._noted = noted
+        self._number = number
+        self._asked: Counter[int | None] = Counter()  # the ids of what was sent
+        self._ended: Counter[int | None] = Counter()  # and of the final replies
         self._heard: list[Map] = []  # replies that nobody has asked for yet
-        self.socket = connected(context, zmq.DEALER, uri, keys, {zmq.IMMEDIATE: 1})
-        self.socket.setsockopt(zmq.SNDTIMEO, math.ceil(patience * 1000))
+        self.socket = connected(context, zmq.DEALER, settings.uri, keys, {zmq.IMMEDIATE: 1})
+        self.socket.setsockopt(zmq.SNDTIMEO, math.ceil(settings.patience * 1000))
 
     def close(self) -> None:
         """Closes the connection."""
@@ -56,10 +67,12 @@ class Line:
 
     def send(self, found: Mapping[str, Any]) -> None:
         """Sends a map, whatever is in it."""
-        self.send_parts(pack(found))
+        self.send_parts(pack(found), ids=(found.get("id"),))
 
-    def send_parts(self, *parts: bytes) -> None:
-        """Sends one message of these parts."""
+    def send_parts(self, *parts: bytes, ids: Iterable[int | None] = (None,)) -> None:
+        """Sends one message of these parts; its answers may have one of these ids, or none."""
+        self._asked.update(ids)
+        self._trace("sent", parts)
         try:
             self.socket.send_multipart(list(parts))
         except zmq.Again:
@@ -67,7 +80,7 @@ class Line:
 
     def reply(self, request_id: int | None, *, patience: float | None = None) -> Map | None:
         """The next reply with this id (``None``: without one), or ``None`` where none comes."""
-        end = time.monotonic() + (self.patience if patience is None else patience)
+        end = time.monotonic() + (self._settings.patience if patience is None else patience)
         while True:
             for found in self._heard:
                 if found.get("id") == request_id:
@@ -76,36 +89,88 @@ class Line:
             left = end - time.monotonic()
             if left <= 0 or not self.socket.poll(math.ceil(left * 1000)):
                 return None
-            self._heard.append(self._receive())
+            received = self._receive()
+            if not self._came_before(received):
+                self._heard.append(received)
 
     def final(self, request_id: int, *, patience: float | None = None) -> tuple[list[Map], Map]:
-        """The replies to a request: those in between, and the final one."""
+        """The replies to a request: those in between, and the final one.
+
+        What was accepted may take as long as a motion.
+        """
         between: list[Map] = []
-        while (found := self.reply(request_id, patience=patience)) is not None:
-            if found["type"] in _FINAL:
+        while (found := self.answer(request_id, patience=patience)) is not None:
+            if found["type"] in FINAL:
                 return between, found
             between.append(found)
-        raise Broken(f"A request (id {request_id}) was not answered to its end.")
+            patience = self._settings.motion
+        for stray in self._heard:
+            told = stray.get("id")
+            sentence = f"An answer ({said(stray)}) has the id {told}, which no request had."
+            expect(told is None or told in self._asked, sentence, "7.6")
+        raise Unanswered(f"A request (id {request_id}) was not answered to its end.")
+
+    def answer(self, request_id: int, *, patience: float | None = None) -> Map | None:
+        """The next reply to a valid request, if any; an error without an id is taken for one."""
+        end = time.monotonic() + (self._settings.patience if patience is None else patience)
+        while (left := end - time.monotonic()) > 0:
+            if (found := self.reply(request_id, patience=min(left, self.grace))) is not None:
+                return found
+            self.expect_ids()
+        return self.reply(request_id, patience=0)
+
+    def expect_ids(self) -> None:
+        """Expects that no error without an id has come."""
+        stray = self.reply(None, patience=0)
+        if stray is not None:
+            sentence = f"An error ({said(stray)}) does not carry its id."
+            self._noted["2.12"].append(sentence)
+            raise Broken(sentence, "2.12")
+
+    @property
+    def grace(self) -> float:
+        """``GRACE``, unless it is known already that errors come without their ids."""
+        return GRACE / 20 if self._noted["2.12"] else GRACE
 
     def _receive(self) -> Map:
         parts = self.socket.recv_multipart()
-        if len(parts) != 1:
-            raise Broken(f"An answer has {len(parts)} parts instead of one.")
+        self._trace("received", parts)
+        expect(len(parts) == 1, f"An answer has {len(parts)} parts instead of one.", "1.1")
         try:
             found = decode(parts[0])
+        except RemoteProtocolError as error:
+            raise Broken(f"An answer is no frame: {error}", "2.1") from None
+        try:
             parse_reply(found)
         except RemoteProtocolError as error:
-            raise Broken(f"An answer is no valid reply: {error}") from None
+            raise Broken(f"An answer is no valid reply: {error}", "7.1") from None
         if found["type"] == "error":
             self._judge(found)
         return found
 
+    def _trace(self, what: str, parts: Sequence[bytes]) -> None:
+        if self._settings.trace is not None:
+            self._settings.trace(shown(f"connection {self._number} {what}", parts))
+
+    def _came_before(self, reply: Map) -> bool:
+        """Whether it is one final reply more than there were requests with its id."""
+        told = reply.get("id")
+        if told not in self._asked or reply["type"] not in FINAL:
+            return False
+        if told is None and not self._noted["7.5"]:
+            return False  # one that lacks its id, more likely
+        self._ended[told] += 1
+        if self._ended[told] <= self._asked[told]:
+            return False
+        self._noted["7.5"].append(f"An answer ({said(reply)}) came once more")
+        return True
+
     def _judge(self, error: Map) -> None:
         kind = ERROR_CODES.get(error["code"])
         if kind is None:
-            self._wrong_errors.append(f"{error['code']} is no code of the table")
-        elif kind.retryable != error["retryable"]:
-            self._wrong_errors.append(f"{error['code']} has retryable {error['retryable']}")
+            raise Broken(f"An error has the code {error['code']:.60}, which is not known.", "8.1")
+        if kind.retryable != error["retryable"]:
+            self._noted["8.1"].append(f"{error['code']} has retryable {error['retryable']}")
 
 
 def pack(found: Mapping[str, Any]) -> bytes:

@@ -73,7 +73,7 @@ def badsmall_targets(bench: Bench) -> None:
         expect(party.status()["state"] in ("idle", "holding"), "It moved all the same.")
 
 
-@check("7.3", need=Need.MOTION)
+@check("7.3", need=Need.MOTION, after=("7.2",))
 def out_of_range(bench: Bench) -> None:
     """Targets beyond a limit are out_of_range, and nothing is clamped."""
     capabilities = bench.capabilities()
@@ -84,7 +84,7 @@ def out_of_range(bench: Bench) -> None:
                 party.expect("out_of_range", "perform", targets=targets)
 
 
-@check("7.4", "4.3", need=Need.MOTION)
+@check("7.4", "4.3", need=Need.MOTION, after=("4.4",))
 def perform(bench: Bench) -> None:
     """A perform is carried out once, to within one resolution of its targets."""
     capabilities = bench.capabilities()
@@ -103,7 +103,7 @@ def perform(bench: Bench) -> None:
         _rest(bench, party)
 
 
-@check("4.5", need=Need.MOTION)
+@check("4.5", need=Need.MOTION, after=("3.5", "4.4"))
 def asked_again_under_way(bench: Bench) -> None:
     """A request that is under way answers with its progress, then its end, once."""
     with bench.controlled() as party:

@@ -30,24 +30,37 @@ class Check:
         clauses: The clauses of ``SPEC.md`` that it tries.
         title: What is tried, one line.
         need: What it needs.
+        basic: The kind of request without which other checks cannot do; these checks come first,
+            and what they find out about a kind is not found out again by all others.
+        after: Clauses without which this check says nothing: where one of them is broken, it is not
+            tried.
         run: Returns where the clauses hold; raises ``Broken`` or ``Untried``.
     """
 
     clauses: tuple[str, ...]
     title: str
     need: Need
+    basic: str | None = None
+    after: tuple[str, ...] = ()
     run: Run
 
 
 CHECKS: Final[list[Check]] = []
 
 
-def check(*clauses: str, need: Need = Need.NOTHING) -> Callable[[Run], Run]:
+def check(
+    *clauses: str,
+    need: Need = Need.NOTHING,
+    basic: str | None = None,
+    after: tuple[str, ...] = (),
+) -> Callable[[Run], Run]:
     """Makes a check of a function; the first line of its docstring is the title."""
 
     def register(run: Run) -> Run:
         title = (run.__doc__ or "").strip().splitlines()[0].rstrip(".")
-        CHECKS.append(Check(clauses=clauses, title=title, need=need, run=run))
+        CHECKS.append(
+            Check(clauses=clauses, title=title, need=need, basic=basic, after=after, run=run)
+        )
         return run
 
     return register

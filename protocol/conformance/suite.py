@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 import importlib
-import math
 import re
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from importlib import resources
 from types import MappingProxyType
 from typing import Final
 
-from protocol.conformance.bench import Bench, Settings
+from protocol.conformance.bench import Bench
 from protocol.conformance.expectations import Broken, Untried
 from protocol.conformance.registry import CHECKS, Check, Need
+from protocol.conformance.settings import Settings
 from protocol.errors import RobotUnreachableError
 from protocol.probe import probe
 
 for _module in (
+    "basics",
     "transport",
     "frames",
     "sessions",
@@ -56,6 +57,16 @@ NOT_CHECKED: Final = MappingProxyType(
 )
 """Clauses that no check tries, and why."""
 
+_LAST: Final = frozenset({"7.5", "8.1"})  # they look back at all answers
+_BUILT_ON: Final = MappingProxyType(
+    {
+        Need.CONTROL: {Need.CONTROL},
+        Need.MOTION: {Need.CONTROL, Need.MOTION},
+        Need.TIME: {Need.CONTROL},
+    }
+)
+"""What the basic checks need that come before a check."""
+
 _TAG: Final = re.compile(r"\[(\d+\.\d+)\]")
 
 
@@ -83,9 +94,24 @@ def clauses() -> list[str]:
 
 
 def ordered() -> list[Check]:
-    """All checks, in the order of their clauses; the table of errors last, as it sees all."""
+    """All checks: the basic ones, then in the order of their clauses, each after what it needs."""
     place = {clause: index for index, clause in enumerate(clauses())}
-    return sorted(CHECKS, key=lambda each: ("8.1" in each.clauses, place[each.clauses[0]]))
+    found: dict[Check, None] = {}
+
+    def add(each: Check) -> None:
+        for needed in CHECKS:
+            if needed.clauses[0] in each.after:
+                add(needed)
+        found.setdefault(each)
+
+    def rank(each: Check) -> tuple[bool, bool, int]:
+        if each.basic is not None:
+            return False, False, 0
+        return True, not _LAST.isdisjoint(each.clauses), place[each.clauses[0]]
+
+    for each in sorted(CHECKS, key=rank):
+        add(each)
+    return list(found)
 
 
 def run(
@@ -107,52 +133,103 @@ def run(
     """
     if unknown := set(only) - set(clauses()):
         raise ValueError(f"no clauses of SPEC.md: {', '.join(sorted(unknown))}")
-    chosen = [each for each in ordered() if not only or set(only) & set(each.clauses)]
     found = probe(settings.uri, settings.keys)
     if not found.fine:
         raise RobotUnreachableError(found.sentence)
     results = []
     with Bench(settings) as bench:
-        for result in _run_all(bench, chosen):
+        for result in _Suite(bench, only).results():
             results.append(result)
             on_result(result)
     return results
 
 
-def _run_all(bench: Bench, chosen: list[Check]) -> Iterator[Result]:
-    gone = ""
-    for each in chosen:
-        reason = gone or _not_allowed(each, bench.settings)
+class _Suite:
+    """One run.
+
+    Args:
+        bench: The robot under trial.
+        only: The clauses to try; empty: all of them.
+    """
+
+    def __init__(self, bench: Bench, only: Collection[str]):
+        self._bench = bench
+        self._only = set(only)
+        self._broken: set[str] = set()  # clauses
+
+    def results(self) -> Iterator[Result]:
+        """The checks, one after the other."""
+        wanted = [each for each in ordered() if self._is_wanted(each)]
+        needed = {Need.NOTHING}.union(*(_BUILT_ON.get(each.need, ()) for each in wanted))
+        for each in ordered():
+            if each in wanted:
+                yield from self._results_of(each)
+            elif each.basic is not None and each.need in needed:
+                for result in self._results_of(each):  # what is wanted builds on it
+                    if result.verdict is Verdict.BROKEN:
+                        yield result
+
+    def _is_wanted(self, each: Check) -> bool:
+        return not self._only or not self._only.isdisjoint(each.clauses)
+
+    def _results_of(self, each: Check) -> Iterator[Result]:
+        reason = _not_allowed(each, self._bench.settings) or self._lacks(each)
         if reason:
             yield Result(check=each, verdict=Verdict.UNTRIED, sentence=reason)
-            continue
-        result = _run_one(each, bench)
-        if result.verdict is Verdict.BROKEN and not _alive(bench):
-            gone = f"The robot does not answer any more, since: {each.title}."
-        yield result
+            return
+        try:
+            each.run(self._bench)
+        except Untried as error:
+            yield Result(check=each, verdict=Verdict.UNTRIED, sentence=str(error))
+        except Broken as error:
+            self._bench.close_lines()
+            yield from self._blame(each, error)
+        else:
+            yield Result(check=each, verdict=Verdict.HOLDS)
+        finally:
+            self._bench.close_lines()
 
+    def _lacks(self, each: Check) -> str:
+        if gone := self._bench.dead.get("hello"):
+            return gone
+        broken = [clause for clause in each.after if clause in self._broken]
+        return f"Because {', '.join(broken)} is broken." if broken else ""
 
-def _run_one(each: Check, bench: Bench) -> Result:
-    try:
-        each.run(bench)
-    except Broken as error:
-        return Result(check=each, verdict=Verdict.BROKEN, sentence=str(error))
-    except Untried as error:
-        return Result(check=each, verdict=Verdict.UNTRIED, sentence=str(error))
-    finally:
-        bench.close_lines()
-    return Result(check=each, verdict=Verdict.HOLDS)
+    def _blame(self, each: Check, error: Broken) -> Iterator[Result]:
+        """What a check has found to be broken, under the clause that is."""
+        # Where answers come twice, each may have been taken for the answer to what came next.
+        clause = error.clause or ("7.5" if self._bench.noted["7.5"] else each.clauses[0])
+        reason = f"Because {clause} is broken."
+        if clause in each.clauses:
+            yield Result(check=each, verdict=Verdict.BROKEN, sentence=str(error))
+        else:
+            if clause not in self._broken:
+                seen = replace(each, clauses=(clause,), title=f"Seen while trying: {each.title}")
+                yield Result(check=seen, verdict=Verdict.BROKEN, sentence=str(error))
+            yield Result(check=each, verdict=Verdict.UNTRIED, sentence=reason)
+        if each.basic is not None:
+            self._bench.dead[each.basic] = reason
+        elif clause not in self._broken:
+            self._look_again(each)
+        self._broken.add(clause)
 
-
-def _alive(bench: Bench) -> bool:
-    try:
-        stranger = bench.stranger()
-        stranger.line.send(stranger.request("hello", versions=[1]))
-        return bool(stranger.line.socket.poll(math.ceil(bench.settings.patience * 1000)))
-    except Broken:
-        return False
-    finally:
-        bench.close_lines()
+    def _look_again(self, since: Check) -> None:
+        """After something went wrong: does the robot answer at all?"""
+        bench = self._bench
+        bench.use_new_names()
+        for each in CHECKS:
+            if each.basic is None or each.need is not Need.NOTHING or each.basic in bench.dead:
+                continue
+            try:
+                each.run(bench)
+            except Untried:
+                pass
+            except Broken:
+                gone = "The robot" if each.basic == "hello" else f"A {each.basic}"
+                does = "does not answer" if each.basic == "hello" else "is not answered"
+                bench.dead[each.basic] = f"{gone} {does} any more, since: {since.title}."
+            finally:
+                bench.close_lines()
 
 
 def _not_allowed(each: Check, settings: Settings) -> str:

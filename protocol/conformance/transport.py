@@ -10,7 +10,7 @@ import zmq
 from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
 from protocol.conformance.bench import Bench, Party
 from protocol.conformance.expectations import Broken, Untried, expect
-from protocol.conformance.line import Line, Map, pack, said
+from protocol.conformance.line import Map, pack, said
 from protocol.conformance.registry import Need, check
 from protocol.keys import ClientKeys, KeyPair
 from protocol.roles import MAY, Role
@@ -136,11 +136,6 @@ def names(bench: Bench) -> None:
         )
 
 
-def _other_line(bench: Bench, keys: ClientKeys | None) -> Line:
-    settings = bench.settings
-    return Line(bench.context, settings.uri, keys, settings.patience, bench.wrong_errors)
-
-
 @check("1.13", need=Need.KEYS)
 def strangers(bench: Bench) -> None:
     """Without a key, or with an unknown one, nothing is answered."""
@@ -150,7 +145,7 @@ def strangers(bench: Bench) -> None:
         own=KeyPair(*(key.decode() for key in zmq.curve_keypair())), robot=ours.robot
     )
     for keys, what in ((None, "without a key"), (unknown, "with an unknown key")):
-        line = _other_line(bench, keys)
+        line = bench.line_with(keys)
         try:
             line.socket.setsockopt(zmq.SNDTIMEO, 500)
             line.send(Party(bench, "stranger", line).request("hello", versions=[1]))

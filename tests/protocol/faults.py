@@ -67,9 +67,12 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     "takes arrays of any length": ("1.8", decodes(loosely)),
     "takes any number of versions": (
         "1.9",
-        requests("hello", lambda found: found | {"versions": found["versions"][:64]}),
+        requests("hello", lambda found: found | {"versions": found.get("versions", [])[:64]}),
     ),
-    "shortens names": ("1.10", requests("hello", lambda f: f | {"client": f["client"][:64]})),
+    "shortens names": (
+        "1.10",
+        requests("hello", lambda f: f | {"client": f.get("client", "")[:64]}),
+    ),
     "takes bytes for characters": (
         "1.10",
         parses(lambda f: "long" if len(str(f.get("client")).encode()) > 64 else None),
@@ -95,7 +98,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     ),
     "takes a float for an integer": (
         "2.7",
-        requests("hello", lambda f: f | {"versions": [int(item) for item in f["versions"]]}),
+        requests("hello", lambda f: f | {"versions": [*map(int, f.get("versions", ()))]}),
     ),
     "does not know nil": ("2.8", parses(lambda f: "nil" if None in f.values() else None)),
     "refuses unknown fields": ("2.9", parses(lambda f: "future" if "future" in f else None)),
@@ -146,6 +149,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         parses(lambda f: "empty" if f.get("targets") == {} else None),
     ),
     "numbers heartbeats": ("4.14", loses(twice(lambda f: f.get("type") == "heartbeat"))),
+    "does not answer heartbeats": ("5.5", loses(lambda found: found.get("type") == "heartbeat")),
     "hides the controller": (
         "5.1",
         replies("status", lambda f: {key: f[key] for key in f if key != "controller"}),

@@ -96,7 +96,8 @@ def requests(kind: str, change: Change) -> Fault:
 
     def request(parts: list[bytes]) -> list[bytes]:
         found = loosely(parts[-1])
-        return [msgpack.packb(change(found))] if found.get("type") == kind else parts
+        plain = [msgpack.packb(found)] == parts  # what is wrong as a frame stays so
+        return [msgpack.packb(change(found))] if plain and found.get("type") == kind else parts
 
     return Fault(request=request)
 
@@ -107,14 +108,15 @@ def loses(condition: Callable[[Map], bool]) -> Fault:
 
 
 def twice(condition: Callable[[Map], bool]) -> Callable[[Map], bool]:
-    """Whether a request with this id was there before, of those that fulfil the condition."""
+    """Whether a client's request with this id came before, of those that fulfil the condition."""
     seen: set[Any] = set()
 
     def again(found: Map) -> bool:
         if not condition(found):
             return False
-        known = found.get("id") in seen
-        seen.add(found.get("id"))
+        name = found.get("client"), found.get("id")
+        known = name in seen
+        seen.add(name)
         return known
 
     return again
@@ -237,7 +239,8 @@ _acquire = ServerCore._acquire
 
 def first_connection_only() -> Fault:
     """Answers go to where a request came from first."""
-    first: dict[int, bytes] = {}
+    clients: dict[bytes, str] = {}
+    first: dict[tuple[str, int], bytes] = {}
 
     def spoil(server: Server) -> None:
         take, send = server._receive, server._send
@@ -246,14 +249,15 @@ def first_connection_only() -> Fault:
             parts, user = take()
             found = loosely(parts[-1])
             if found.get("type") == "read":
-                first.setdefault(found["id"], parts[0])
+                clients[parts[0]] = found["client"]
+                first.setdefault((found["client"], found["id"]), parts[0])
             return parts, user
 
         def answer(action: Send) -> None:
             reply = decode(action.frame)
             peer = action.peer
             if reply["type"] == "observation":
-                peer = first.get(reply["id"], peer)
+                peer = first.get((clients.get(peer, ""), reply["id"]), peer)
             send(replace(action, peer=peer))
 
         server.__dict__.update(_receive=receive, _send=answer)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 import subprocess
 import sys
 import threading
@@ -14,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from protocol.conformance.__main__ import main
-from protocol.conformance.bench import Settings
 from protocol.conformance.registry import CHECKS
+from protocol.conformance.settings import Settings
 from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, clauses, run
 from protocol.errors import RobotUnreachableError
 from protocol.keys import KeyDirectory
@@ -175,6 +176,29 @@ def test_a_robot_that(name: str, calm: Controller, monkeypatch: pytest.MonkeyPat
     assert broken(results)
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "leaves the id out of errors",
+        "leaves a field out",
+        "counts the ids of answers",
+        "does not answer heartbeats",
+        "answers twice",
+    ],
+)
+def test_one_fault_is_one_broken_clause_and_soon_told(
+    name: str, calm: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clause, fault = FAULTS[name]
+    fault.patch(monkeypatch)
+    begun = time.monotonic()
+    with serving(calm, fault) as uri:
+        results = run(Settings(uri=uri, patience=0.5))
+    assert {each.check.clauses[0] for each in results if each.verdict is Verdict.BROKEN} == {clause}
+    assert f"Because {clause} is broken." in untried(results)
+    assert time.monotonic() - begun < 15
+
+
 def test_each_clause_that_is_checked_without_time_or_keys_has_a_fault() -> None:
     tried = {each.clauses[0] for each in CHECKS if each.need.value not in ("time", "keys")}
     assert tried - {clause for clause, _ in FAULTS.values()} == {"4.5", "5.8", "5.13", "6.2"}
@@ -243,6 +267,22 @@ def test_the_command(calm: Controller, capsys: pytest.CaptureFixture[str]) -> No
         out = capsys.readouterr().out
         assert "3.3         broken     Versions that are not spoken are unsupported_version" in out
         assert "hello was answered with welcome instead of unsupported_version" in out
+
+
+def test_verbose_shows_each_frame_in_hex_and_what_it_says(
+    calm: Controller, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serving(calm) as uri:
+        assert main([uri, "--only", "1.2", "--verbose"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    sent = next(n for n, line in enumerate(lines) if line.startswith("connection 1 sent: "))
+    assert lines[sent].endswith(" bytes " + re.findall(r"[0-9a-f]+$", lines[sent])[0])
+    assert bytes.fromhex(lines[sent].rpartition(" ")[2])[1:6] == b"\xa4type"
+    assert lines[sent + 1].startswith('    {"type": "hello", "id": 4503599627370496, "client": ')
+    assert any("received: " in line for line in lines)
+    assert any('"type": "welcome"' in line for line in lines)
+    assert any("sent part 1 of 2: 0 bytes " in line for line in lines)
+    assert any(line.startswith("    no frame: ") for line in lines)
 
 
 def test_nobody_there(capsys: pytest.CaptureFixture[str]) -> None:

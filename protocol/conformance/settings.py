@@ -1,0 +1,34 @@
+"""What the conformance suite may do, and how long it waits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from protocol.keys import ClientKeys
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What the suite may do.
+
+    Attributes:
+        uri: Where the robot is.
+        keys: The suite's keys, or ``None``.
+        move: Whether the robot may be moved, and other clients be disturbed.
+        slow: Whether to try what takes half a minute.
+        patience: Seconds to wait for an answer that must come.
+        motion: Seconds that one interaction may take.
+        clock: Measures the silences that ``slow`` needs, s.
+        trace: Takes each message that is sent or received, in words; ``None``: nobody does.
+    """
+
+    uri: str
+    keys: ClientKeys | None = None
+    move: bool = False
+    slow: bool = False
+    patience: float = 3.0
+    motion: float = 120.0
+    clock: Callable[[], float] = time.monotonic
+    trace: Callable[[str], None] | None = None
