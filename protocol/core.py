@@ -282,7 +282,7 @@ class ServerCore:
             return [*_end(outcome, ErrorReply.of(error, request_id=request.id))]
 
     def _needs_room(self, client: Client) -> None:
-        """Keeps those who only watch from making the controller wait for long."""
+        """Keeps those who only watch from filling the robot's queue."""
         if client.user is None or client.name == self._lease.holder:
             return
         if self._clients.under_way(client.user) > MAX_READS:  # this one counts already
