@@ -62,8 +62,9 @@ class Base:
 
     def __post_init__(self) -> None:
         if len(self.size) != 3 or not all(0 < extent < math.inf for extent in self.size):
+            sizes = " x ".join(f"{extent:g}" for extent in self.size)
             raise MorphologyError(
-                f"the main body's size must be three lengths above 0, not {self.size}"
+                f"the main body's size must be three lengths above 0 m, not {sizes}"
             )
         if not 0 < self.mass < math.inf:
             raise MorphologyError(f"the main body's mass must be above 0, not {self.mass}")

@@ -8,7 +8,6 @@ a robot (``for_robot``) it is written out for the paper's.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -25,6 +24,7 @@ from estimator.problem_sections import Motors, PartRule, SearchSettings, Strict,
 from estimator.problem_template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
 from estimator.problem_values import Name, Positive, complaint
 from protocol.capabilities import Capabilities
+from protocol.toml import TomlError, parse_toml
 
 
 class Problem(Strict):
@@ -94,11 +94,11 @@ class Problem(Strict):
         """
         origins: list[int] = []
         try:
-            raw = tomllib.loads(text)
+            raw = parse_toml(text)
             robot = robot or supposed_robot(raw)
             written, origins = write_out(raw, robot)
             problem = cls.model_validate(written)
-        except tomllib.TOMLDecodeError as error:
+        except TomlError as error:
             raise ProblemError(f"{origin} is no valid TOML: {error}") from error
         except ValidationError as error:
             raise ProblemError(complaint(error, origin, origins)) from error

@@ -18,6 +18,7 @@ MAX_INTEGER: Final = 2**53 - 1
 MAX_TEXT: Final = 1024
 MAX_NAME: Final = 64
 MAX_ITEMS: Final = 64
+_LARGEST: Final = 10**308
 
 
 def integer(name: str, value: Any, *, least: int = -MAX_INTEGER) -> int:
@@ -25,7 +26,7 @@ def integer(name: str, value: Any, *, least: int = -MAX_INTEGER) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise LocalProtocolError(f"'{name}' must be an integer, not {value!r:.60}")
     if not least <= value <= MAX_INTEGER:
-        raise LocalProtocolError(f"'{name}' must lie in {least} to 2^53-1, not {value}")
+        raise LocalProtocolError(f"'{name}' must lie in {least} to 2^53-1, not {value!r:.60}")
     return value
 
 
@@ -33,6 +34,8 @@ def number(name: str, value: Any, *, least: float = -math.inf) -> float:
     """A finite float of at least ``least``."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise LocalProtocolError(f"'{name}' must be a number, not {value!r:.60}")
+    if isinstance(value, int) and abs(value) > _LARGEST:
+        raise LocalProtocolError(f"'{name}' must be a number that a float can hold")
     if not math.isfinite(value):
         raise LocalProtocolError(f"'{name}' must be finite, not {value}")
     if value < least:

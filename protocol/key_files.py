@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 import stat
-import tomllib
 from collections.abc import Collection
 from pathlib import Path
 from typing import Any, Final
 
 from protocol.errors import KeysError
+from protocol.toml import parse_toml
 
 MAX_SIZE: Final = 65_536
 """Longest file, bytes: more than 500 known clients."""
@@ -60,10 +60,8 @@ def read_toml(
     if max(map(len, content.splitlines())) > MAX_LINE:
         raise KeysError(f"{place} has a line of more than {MAX_LINE} bytes.")
     try:
-        return tomllib.loads(content.decode())
-    except RecursionError:
-        raise KeysError(f"{place} is no TOML: it is nested too deeply.") from None
-    except ValueError as error:  # of TOML, of UTF-8, of an integer with thousands of digits
+        return parse_toml(content.decode())
+    except ValueError as error:  # of TOML or of UTF-8
         raise KeysError(f"{place} is no TOML: {error}.") from None
 
 

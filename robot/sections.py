@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
+from protocol.toml import TomlError, parse_toml
 from robot.errors import ConfigError
 
 _UNITS: Final = MappingProxyType(
@@ -41,12 +41,12 @@ def read_toml(path: Path) -> Section:
         ConfigError: The file is missing, unreadable, truncated or no TOML.
     """
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
+        found = parse_toml(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}.", file=str(path)) from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"is not UTF-8 text (byte {error.start}).", file=str(path)) from error
-    except tomllib.TOMLDecodeError as error:
+    except TomlError as error:
         raise ConfigError(f"is not valid TOML: {error}.", file=str(path)) from error
     return Section(str(path), "", found)
 
@@ -68,7 +68,11 @@ class Section:
         """Refuses keys that nobody asked for."""
         for key in self._found.keys() - self._asked:
             near = difflib.get_close_matches(key, self._asked, n=1)
-            hint = f" Did you mean '{near[0]}'?" if near else f" Known: {sorted(self._asked)}."
+            hint = (
+                f" Did you mean '{near[0]}'?"
+                if near
+                else f" Known: {', '.join(sorted(self._asked))}."
+            )
             raise self.refuse(key, f"is not a known key.{hint}")
 
     def table(self, key: str) -> Section:

@@ -95,7 +95,8 @@ def read_accelerometer(section: Section) -> Accelerometer:
     """The ``[accelerometer]`` table."""
     channels = section.numbers("channels", 3, 0, 31)
     if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
-        raise section.refuse("channels", f"must be three different integers, not {channels}.")
+        given = ", ".join(f"{channel:g}" for channel in channels)
+        raise section.refuse("channels", f"must be three different integers, not {given}.")
     zero, gains = read_axes(section)
     found = Accelerometer(
         channels=tuple(int(channel) for channel in channels), zero=zero, volts_per_g=gains

@@ -7,12 +7,12 @@ that is asked again after a crash feels the same.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
+from protocol.toml import TomlError, parse_toml
 from sim_robot.electronics.dmm32 import Dither
 from sim_robot.errors import NoiseError
 
@@ -54,12 +54,12 @@ def load_noise(choice: str) -> NoiseLevels:
     if choice == "none":
         return NO_NOISE
     try:
-        found = tomllib.loads(Path(choice).read_text(encoding="utf-8"))
+        found = parse_toml(Path(choice).read_text(encoding="utf-8"))
     except OSError as error:
         raise NoiseError(
             f"{choice}: cannot be read: {error.strerror}. Write default, none or a file."
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (TomlError, UnicodeDecodeError) as error:
         raise NoiseError(f"{choice}: is not valid TOML: {error}.") from error
     known = [item.name for item in fields(NoiseLevels)]
     for key in found:

@@ -176,3 +176,9 @@ def test_a_robot_that_cannot_serve_is_refused() -> None:
     three = replace(sensors[0], count=3)
     with pytest.raises(ProblemError, match="has 3 touch sensors, but problem 'parametric' desc"):
         problem.check_robot(replace(robot(), sensors=(three, *sensors[1:])), ("touch",))
+
+
+@pytest.mark.parametrize("value", ["[" * 5000, "9" * 400, "9" * 5000])
+def test_what_no_parser_should_meet_is_a_sentence(value: str) -> None:
+    with pytest.raises(ProblemError, match="is no valid TOML"):
+        Problem.parse(f"density = {value}", "test")

@@ -57,7 +57,7 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         ("base = 0x300", 'base = "0x300"', ["daq.base", "one of", "'0x300'"]),
         ('driver = "dmm32"', 'driver = "dsc"', ["daq.driver", "dmm32, comedi"]),
         ('input_range = "±5V"', 'input_range = "5V"', ["daq.input_range", "±5V"]),
-        ("channels = [0, 1, 2]", "channels = [0, 1, 1]", ["accelerometer.channels"]),
+        ("channels = [0, 1, 2]", "channels = [0, 1, 1]", ["accelerometer.channels", "not 0, 1, 1"]),
         ("off_n = 0.05", "off_n = 0.5", ["touch 1 (lower_left).off_n", "on_n"]),
         ("[[3, -96], [253, 74]]", "[[3, -96]]", [HIP_COUNTS, "two or more"]),
         (
@@ -166,3 +166,8 @@ def test_the_hash_changes_with_the_calibration(tmp_path: Path) -> None:
     text = EXAMPLE.read_text(encoding="utf-8")
     file.write_text(text.replace("[253, 74]", "[254, 74]", 1), encoding="utf-8")
     assert load_config(file).hash != load_config(EXAMPLE).hash
+
+
+@pytest.mark.parametrize("value", ["[" * 5000, "9" * 400, "9" * 5000, "0x" + "f" * 5000])
+def test_what_no_parser_should_meet_is_a_sentence(tmp_path: Path, value: str) -> None:
+    assert "is not valid TOML" in refused(tmp_path, f"name = {value}")

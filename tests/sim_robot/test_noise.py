@@ -59,3 +59,11 @@ def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
     assert load_noise(str(file)) == NoiseLevels(tilt_deg=1.5)
     with pytest.raises(NoiseError, match="cannot be read"):
         load_noise("loud")
+
+
+@pytest.mark.parametrize("value", ["[" * 5000, "9" * 400, "9" * 5000])
+def test_what_no_parser_should_meet_is_a_sentence(tmp_path: Path, value: str) -> None:
+    file = tmp_path / "noise.toml"
+    file.write_text(f"tilt_deg = {value}")
+    with pytest.raises(NoiseError, match="is not valid TOML"):
+        load_noise(str(file))
