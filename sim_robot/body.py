@@ -12,10 +12,12 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from protocol.checks import MAX_NAME
 from sim_robot.errors import BodyError
 from sim_robot.urdf import Box, Cylinder, Joint, Limit, Link, Robot, Sphere, read_urdf, vector
 
 MAX_MOTORS = 8  # outputs of the servo board
+MAX_LINKS = 100  # PyBullet loads no body of 127
 
 
 DEFAULT = "quadruped"
@@ -135,6 +137,11 @@ class _Checker:
         return BodyError(self._file, element, reason)
 
     def _check_names(self) -> None:
+        if not 1 <= len(self._robot.name) <= MAX_NAME:
+            raise self._refuse("robot: name", f"names have 1 to {MAX_NAME} characters.")
+        size = max(len(self._robot.links), len(self._robot.joints))
+        if size > MAX_LINKS:
+            raise self._refuse("robot", f"must have at most {MAX_LINKS} links, not {size}.")
         for kind, names in (
             ("link", [link.name for link in self._robot.links]),
             ("joint", [joint.name for joint in self._robot.joints]),
@@ -142,8 +149,10 @@ class _Checker:
             for name in names:
                 if names.count(name) > 1:
                     raise self._refuse(f"{kind} '{name}'", f"two {kind}s share this name.")
-                if not 1 <= len(name) <= 64:
-                    raise self._refuse(f"{kind} '{name:.70}'", "names have 1 to 64 characters.")
+                if not 1 <= len(name) <= MAX_NAME:
+                    raise self._refuse(
+                        f"{kind} '{name:.70}'", f"names have 1 to {MAX_NAME} characters."
+                    )
 
     def _check_tree(self) -> Link:
         placed: set[str] = set()

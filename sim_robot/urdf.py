@@ -20,6 +20,7 @@ from pydantic_xml import BaseXmlModel, attr, element
 from sim_robot.errors import BodyError
 
 _IGNORED = ("visual", "material", "gazebo", "transmission")
+_LONGEST = 200  # characters of an attribute; PyBullet dies of a hundred thousand
 
 
 def vector(text: str) -> tuple[float, float, float]:
@@ -204,15 +205,20 @@ def read_urdf(path: Path) -> Robot:
         BodyError: The file cannot be read, is no XML, or leaves the subset; names the element.
     """
     try:
-        root = etree.fromstring(
-            path.read_bytes(), etree.XMLParser(remove_comments=True, resolve_entities=False)
-        )
+        parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False)
+        root = etree.fromstring(path.read_bytes(), parser)
     except OSError as error:
         raise BodyError(str(path), "", f"cannot be read: {error.strerror}.") from error
     except etree.XMLSyntaxError as error:
         raise BodyError(str(path), "", f"is not valid XML: {error.msg}.") from error
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise BodyError(str(path), "<!DOCTYPE>", "is no part of URDF; leave it out, and entities.")
     if root.tag != "robot":
         raise BodyError(str(path), f"<{root.tag}>", "the root element must be <robot>.")
+    for item in root.iter():
+        if max((len(value) for value in item.attrib.values()), default=0) > _LONGEST:
+            reason = f"no attribute may have more than {_LONGEST} characters."
+            raise BodyError(str(path), f"<{item.tag}>", reason)
     for ignored in [item for tag in _IGNORED for item in root.iter(tag)]:
         parent = ignored.getparent()
         if parent is not None:

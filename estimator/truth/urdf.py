@@ -7,6 +7,8 @@ but a mass of 0 is no body's and is refused.
 from __future__ import annotations
 
 import math
+from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -24,9 +26,10 @@ def numbers(text: str) -> tuple[float, float, float]:
 
 
 def _finite(text: str) -> str:
-    if not all(math.isfinite(value) for value in numbers(text)):
-        raise ValueError("must be three finite numbers")
-    return text
+    with suppress(ValueError):
+        if all(math.isfinite(value) for value in numbers(text)):
+            return text
+    raise ValueError("must be three finite numbers")
 
 
 _Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -159,7 +162,8 @@ def read_urdf(path: Path) -> Urdf:
         urdf = Urdf.from_xml_tree(root)  # type: ignore[arg-type]
     except ValidationError as error:
         first = error.errors()[0]
-        raise TruthError(f"{path}: {_where(root, first['loc'])}: {first['msg']}.") from error
+        reason = first["msg"].removeprefix("[line 1]: ").removeprefix("Value error, ")
+        raise TruthError(f"{path}: {_where(root, first['loc'])}: {reason}.") from error
     except ParsingError as error:
         raise TruthError(f"{path} is no URDF file: {error}.") from error
     _check_tree(path, urdf)
@@ -172,7 +176,10 @@ def _grouped(text: bytes) -> etree._Element:
     It searches for elements by exchanging them with those that stand in their place, so joints
     between links, or collisions before a mass, would come out of document order.
     """
-    root = etree.fromstring(text, etree.XMLParser(remove_comments=True, resolve_entities=False))
+    parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False)
+    root = etree.fromstring(text, parser)
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise SyntaxError("a DOCTYPE is no part of URDF; leave it and its entities out")
     for parent in root.iter():
         parent[:] = sorted(parent, key=lambda child: child.tag in ("joint", "collision"))
     return root
@@ -192,10 +199,11 @@ def _where(root: etree._Element, place: tuple[int | str, ...]) -> str:
 
 def _check_tree(path: Path, urdf: Urdf) -> None:
     links = [link.name for link in urdf.links]
-    for name in {*links}:
-        if links.count(name) > 1:
+    for name, count in Counter(links).items():
+        if count > 1:
             raise TruthError(f"{path}: two links are named {name}.")
-    known = {next((name for name in links if name not in _children(urdf)), None)}
+    children = {joint.child.link for joint in urdf.joints}
+    known = {next((name for name in links if name not in children), None)}
     if None in known:
         raise TruthError(f"{path}: every link is some joint's child, so there is no main body.")
     for joint in urdf.joints:
@@ -220,7 +228,3 @@ def _check_tree(path: Path, urdf: Urdf) -> None:
             raise TruthError(
                 f"{path}: link {link.name}: a geometry must be a box, a cylinder or a sphere."
             )
-
-
-def _children(urdf: Urdf) -> set[str]:
-    return {joint.child.link for joint in urdf.joints}

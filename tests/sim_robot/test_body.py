@@ -133,3 +133,36 @@ def test_nine_motors_are_too_many(tmp_path: Path) -> None:
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BodyError, match="cannot be read"):
         load_body(tmp_path / "nowhere.urdf")
+
+
+def many(count: int) -> str:
+    links = "".join(f'<link name="l{number}">{INERTIAL}</link>' for number in range(count))
+    joints = "".join(joint(f"j{n}", "fixed", "", child=f"l{n}") for n in range(count))
+    return links + joints
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (robot(BASE, LEG, joint()).replace('name="r"', f'name="{"r" * 65}"'), "robot: name: names"),
+        (robot(BASE, LEG, joint()).replace('name="r"', f'name="{"r" * 100_000}"'), "200 character"),
+        (robot(BASE, LEG, joint()).replace('"r"', f'"r" version="{"1" * 201}"'), "200 characters"),
+        (robot(BASE, LEG, joint(), many(99)), "must have at most 100 links, not 101"),
+        (f"<!DOCTYPE robot><robot name='r'>{BASE}</robot>", "<!DOCTYPE>: is no part of URDF"),
+        (
+            f'<!DOCTYPE r [<!ENTITY e "x">]><robot name="r">{BASE}{LEG}{joint()}&e;</robot>',
+            "leave it out, and entities",
+        ),
+        (robot(BASE, "&none;"), "is not valid XML"),
+    ],
+)
+def test_what_pybullet_or_the_parser_would_die_of_is_refused(
+    tmp_path: Path, text: str, sentence: str
+) -> None:
+    assert sentence in refused(tmp_path, text)
+
+
+def test_processing_instructions_are_skipped(tmp_path: Path) -> None:
+    file = tmp_path / "body.urdf"
+    file.write_text(f"<?pi?>{robot('<?pi?>', BASE, LEG, joint(), '<?pi more?>')}<?pi?>")
+    assert [motor.name for motor in load_body(file).motors] == ["hip"]

@@ -34,6 +34,9 @@ def test_what_does_not_shape_a_body_is_skipped(tmp_path: Path) -> None:
         ("", "is no XML file"),
         ("<robot", "is no XML file"),
         ("<body/>", "is no URDF file"),
+        (f"<!DOCTYPE robot><robot>{BODY}</robot>", "DOCTYPE is no part of URDF"),
+        (f"<!DOCTYPE r [<!ENTITY e 'x'>]><robot>{BODY}&e;</robot>", "DOCTYPE is no part of URDF"),
+        (f"<robot>{BODY}&e;</robot>", "is no XML file"),
         ("<robot/>", "links: .*required"),
         (f"<robot>{BODY}<link/></robot>", "link number 2: name: .*required"),
         (f"<robot>{BODY}{BODY}</robot>", "two links are named body"),
@@ -49,7 +52,10 @@ def test_what_does_not_shape_a_body_is_skipped(tmp_path: Path) -> None:
             f"<robot>{BODY.replace('box size', 'mesh name')}</robot>",
             "a box, a cylinder or a sphere",
         ),
-        (f"<robot>{BODY.replace('1 1 1', '1 1 wide')}</robot>", "could not convert"),
+        (
+            f"<robot>{BODY.replace('1 1 1', '1 1 wide')}</robot>",
+            "must be three finite numbers",
+        ),
         (
             f"<robot>{BODY}<link name='leg'><inertial><mass value='0'/></inertial></link>"
             f"{joint()}</robot>",
@@ -70,3 +76,9 @@ def test_what_is_no_truth_is_refused_with_the_file(
 def test_an_absent_file_is_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(TruthError, match="cannot be read"):
         read_urdf(tmp_path / "nowhere.urdf")
+
+
+def test_processing_instructions_are_skipped(tmp_path: Path) -> None:
+    path = tmp_path / "body.urdf"
+    path.write_text(f"<?pi?><robot><?pi?>{joint()}{BODY}<?pi more?>{LEG}</robot><?pi?>")
+    assert [item.name for item in read_urdf(path).joints] == ["hip"]
