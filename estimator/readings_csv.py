@@ -23,11 +23,13 @@ from typing import Final
 
 from estimator.errors import ReadingsError
 from estimator.observation import Observation
+from protocol.checks import MAX_ITEMS
 
 ANGLE: Final = "angle_deg_"
 TOUCH: Final = "touch_"
 TILT: Final = ("tilt_lr_deg", "tilt_fb_deg")
 CLEARANCE: Final = "clearance_mm"
+_COLUMNS: Final = 2 * MAX_ITEMS + len(TILT) + 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +82,11 @@ def read(path: Path) -> Table:
     except ValueError:
         raise ReadingsError(f"{path} is empty: write a header and a row per interaction.") from None
     header = [name.strip() for name in header]
+    if len(header) > _COLUMNS:
+        raise ReadingsError(
+            f"{path} has {len(header)} columns, and a robot has at most {MAX_ITEMS} joints and "
+            f"{MAX_ITEMS} touch sensors."
+        )
     joints = tuple(name.removeprefix(ANGLE) for name in header if name.startswith(ANGLE))
     sensors = sum(name.startswith(TOUCH) for name in header)
     _check_header(path, header, sensors)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from estimator.errors import EstimatorError
+from estimator.plausible import implausible_body
 from estimator.robot_link.base import RobotLink
 from estimator.robot_link.by_hand import open_by_hand
 from estimator.robot_link.replay import open_replay
@@ -38,16 +39,24 @@ def open_robot(
         keys: The key directory, where the robot asks for keys.
 
     Raises:
-        EstimatorError: The URI is of no known kind, or the record cannot be read.
+        EstimatorError: The URI is of no known kind, the record cannot be read, or the robot says of
+            its body what no robot can be.
         BodyschemaError: The robot cannot be reached.
     """
     scheme, _, rest = uri.partition(":")
+    link: RobotLink
     if scheme == "file" and rest:
-        return open_by_hand(Path(rest), driven)
-    if scheme == "replay" and rest:
-        return open_replay(Path(rest))
-    if scheme in ("tcp", "ipc") and rest.startswith("//"):
-        return WireLink(uri, client_id=client_id, first_id=first_id, keys=keys)
-    raise EstimatorError(
-        f"{uri!r} names no robot: write tcp://HOST:PORT, file:READINGS.csv or replay:DIR."
-    )
+        link = open_by_hand(Path(rest), driven)
+    elif scheme == "replay" and rest:
+        link = open_replay(Path(rest))
+    elif scheme in ("tcp", "ipc") and rest.startswith("//"):
+        link = WireLink(uri, client_id=client_id, first_id=first_id, keys=keys)
+    else:
+        raise EstimatorError(
+            f"{uri!r} names no robot: write tcp://HOST:PORT, file:READINGS.csv or replay:DIR."
+        )
+    wrong = implausible_body(link.capabilities)
+    if wrong is not None:
+        link.close()
+        raise EstimatorError(f"The robot at {uri} cannot be: {wrong}. Write metres and kilograms.")
+    return link

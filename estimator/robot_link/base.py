@@ -46,7 +46,8 @@ class RobotLink(Protocol):
             on_progress: Hears how far the motion is.
 
         Raises:
-            RobotError: The robot refused or broke off; a fresh ticket is needed to try again.
+            RobotError: The robot refused, broke off or reported what cannot be; a fresh ticket is
+                needed to try again.
             RobotRestartedError: The daemon restarted, and what became of the motion is unknown.
             RobotUnreachableError: Nothing answers any more.
         """

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from estimator.errors import ReadingsError
 from estimator.observation import Observation
+from estimator.plausible import impossible_reading
 from estimator.readings_csv import ANGLE, Table, read
 from estimator.robot_link.replay import Record
 from protocol.capabilities import Capabilities
@@ -57,6 +58,10 @@ def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) 
             f"{', '.join(ANGLE + name for name in missing)}."
         )
     observations = tuple(_for_all_joints(row, table.joints, names) for row in table.observations)
+    for number, row in enumerate(observations, 1):
+        wrong = impossible_reading(row, capabilities)
+        if wrong is not None:
+            raise ReadingsError(f"{path}, row {number}: says {wrong}: correct that, or {robot}.")
     return Record(capabilities, tuple(row.angles for row in observations), observations)
 
 
@@ -69,7 +74,7 @@ def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
             f"{path} says nothing about the main body, and {robot} cannot be read "
             f"({error.strerror}): {advice}."
         ) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ReadingsError(f"{robot} is no JSON file: {error}.") from error
     if not isinstance(found, dict):
         raise ReadingsError(f"{robot} must hold an object: {advice}.")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from estimator.errors import InteractionError
 from estimator.observation import Observation, Program, by_joint_name
+from estimator.plausible import impossible_reading
 from estimator.records import Ticket
 from estimator.robot_link.base import OnProgress
 from protocol import messages
@@ -97,8 +97,25 @@ class WireLink:
     def _observation(self, found: messages.Observation) -> Observation:
         names = [joint.name for joint in self.capabilities.joints]
         if set(found.angles) != set(names):
-            raise InteractionError(
-                f"The robot at {self._uri} reported angles of {', '.join(found.angles)}, but its "
-                f"joints are {', '.join(names)}."
+            raise self._disbelief(
+                f"angles of {', '.join(found.angles)}, but its joints are {', '.join(names)}"
             )
-        return Observation.from_wire(found, self.capabilities)
+        unknown = [name for name in found.saturated_joints if name not in names]
+        if unknown:
+            raise self._disbelief(
+                f"{', '.join(unknown)} at an end, but its joints are {', '.join(names)}"
+            )
+        observation = Observation.from_wire(found, self.capabilities)
+        wrong = impossible_reading(observation, self.capabilities)
+        if wrong is not None:
+            raise self._disbelief(wrong)
+        return observation
+
+    def _disbelief(self, what: str) -> RobotError:
+        """The error of a robot that answers what cannot be: nothing of the answer is used."""
+        return RobotError(
+            "fault",
+            f"The robot at {self._uri} reported {what}.",
+            advice="Check its sensors and their calibration, then try again.",
+            retryable=True,
+        )

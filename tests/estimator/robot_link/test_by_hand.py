@@ -1,10 +1,11 @@
 import json
 import math
+import time
 from pathlib import Path
 
 import pytest
 
-from estimator.errors import ReadingsError
+from estimator.errors import EstimatorError, ReadingsError
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 
@@ -85,3 +86,38 @@ def test_a_column_of_an_unknown_joint_is_refused(tmp_path: Path) -> None:
 def test_a_driven_joint_needs_its_column(tmp_path: Path) -> None:
     with pytest.raises(ReadingsError, match="drives c, so write the columns angle_deg_c"):
         opened(tmp_path, robot=named("a", "b", "c"), driven=(0, 1, 2))
+
+
+def test_a_table_of_impossible_readings_is_refused_by_row(tmp_path: Path) -> None:
+    table = TABLE + "30,-10,1,5,-5,240\n"
+    with pytest.raises(ReadingsError, match="row 2: says a clearance of 240 mm"):
+        opened(tmp_path, table)
+    assert opened(tmp_path, table, {**ROBOT, "clearance_upper": 0.3}).recorded
+
+
+def test_a_main_body_in_millimetres_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(EstimatorError, match=r"base_size holds 140 m, .*Write metres"):
+        opened(tmp_path, robot={"base_size": [140, 140, 85], "base_mass": 0.6})
+
+
+@pytest.mark.parametrize(
+    ("robot", "sentence"),
+    [
+        ("[" * 100_000, "is no JSON file"),
+        ('{"base_size": [1, 1, 1], "base_mass": 1' + "0" * 400 + "}", "that a float can hold"),
+        ('{"base_size": [1, 1, 1], "base_mass": 1' + "0" * 5000 + "}", "is no JSON file"),
+    ],
+)
+def test_what_no_parser_should_meet_is_a_sentence(
+    tmp_path: Path, robot: str, sentence: str
+) -> None:
+    with pytest.raises(ReadingsError, match=sentence):
+        opened(tmp_path, robot=robot)
+
+
+def test_a_hundred_thousand_columns_are_refused_at_once(tmp_path: Path) -> None:
+    header = ",".join(f"angle_deg_{number}" for number in range(100_000))
+    begun = time.monotonic()
+    with pytest.raises(ReadingsError, match="has 100000 columns, and a robot"):
+        opened(tmp_path, header + "\n" + "0," * 99_999 + "0\n")
+    assert time.monotonic() - begun < 5

@@ -1,10 +1,13 @@
+from dataclasses import replace
+
 import pytest
 
 from estimator.errors import EstimatorError
 from estimator.records import Ticket
 from estimator.robot_link import open_robot
 from estimator.robot_link.wire import WireLink
-from protocol.errors import BodyschemaError, RobotRestartedError
+from protocol.errors import BodyschemaError, RobotError, RobotRestartedError
+from protocol.messages import Observation, Perform
 from tests.estimator.model_robot import ModelRobot, serving
 
 PROGRAM = (0.3, -0.2, 0.1, 0.4)
@@ -97,4 +100,45 @@ def test_a_second_controller_is_refused() -> None:
 @pytest.mark.parametrize("uri", ["", "robot", "http://localhost", "file:", "replay:", "tcp:5750"])
 def test_what_names_no_robot_is_refused(uri: str) -> None:
     with pytest.raises(EstimatorError, match="names no robot: write tcp://"):
+        open_robot(uri, driven=lambda _: (0,), client_id="me", first_id=1)
+
+
+class LyingRobot(ModelRobot):
+    """Answers its first motion with something else than it felt."""
+
+    def __init__(self, **lie: object):
+        super().__init__()
+        self._lie = lie
+
+    def _observe(self, request: Perform) -> Observation:
+        lie, self._lie = self._lie, {}
+        return replace(super()._observe(request), **lie)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("lie", "sentence"),
+    [
+        ({"tilt": (1e300, 0.0)}, "reported a tilt of"),
+        ({"clearance": 0.25}, "reported a clearance of 250 mm"),
+        ({"touch": (True,)}, "reported 1 touch bits of 4 touch sensors"),
+        ({"angles": {"left": 0.0}}, "reported angles of left, but its joints are left, front"),
+        ({"saturated_joints": ("knee",)}, "reported knee at an end, but its joints are left"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_can_be_tried_again(
+    lie: dict[str, object], sentence: str
+) -> None:
+    with serving(LyingRobot(**lie)) as uri:
+        link = connect(uri)
+        with pytest.raises(RobotError, match=sentence) as refused:
+            link.perform(0, PROGRAM, link.ticket(), ignore)
+        assert refused.value.retryable
+        assert link.perform(0, PROGRAM, link.ticket(), ignore).angles == PROGRAM
+        link.close()
+
+
+def test_a_robot_of_millimetres_is_refused() -> None:
+    robot = ModelRobot()
+    robot.capabilities = replace(robot.capabilities, base_size=(140.0, 140.0, 85.0))
+    with serving(robot) as uri, pytest.raises(EstimatorError, match="base_size holds 140 m"):
         open_robot(uri, driven=lambda _: (0,), client_id="me", first_id=1)
