@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.morphology import Array
+from estimator.records import Generation
 from estimator.store import RunStore
 
 
@@ -57,3 +58,23 @@ class FinalPopulation:
             errors[list(found.models)] = found.simulated
             later[list(found.models)] = False
         return cls(genes=genes, errors=errors, searched=searched, order=np.lexsort((errors, later)))
+
+
+def with_last_word(store: RunStore) -> list[Generation]:
+    """A run's generations, and after them the reference back-end's word as one more, if it had one.
+
+    The best model of the last one is the best of the run, with the error that all tables give it.
+    """
+    generations = store.generations()
+    found = store.finish()
+    if found is None or not found.models:
+        return generations
+    population, last = FinalPopulation.of(store), generations[-1]
+    word = replace(
+        last,
+        number=last.number + 1,
+        iteration=last.iteration + 1,
+        errors=found.simulated,
+        best=tuple(population.genes[population.best].tolist()),
+    )
+    return [*generations, word]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from estimator import readings_csv
+from estimator.final_population import with_last_word
 from estimator.genome import Genome
 from estimator.interrupts import interrupts_deferred
 from estimator.problem import Problem
@@ -50,7 +51,7 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) ->
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace(store.directory / ROBOT, lambda path: _text(path, robot))
-    generations = store.generations()
+    generations = with_last_word(store)
     if generations and plots:
         genome = Genome(problem, problem.base(store.capabilities))
         names = [leg.joint for leg in result.legs]

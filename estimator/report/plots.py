@@ -14,11 +14,19 @@ from matplotlib.figure import Figure
 from estimator.genome import Genome
 from estimator.limbs import driven_limbs
 from estimator.records import Generation
+from protocol.printable import printable
 
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 """The paper's arrows: left, forward, right and back leg."""
 
-COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart by the colour-blind
+OTHER_MARKERS: Final = ("s", "D", "P", "X", "*", "p", "h", "d")
+"""For legs on a side that has its arrow already."""
+
+COLOURS: Final = (
+    *("#0072b2", "#d55e00", "#009e73", "#cc79a7"),
+    *("#e69f00", "#56b4e9", "#000000", "#8c510a"),
+)
+"""Told apart by the colour-blind."""
 _DPI: Final = 120
 _ABOVE: Final[dict[str, Any]] = {
     **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
@@ -89,22 +97,24 @@ def draw_lengths(
         names: Names of the legs' joints.
         targets: True length of each leg, m, where they are known.
         sides: Where each leg sits, for its arrow; default: where it does on the last best model.
+            Of several legs on a side the first has the arrow.
     """
     label(axes, "leg length of the best model (cm)")
     bodies = [genome.decode(np.array(generation.best)) for generation in generations]
     numbers = [generation.number for generation in generations]
-    for leg, name in enumerate(names):
-        limbs = [driven_limbs(body)[leg] for body in bodies]
+    legs = [[driven_limbs(body)[leg] for body in bodies] for leg in range(len(names))]
+    markers = _markers(sides or [limbs[-1].side_name for limbs in legs])
+    for leg, (name, limbs) in enumerate(zip(names, legs, strict=True)):
         colour = COLOURS[leg % len(COLOURS)]
         axes.plot(
             numbers,
             [limb.length * 100 for limb in limbs],
-            marker=MARKERS[sides[leg] if sides else limbs[-1].side_name],
+            marker=markers[leg],
             markevery=max(1, len(numbers) // 60),
             color=colour,
             markersize=4.5,
             linewidth=0.8,
-            label=name,
+            label=_label(name),
         )
         if targets:
             axes.plot(numbers[-1] + 1.5, targets[leg] * 100, "o", color=colour, markersize=6)
@@ -112,8 +122,24 @@ def draw_lengths(
         axes.plot([], [], "o", color="0.3", label="true length")
     axes.set_ylim(bottom=0)
     if names:
-        axes.legend(ncols=min(5, len(names) + bool(targets)), **_ABOVE)
+        legend = axes.legend(ncols=min(5, len(names) + bool(targets)), **_ABOVE)
+        for text in legend.get_texts():
+            text.set_parse_math(False)  # a name may hold dollar signs
     mark_iterations(axes, generations)
+
+
+def _markers(sides: Sequence[str]) -> list[str]:
+    """A marker for each leg; no two share one as long as there are enough."""
+    found: list[str] = []
+    for side in sides:
+        free = [mark for mark in (MARKERS[side], *OTHER_MARKERS) if mark not in found]
+        found.append(free[0] if free else MARKERS[side])
+    return found
+
+
+def _label(name: str) -> str:
+    """A name as a legend takes it: printable, and without the underscore that would hide it."""
+    return printable(f" {name}" if name.startswith("_") else name)
 
 
 def _axes() -> tuple[Figure, Axes]:

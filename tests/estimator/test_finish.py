@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimator.final_population import FinalPopulation
+from estimator.final_population import FinalPopulation, with_last_word
 from estimator.finish import LEADERS, SAME_LENGTH, finish, leading, pairs_turned
 from estimator.genome import Genome
+from estimator.limbs import driven_limbs
 from estimator.physics.base import Pair, Readings
 from estimator.records import Finish
 from estimator.report.files import write_report
@@ -94,3 +95,19 @@ def test_pairs_on_whose_order_the_two_disagree() -> None:
         steps=9,
     )
     assert pairs_turned(found) == (2, 3)
+
+
+def test_plots_end_where_the_tables_do(tmp_path: Path) -> None:
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    with store:
+        assert with_last_word(store) == store.generations()
+        store.save_finish(
+            Finish(models=(1, 0), searched=(1.0, 2.0), simulated=(4.0, 3.0), simulations=2, steps=9)
+        )
+        *searched, word = with_last_word(store)
+        result = write_report(store, problem, plots=False)
+    assert (len(searched), word.number, word.iteration) == (1, 1, 1)
+    assert min(word.errors) == result.sensor_error == 3.0
+    genome = Genome(problem, problem.base(make_capabilities()))
+    lengths = [limb.length for limb in driven_limbs(genome.decode(np.array(word.best)))]
+    assert tuple(lengths) == result.best_models[0].leg_lengths_m

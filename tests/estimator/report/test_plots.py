@@ -1,4 +1,5 @@
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,9 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimator.genome import Genome
+from estimator.problem import Problem
 from estimator.records import Counters, Generation
 from estimator.report.plots import MARKERS, draw_lengths, plot_errors, plot_lengths
-from tests.estimator.model_robot import JOINTS, make_capabilities, make_problem
+from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities, make_problem
 
 PNG = b"\x89PNG"
 
@@ -90,7 +92,33 @@ def test_arrows_show_where_legs_really_are_if_that_is_known() -> None:
     genome = Genome(problem, problem.base(make_capabilities()))
     axes = Figure().add_subplot()
     draw_lengths(axes, GENERATIONS, genome, JOINTS, sides=("back", "left", "left", "front"))
-    assert [line.get_marker() for line in axes.lines[:4]] == ["v", "<", "<", "^"]
+    assert [line.get_marker() for line in axes.lines[:4]] == ["v", "<", "s", "^"]
+
+
+def test_eight_legs_have_eight_colours_and_eight_markers(drawn: list[Axes], tmp_path: Path) -> None:
+    parts = "".join(
+        f"""
+[[parts]]
+name = "leg {number}"
+parent = 0
+side = "left"
+hinge = "up"
+length = [0.05, 0.25]
+radius = 0.006
+motor = {number}
+"""
+        for number in range(1, 9)
+    )
+    head = PROBLEM.partition("[[parts]]")[0].replace("[1, 2, 3, 4]", '"all"')
+    genome = Genome(Problem.parse(head + parts, "test"), make_problem().base(make_capabilities()))
+    names = ["$\\frac{", "_hidden", "a\x1b[31m", *"defgh"]
+    generations = [replace(item, best=(0.5,) * 8) for item in GENERATIONS]
+    plot_lengths(tmp_path / "l.png", generations, genome, names)
+    (axes,) = drawn
+    lines = axes.lines[:8]
+    assert [line.get_label() for line in lines] == ["$\\frac{", " _hidden", r"a\x1b[31m", *"defgh"]
+    assert len({line.get_color() for line in lines}) == 8
+    assert len({line.get_marker() for line in lines}) == 8
 
 
 def test_all_models_invalid_is_still_a_plot(tmp_path: Path) -> None:
