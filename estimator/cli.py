@@ -28,10 +28,11 @@ from estimator.backends import (
     on_cluster,
 )
 from estimator.cluster import Cluster
-from estimator.console import err, fail, out, sentences
+from estimator.console import err, fail, out, print_json, sentences
 from estimator.doctor import Finding, Verdict, examine
 from estimator.error import MODALITIES
 from estimator.exploration import RULES
+from estimator.final_population import with_last_word
 from estimator.genome import Genome
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.files import LENGTHS_WITH_TRUTH, VALIDATION, replace, write_report
@@ -179,7 +180,7 @@ def score_command(
             found = score(store, problem, truth, physics, reference)
         _plot_with_truth(store, found)
     if as_json:
-        typer.echo(found.model_dump_json(indent=2))
+        print_json(found.model_dump_json(indent=2))
     else:
         print_score(out, found)
         out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
@@ -278,7 +279,7 @@ def reproduce_command(
 def _plot_with_truth(store: RunStore, found: Score) -> None:
     problem = problem_of(store)
     genome = Genome(problem, problem.base(store.capabilities))
-    generations = store.generations()
+    generations = with_last_word(store)
     replace(
         store.directory / LENGTHS_WITH_TRUTH,
         lambda path: plot_lengths(

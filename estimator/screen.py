@@ -33,7 +33,7 @@ class Screen(Listener):
         self._console = console
         self._interactive = sys.stdin.isatty() if interactive is None else interactive
         self._progress = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=12),
             TaskProgressColumn(),
             TimeRemainingColumn(compact=True),
@@ -67,7 +67,7 @@ class Screen(Listener):
 
     def say(self, sentence: str) -> None:
         """Writes a line."""
-        self._console.print(sentence, highlight=False, soft_wrap=True)
+        self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
     def moving(self, number: int, phase: str, fraction: float) -> None:
         """Shows the phase of the motion."""
@@ -91,7 +91,7 @@ class Screen(Listener):
             return False
         self._progress.stop()
         try:
-            self._console.print(f"[yellow]{error}[/]")
+            self._console.print(str(error), style="yellow", markup=False)
             self._console.input("Press Enter to try again, or Ctrl-C to stop. ")
         except EOFError:
             return False

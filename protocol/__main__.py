@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from protocol.client import RobotClient
 from protocol.errors import BodyschemaError
+from protocol.printable import printable
 
 COMMANDS = ("status", "stop", "clear", "hold", "relax")
 
@@ -33,9 +34,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 getattr(robot, options.command)()
             status = robot.status()
     except BodyschemaError as error:
-        print(f"protocol: {error}", file=sys.stderr)
+        print(f"protocol: {printable(str(error))}", file=sys.stderr)
         return 1
-    print(f"{status.state}{f': {status.reason}' if status.reason else ''}")
+    print(printable(f"{status.state}{f': {status.reason}' if status.reason else ''}"))
     return 0
 
 

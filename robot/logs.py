@@ -17,6 +17,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final
 
+from protocol.printable import printable
+
 _ERROR, _WARNING, _INFORMATION, _DEBUG = "<3>", "<4>", "<6>", "<7>"  # as in sd-daemon(3)
 _STDERR: Final = 2
 _LONGEST: Final = 4096  # what a pipe that is ready to be written to takes without blocking
@@ -39,7 +41,7 @@ def complain(program: str, error: Exception) -> None:
     """Says on standard error why a program ends."""
     start = _ERROR if reads_journal(_STDERR) else f"{program}: "
     with suppress(OSError):
-        print(f"{start}{error}", file=sys.stderr, flush=True)
+        print(f"{start}{printable(str(error))}", file=sys.stderr, flush=True)
 
 
 def reads_journal(fd: int, environment: Mapping[str, str] = os.environ) -> bool:
@@ -56,10 +58,7 @@ class PlainFormatter(logging.Formatter):
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         """The line without a traceback."""
-        record.message = "".join(
-            char if char.isprintable() else char.encode("unicode_escape").decode()
-            for char in record.message
-        )
+        record.message = printable(record.message)
         return super().formatMessage(record)
 
 
@@ -83,7 +82,7 @@ class LineHandler(logging.Handler):
         """Writes one record, line by line."""
         urgency = _urgency(record.levelno) if self._journal else ""
         try:
-            lines = self.format(record).splitlines()
+            lines = [printable(line) for line in self.format(record).splitlines()]
         except Exception:  # a bad format string must not end the control loop
             self.handleError(record)
             return

@@ -8,12 +8,14 @@ from typing import Final
 
 from rich.console import Console, JustifyMethod
 from rich.table import Table
+from rich.text import Text
 
 from estimator.configurations import Configuration
 from estimator.report.result import ModelFound, Result
 from estimator.score import Score
 from estimator.validate import Errors, Validation
 
+_NOT_FELT: Final = Text("not felt", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
 
 
@@ -21,8 +23,10 @@ def print_result(console: Console, result: Result) -> None:
     """A run's outcome: what it cost, the legs, and what to be wary of."""
     state = "complete" if result.complete else "not finished"
     console.print(
-        f"Problem [bold]{result.problem}[/], seed {result.seed}, "
-        f"{', '.join(result.modalities)}; {result.physics}; {state}."
+        Text.assemble(
+            *("Problem ", (result.problem, "bold"), f", seed {result.seed}, "),
+            f"{', '.join(result.modalities)}; {result.physics}; {state}.",
+        )
     )
     uncounted = f"{result.simulations_invalid:,} of them invalid"
     if result.simulations_undecided:
@@ -59,7 +63,7 @@ def print_result(console: Console, result: Result) -> None:
     if result.best_models and any(not name.startswith("length") for name in result.searched):
         _print_parts(console, result.best_models[0])
     for warning in result.warnings:
-        console.print(f"[yellow]Warning:[/] {warning}")
+        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
 
 
 def _print_parts(console: Console, model: ModelFound) -> None:
@@ -70,7 +74,7 @@ def _print_parts(console: Console, model: ModelFound) -> None:
             part.name,
             part.parent,
             part.side,
-            part.hinge if part.joint else "[dim]not felt[/]",
+            part.hinge if part.joint else _NOT_FELT,
             _mm(part.length_m),
             f"{100 * part.agreement:.0f}",
         )
@@ -105,7 +109,7 @@ def print_score(console: Console, score: Score) -> None:
     console.print(_true_body(score.true_body_errors, score.true_body_margins_deg))
     _print_configurations(console, score)
     for sentence in score.not_representable:
-        console.print(f"[yellow]Not representable:[/] {sentence}.")
+        console.print(Text.assemble(("Not representable:", "yellow"), f" {sentence}."))
 
 
 def _true_body(errors: Sequence[float | None], margins: Sequence[float]) -> str:
@@ -149,18 +153,18 @@ def _print_configurations(console: Console, score: Score) -> None:
         table.add_row(
             part,
             *(
-                _verdict(cells[trait]) if trait in cells else "[dim]not felt[/]"
+                _verdict(cells[trait]) if trait in cells else _NOT_FELT
                 for trait in ("parent", "side", "hinge")
             ),
         )
     console.print(table)
 
 
-def _verdict(found: Configuration) -> str:
+def _verdict(found: Configuration) -> Text:
     if found.right:
-        return f"[green]■[/] {found.found}"
-    mark = "[yellow]≈[/]" if found.right_up_to_equivalence else "[red]□[/]"
-    return f"{mark} {found.found} [dim](true: {found.true})[/]"
+        return Text.assemble(("■", "green"), f" {found.found}")
+    mark = ("≈", "yellow") if found.right_up_to_equivalence else ("□", "red")
+    return Text.assemble(mark, f" {found.found} ", (f"(true: {found.true})", "dim"))
 
 
 def print_validation(console: Console, validation: Validation) -> None:

@@ -11,6 +11,7 @@ from protocol.conformance.settings import Settings
 from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, run
 from protocol.errors import BodyschemaError
 from protocol.keys import KeyDirectory
+from protocol.printable import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -26,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         )
         results = run(settings, only=options.only, on_result=_print)
     except (BodyschemaError, ValueError) as error:
-        print(f"conformance: {error}", file=sys.stderr)
+        print(f"conformance: {printable(str(error))}", file=sys.stderr)
         return 1
     verdicts = Counter(result.verdict for result in results)
     print(
@@ -41,7 +42,7 @@ def _print(result: Result) -> None:
     where = ", ".join(result.check.clauses)
     print(f"{where:<12}{result.verdict.value:<11}{result.check.title}", flush=True)
     if result.sentence:
-        print(f"{'':<23}{result.sentence}", flush=True)
+        print(f"{'':<23}{printable(result.sentence)}", flush=True)
 
 
 def _parser() -> argparse.ArgumentParser:

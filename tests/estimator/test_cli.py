@@ -224,3 +224,24 @@ main()
         [sys.executable, "-c", code], check=False, capture_output=True, text=True
     )
     assert (found.returncode, found.stderr) == (1, "estimator: interrupted\n")
+
+
+EVIL = "le[/x]ft $\\frac{ \x1b[31m"
+
+
+def test_a_joint_may_have_any_name(tmp_path: Path, readings: Path) -> None:
+    for name in ("readings.csv", "robot.json"):
+        escaped = json.dumps(EVIL)[1:-1] if name == "robot.json" else EVIL
+        text = readings.with_name(name).read_text().replace("left", escaped)
+        (tmp_path / name).write_text(text)
+    run = tmp_path / "run"
+    found = estimator(
+        *("identify", "--robot", f"file:{tmp_path / 'readings.csv'}", "--seed", "1"),
+        *("--problem", make_order(tmp_path, "").problem, "--population", "2"),
+        *("--generations", "1", "--physics", "statics", "--jobs", "1", "--out", run),
+    )
+    assert found.exit_code == 0, found.output
+    shown = estimator("show", run)
+    assert shown.exit_code == 0, shown.output
+    assert "le[/x]ft" in shown.stdout
+    assert "\x1b" not in found.output + shown.output
