@@ -19,6 +19,13 @@ def main() -> None:
         with interrupts_deferred():
             cli = importlib.import_module("estimator.cli")
         cli.app(prog_name="estimator")
+    except ModuleNotFoundError as error:
+        print(
+            f"estimator: needs {error.name}, which is not installed: "
+            "pip install 'bodyschema[estimator]'",
+            file=sys.stderr,
+        )
+        sys.exit(1)
     except (KeyboardInterrupt, SystemExit) as end:
         if isinstance(end, SystemExit) and end.code != _INTERRUPTED:
             raise

@@ -75,7 +75,8 @@ def transaction(database: sqlite3.Connection) -> Iterator[None]:
     database.execute("BEGIN IMMEDIATE")
     try:
         yield
+        database.execute("COMMIT")
     except BaseException:
-        database.execute("ROLLBACK")
+        if database.in_transaction:  # SQLite itself has rolled back where the disk was full
+            database.execute("ROLLBACK")
         raise
-    database.execute("COMMIT")

@@ -167,7 +167,7 @@ def serve(
     *,
     manager: ServiceManager | None = None,
 ) -> None:
-    """Serves until SIGTERM or SIGINT; then ends a motion, parks and returns."""
+    """Serves until SIGTERM, SIGINT or SIGHUP; then ends a motion, parks and returns."""
     manager = manager or ServiceManager({})
 
     def shut_down(reason: signal.Signals) -> None:
@@ -203,7 +203,10 @@ def _quick_turns() -> Iterator[None]:
 
 @contextmanager
 def _on_signals(action: Callable[[signal.Signals], None]) -> Iterator[None]:
-    """Calls ``action`` in a thread of its own at the first signal; the next ones are ignored."""
+    """Calls ``action`` in a thread of its own at the first signal; the next ones are ignored.
+
+    A signal that is ignored already, as SIGHUP under ``nohup``, stays so.
+    """
     seen = threading.Event()
 
     def handler(number: int, frame: FrameType | None) -> None:
@@ -213,7 +216,11 @@ def _on_signals(action: Callable[[signal.Signals], None]) -> Iterator[None]:
             reason = signal.Signals(number)
             threading.Thread(target=action, args=(reason,), name="shutdown").start()
 
-    kept = {number: signal.signal(number, handler) for number in (signal.SIGTERM, signal.SIGINT)}
+    kept = {
+        number: signal.signal(number, handler)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
     try:
         yield
     finally:

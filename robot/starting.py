@@ -7,7 +7,7 @@ import signal
 import sys
 
 
-def start(command: str, module: str) -> int:
+def start(command: str, module: str, *, extra: str = "") -> int:
     """Loads a command and runs its ``main``.
 
     Ctrl-C waits while libraries load, because extension modules turn it into errors of their own.
@@ -15,6 +15,7 @@ def start(command: str, module: str) -> int:
     Args:
         command: What the person typed.
         module: Where its ``main`` is.
+        extra: What of our optional dependencies it needs.
 
     Returns:
         The exit code: that of ``main``, or 1 after a sentence on standard error.
@@ -26,4 +27,11 @@ def start(command: str, module: str) -> int:
         return int(loaded.main())
     except KeyboardInterrupt:
         print(f"{command}: interrupted", file=sys.stderr)
+        return 1
+    except ModuleNotFoundError as error:
+        package = f"bodyschema[{extra}]" if extra else "bodyschema"
+        print(
+            f"{command}: needs {error.name}, which is not installed: pip install '{package}'",
+            file=sys.stderr,
+        )
         return 1

@@ -9,7 +9,7 @@ from robot.starting import start
 
 def main() -> int:
     """Runs the command; returns its exit code."""
-    return start("sim-robotd", "sim_robot.cli")
+    return start("sim-robotd", "sim_robot.cli", extra="sim")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""``robotd run``: serves a robot until SIGTERM or Ctrl-C."""
+"""``robotd run``: serves a robot until SIGTERM, SIGHUP or Ctrl-C."""
 
 from __future__ import annotations
 

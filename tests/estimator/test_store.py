@@ -1,4 +1,5 @@
 import os
+import resource
 import signal
 import sqlite3
 import subprocess
@@ -189,3 +190,20 @@ def test_kill_minus_9_loses_nothing_that_was_committed(directory: Path) -> None:
         said = int(rest[-1]) if rest else said
         writer.stdout.close()
         writer.wait()
+
+
+def test_a_full_disk_is_named_and_leaves_the_run_as_it_was(directory: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+        try:
+            with pytest.raises(sqlite3.OperationalError) as full:
+                store.observe(0, OBSERVATION)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        assert "rollback" not in str(full.value)
+        assert store.interactions()[0].observation is None
+        store.observe(0, OBSERVATION)
+    with RunStore.open(directory) as store:
+        assert store.interactions()[0].observation == OBSERVATION

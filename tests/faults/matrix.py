@@ -138,7 +138,7 @@ PROCESSES: Final = {
         back="Others may `stop` at once, and control it after 30 s.",
     ),
     "term": Row(
-        fault="SIGTERM to the daemon while moving",
+        fault="SIGTERM (or SIGHUP) to the daemon while moving",
         injected="the real process",
         does="ends the motion, slews to zero and exits within 5 s",
         state="(gone)",

@@ -132,6 +132,16 @@ def test_a_full_disk_under_standard_error_changes_nothing() -> None:
         assert process.wait(10) == 0
 
 
+def test_a_terminal_that_is_closed_is_a_reason_to_park(tmp_path: Path) -> None:
+    uri = free_address()
+    with (tmp_path / "log").open("wb") as log, robotd(uri, stderr=log) as process:
+        move(uri)
+        process.send_signal(signal.SIGHUP)
+        assert process.wait(10) == 0
+    said = (tmp_path / "log").read_text()
+    assert re.search("SIGHUP: shutting down\n.*parked\n.*shut down", said), said
+
+
 def test_a_log_that_nobody_reads_changes_nothing() -> None:
     uri = free_address()
     reading, writing = os.pipe()

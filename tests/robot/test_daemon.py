@@ -10,6 +10,8 @@ from robot.daemon import serve
 from sim_robot.still import still_robot
 from tests.robot.stepped import SteppedClock
 
+SIGNALS = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
+
 
 class BriefServer:
     """Serves for no time, and notes what it finds."""
@@ -18,7 +20,7 @@ class BriefServer:
 
     def __init__(self) -> None:
         self.turn = 0.0
-        self.handled = False
+        self.handled: list[signal.Signals] = []
 
     def __enter__(self) -> BriefServer:
         return self
@@ -28,7 +30,7 @@ class BriefServer:
 
     def run(self) -> None:
         self.turn = sys.getswitchinterval()
-        self.handled = callable(signal.getsignal(signal.SIGTERM))
+        self.handled = [item for item in SIGNALS if callable(signal.getsignal(item))]
 
 
 def test_threads_take_quick_turns_while_it_serves_and_only_then() -> None:
@@ -39,5 +41,18 @@ def test_threads_take_quick_turns_while_it_serves_and_only_then() -> None:
         serve(robot.controller, server, log)  # type: ignore[arg-type]
         assert robot.controller.shut_down()
     assert server.turn <= 0.001
-    assert server.handled
+    assert server.handled == SIGNALS
     assert (sys.getswitchinterval(), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_a_signal_that_nohup_has_taken_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with still_robot(SteppedClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
+            server = BriefServer()
+            serve(robot.controller, server, logging.getLogger("test"))  # type: ignore[arg-type]
+            assert robot.controller.shut_down()
+        assert server.handled == SIGNALS[:2]
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -37,3 +37,47 @@ def test_an_interrupt_waits_for_the_libraries_and_ends_in_a_sentence(
     ended = run(tmp_path, **{when: PRESS})
     assert (ended.returncode, ended.stdout) == (1, "loaded\n")
     assert ended.stderr == "crawl: interrupted\n"
+
+
+@pytest.mark.parametrize("when", ["loading", "working"])
+def test_what_is_not_installed_is_named(tmp_path: Path, when: str) -> None:
+    ended = run(tmp_path, **{when: "import no_such_library.part"})
+    assert ended.returncode == 1
+    assert ended.stderr == (
+        "crawl: needs no_such_library, which is not installed: pip install 'bodyschema'\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "library"),
+    [
+        ("estimator", "estimator", "numpy"),
+        ("estimator", "estimator", "typer"),
+        ("sim_robot", "sim", "numpy"),
+        ("sim_robot", "sim", "pydantic_xml"),
+    ],
+)
+def test_help_on_the_base_install_names_the_extra(module: str, extra: str, library: str) -> None:
+    code = f"""
+import sys
+class BaseInstall:
+    def find_spec(self, name, path=None, target=None):
+        if name == {library!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, BaseInstall())
+from {module}.__main__ import main
+sys.argv = [{module!r}, "--help"]
+sys.exit(main())
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[2],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr.endswith(
+        f": needs {library}, which is not installed: pip install 'bodyschema[{extra}]'\n"
+    )
+    assert ended.stderr.count("\n") == 1
