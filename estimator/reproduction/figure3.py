@@ -191,11 +191,14 @@ def _row(cell: _Cell) -> Row:
 
 def _samples(cells: Sequence[_Cell], iterations: int) -> Samples:
     """Model quality at the end of the last iteration."""
-    found: dict[Any, list[float]] = {}
+    found: dict[Any, dict[int, float]] = {}
     for variant in VARIANTS:
         for panel, measure, _, _ in _MEASURES:
-            values = _values(cells, variant.number, iterations, measure)
-            found[f"3{panel}", variant.number] = values
+            found[f"3{panel}", variant.number] = {
+                cell.seed: getattr(cell, measure)
+                for cell in cells
+                if (cell.variant, cell.iteration) == (variant.number, iterations)
+            }
     return found
 
 

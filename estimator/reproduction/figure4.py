@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimator.report.plots import draw_errors, draw_lengths, mark_iterations
+from estimator.report.tables import number
 from estimator.reproduction.figure import (
     HISTORY,
     Drawn,
@@ -151,8 +152,18 @@ def _sentences(found: FinishedRun, right: Any) -> tuple[str, ...]:
             f"No run found all {total} configurations. Shown is seed {found.run.seed}, the first "
             f"of those with most right, {score.configurations_right}."
         )
+    fits = _fits(found)
     lengths = ", ".join(
         f"{found_length * 1000:.0f} ({true * 1000:.0f})"
         for found_length, true in zip(score.lengths_m, score.true_lengths_m, strict=True)
     )
-    return start, f"Leg lengths of its last best model, and the robot's (mm): {lengths}."
+    return start, fits, f"Leg lengths of its last best model, and the robot's (mm): {lengths}."
+
+
+def _fits(found: FinishedRun) -> str:
+    """How well the model explains the readings, beside the true body."""
+    error, truth = found.result.sensor_error, found.score.true_body_error
+    return (
+        f"Its last best model has a subjective error of {number(error)}, where the true body, had "
+        f"it been a model, has {number(truth)}."
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 from matplotlib.axes import Axes
@@ -10,15 +11,13 @@ from matplotlib.figure import Figure
 
 from estimator.reproduction.figure import Drawn, Row, write_figure
 from estimator.reproduction.finished import FinishedRun, Shelf
-from estimator.reproduction.plan import Budget, topological_runs
+from estimator.reproduction.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, Budget, topological_runs
 from estimator.reproduction.statistics import Share, share
 
-NAME: Final = "fig6"
-CAPTION: Final = (
-    "The topological runs. Each column: how many local configurations (P, O, J of each leg) the "
-    "best model has right (black: right; white: wrong); the best is the one with the lowest "
-    "subjective error. Hatched: wrong, but no sensor of the run could tell. Dashed line: what a "
-    "model drawn at random has right on average."
+_CAPTION: Final = (
+    "Each column: how many local configurations the best model has right (black: right; white: "
+    "wrong); the best is the one with the lowest subjective error. Hatched: wrong, but no sensor "
+    "of the run could tell. Dashed line: what a model drawn at random has right on average."
 )
 HEADER: Final = (
     *("seed", "right", "right_up_to_equivalence", "of", "informative_right", "informative"),
@@ -27,14 +26,46 @@ HEADER: Final = (
 )
 
 
-def make(shelf: Shelf, budget: Budget, runs: int | None) -> tuple[Drawn, Share | None]:
-    """Draws the figure and writes its files; the share of runs with everything right."""
-    found = list(shelf.read(topological_runs(runs, budget)))
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Runs with one genome.
+
+    Attributes:
+        name: Stem of the figure's files.
+        problem: Name of the problem.
+        caption: What is to be seen.
+    """
+
+    name: str
+    problem: str
+    caption: str
+
+
+FOUR_BY_FOUR: Final = Study(
+    name="fig6",
+    problem=TOPOLOGICAL,
+    caption="The topological runs; a configuration is P, O or J of one of four legs. " + _CAPTION,
+)
+EIGHT_BY_FOUR: Final = Study(
+    name="fig6-8x4",
+    problem=TOPOLOGICAL_8X4,
+    caption=(
+        "The topological runs with the genome of the paper's text, 8×4; a configuration is P or O "
+        "of one of eight parts, or J of one of the four that are driven. " + _CAPTION
+    ),
+)
+
+
+def make(
+    shelf: Shelf, budget: Budget, runs: int | None, study: Study
+) -> tuple[Drawn, Share | None]:
+    """Draws the figure of a study and writes its files; the share of runs with all right."""
+    found = list(shelf.read(topological_runs(runs, budget, study.problem)))
     if not found:
-        return (
-            Drawn(name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False),
-            None,
-        )
+        missing = ("All runs are missing.",)
+        return Drawn(
+            name=study.name, caption=study.caption, sentences=missing, complete=False
+        ), None
     chance = found[0].score.configurations_chance
     successes = share(sum(run.successful for run in found), len(found))
     picture = Figure(figsize=(max(6.0, 0.42 * len(found) + 2.5), 5), layout="constrained")
@@ -45,7 +76,7 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> tuple[Drawn, Share |
     )
     hidden = sum(map(_is_hidden, found))
     numbers: dict[str, Any] = {
-        "caption": CAPTION,
+        "caption": study.caption,
         "seeds": [run.run.seed for run in found],
         "right": [run.score.configurations_right for run in found],
         "right_up_to_equivalence": [
@@ -61,21 +92,26 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> tuple[Drawn, Share |
         "truth_fits_worse_than_the_best_model": hidden,
     }
     write_figure(
-        shelf.root, NAME, picture, header=HEADER, rows=[_row(run) for run in found], numbers=numbers
+        shelf.root,
+        study.name,
+        picture,
+        header=HEADER,
+        rows=[_row(run) for run in found],
+        numbers=numbers,
     )
     total = found[0].score.configurations_total
     sentences = (
         f"{successes.successes} of {successes.trials} runs found all {total} configurations "
         f"(95 % interval {successes.low:.0%} to {successes.high:.0%}), {alike} of "
-        f"{successes.trials} up to equivalence; the paper: 1 of 10.",
+        f"{successes.trials} up to equivalence; the paper: 1 of 10, all of its 12.",
         f"By chance {chance:.2f} of {total} would be right. "
         f"{total - found[0].score.configurations_informative} of the {total} cannot be wrong: the "
-        "first leg has nothing to sit on but the main body.",
+        "first part has nothing to sit on but the main body.",
         f"In {hidden} of {successes.trials} runs the true body, had it been a model, fits worse "
         "than the best one that was found. Where by much, its simulation comes to rest otherwise "
         "in some interaction than the robot did, and the search is led away from it.",
     )
-    return Drawn(name=NAME, caption=CAPTION, sentences=sentences), successes
+    return Drawn(name=study.name, caption=study.caption, sentences=sentences), successes
 
 
 def _is_hidden(run: FinishedRun) -> bool:

@@ -21,12 +21,13 @@ from estimator.run import Order
 SEEDS: Final = tuple(range(1000, 1030))
 PARAMETRIC: Final = "parametric"
 TOPOLOGICAL: Final = "topological"
+TOPOLOGICAL_8X4: Final = "topological-20"  # the genome of the paper's text
 PARAMETRIC_RUNS: Final = 30
 TOPOLOGICAL_RUNS: Final = 10  # the paper's; up to 30 on request
 PREDICTIONS: Final = 20
 """Fresh motor programs that each topological run predicts in the end."""
 
-FIGURES: Final = ("fig2", "fig3", "fig4", "fig5", "fig6")
+FIGURES: Final = ("fig2", "fig3", "fig4", "fig5", "fig6", "fig6-8x4")
 
 
 class Budget(BaseModel):
@@ -76,7 +77,7 @@ class PlannedRun:
     @property
     def predicts(self) -> int:
         """How many fresh motor programs it predicts in the end."""
-        return PREDICTIONS if self.problem == TOPOLOGICAL else 0
+        return 0 if self.problem == PARAMETRIC else PREDICTIONS
 
     def directory(self, root: Path) -> Path:
         """Its run directory."""
@@ -119,6 +120,8 @@ def planned_runs(
     found: dict[PlannedRun, None] = {}
     if {"fig4", "fig5", "fig6"} & set(figures):
         found |= dict.fromkeys(topological_runs(runs, budget))
+    if "fig6-8x4" in figures:
+        found |= dict.fromkeys(topological_runs(runs, budget, TOPOLOGICAL_8X4))
     if "fig2" in figures:
         found |= dict.fromkeys(typical_runs(budget))
     if "fig3" in figures:
@@ -143,9 +146,11 @@ def parametric_runs(variant: Variant, runs: int | None, budget: Budget) -> tuple
     )
 
 
-def topological_runs(runs: int | None, budget: Budget) -> tuple[PlannedRun, ...]:
-    """The runs of Figures 4, 5 and 6."""
+def topological_runs(
+    runs: int | None, budget: Budget, problem: str = TOPOLOGICAL
+) -> tuple[PlannedRun, ...]:
+    """The runs of Figures 4, 5 and 6, or of Figure 6 with another genome."""
     return tuple(
-        PlannedRun(problem=TOPOLOGICAL, variant=ALL_MODALITIES, seed=seed, budget=budget)
+        PlannedRun(problem=problem, variant=ALL_MODALITIES, seed=seed, budget=budget)
         for seed in SEEDS[: runs or TOPOLOGICAL_RUNS]
     )

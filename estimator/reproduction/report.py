@@ -18,6 +18,7 @@ from estimator.reproduction.plan import (
     PARAMETRIC,
     PARAMETRIC_RUNS,
     TOPOLOGICAL,
+    TOPOLOGICAL_8X4,
     TOPOLOGICAL_RUNS,
     Budget,
 )
@@ -123,7 +124,11 @@ def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -
 
 def _counts(runs: Sequence[Summary]) -> str:
     """How many runs there are of each kind, beside the paper's numbers."""
-    papers = {PARAMETRIC: PARAMETRIC_RUNS, TOPOLOGICAL: TOPOLOGICAL_RUNS}
+    papers = {
+        PARAMETRIC: PARAMETRIC_RUNS,
+        TOPOLOGICAL: TOPOLOGICAL_RUNS,
+        TOPOLOGICAL_8X4: TOPOLOGICAL_RUNS,
+    }
     found = []
     for problem, wanted in papers.items():
         planned = [item.run for item in runs if item.run.problem == problem]

@@ -191,8 +191,11 @@ def _draw(shelf: Shelf, request: Request) -> tuple[tuple[Drawn, ...], ClaimsTabl
     if "fig5" in asked:
         drawn.append(figure5.make(shelf, budget, runs))
     if "fig6" in asked:
-        last, successes = figure6.make(shelf, budget, runs)
-        drawn.append(last)
+        counted, successes = figure6.make(shelf, budget, runs, figure6.FOUR_BY_FOUR)
+        drawn.append(counted)
+    if "fig6-8x4" in asked:
+        counted, _ = figure6.make(shelf, budget, runs, figure6.EIGHT_BY_FOUR)
+        drawn.append(counted)
     if samples is None and successes is None:
         return tuple(drawn), None
     table = ClaimsTable.of(samples, successes)

@@ -23,10 +23,10 @@ WITH_TILT = {1, 2, 4, 6}
 PANELS: tuple[Panel, ...] = ("3a", "3b")
 
 
-def samples(level: Callable[[Panel, int], float]) -> dict[tuple[Panel, int], list[float]]:
+def samples(level: Callable[[Panel, int], float]) -> dict[tuple[Panel, int], dict[int, float]]:
     rng = np.random.default_rng(0)
     return {
-        (panel, number): (level(panel, number) + rng.normal(0, 0.001, 30)).tolist()
+        (panel, number): dict(enumerate(level(panel, number) + rng.normal(0, 0.001, 30)))
         for panel in PANELS
         for number in range(1, 8)
     }
@@ -79,18 +79,58 @@ def test_a_variant_without_runs_is_not_shown() -> None:
     assert all(item.p is None for item in missing)
 
 
+def test_runs_are_compared_seed_by_seed() -> None:
+    """Seeds differ a hundred times as much as the variants, of which one is always a little better.
+
+    A test for independent samples sees nothing there; and the order of the seeds does not matter.
+    """
+    rng = np.random.default_rng(0)
+    level = rng.uniform(0.0, 0.1, 30)
+    worse = dict(enumerate(level))
+    better = {seed: worse[seed] - 0.001 - 1e-5 * seed for seed in rng.permutation(30).tolist()}
+    found = judge({("3a", 1): better, ("3a", 3): worse})
+    (item,) = [item for item in found if (item.panel, item.better, item.worse) == ("3a", 1, 3)]
+    assert item.verdict == "holds"
+    assert item.p == pytest.approx(0.5**30)
+    assert item.difference is not None
+    assert item.difference.mean == pytest.approx(-0.001 - 1e-5 * 14.5)
+
+
+def test_a_seed_that_only_one_variant_has_is_left_out() -> None:
+    known = samples(as_the_paper_has_it)
+    known["3a", 1][1029] = 1e6
+    del known["3a", 3][4]
+    found = [item for item in judge(known) if item.panel == "3a" and item.worse == 3]
+    assert [item.pairs for item in found] == [29] * 4
+    assert found[0].means == pytest.approx((0.02, 0.06), abs=0.001)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_differences_below_zero_speak_for_the_paper(sign: int) -> None:
+    found = judge(samples(lambda panel, number: sign * as_the_paper_has_it(panel, number)))
+    for item in found:
+        difference = item.difference
+        assert difference is not None
+        assert difference.low is not None
+        assert difference.high is not None
+        assert difference.low < difference.mean < difference.high
+        assert difference.mean == pytest.approx(-0.04 * sign, abs=0.001)
+
+
 @pytest.mark.parametrize(
-    ("successes", "runs", "verdict"),
+    ("successes", "runs", "verdict", "refuting"),
     [
-        (1, 10, "holds"),
-        (0, 10, "holds"),
-        (0, 2, "not shown"),  # any rate might give that
-        (12, 30, "not shown"),  # the interval leaves out 10 %, but 1 of 10 might be 40 %, too
-        (28, 30, "contradicted"),
+        (1, 10, "not refuted", 7),
+        (0, 10, "not refuted", 7),
+        (0, 2, "not refuted", 2),
+        (0, 1, "not refuted", None),  # nothing that one run gives can be told from 1 of 10
+        (12, 30, "not refuted", 15),
+        (28, 30, "contradicted", 15),
     ],
 )
-def test_success_rates(successes: int, runs: int, verdict: str) -> None:
-    assert judge_successes(share(successes, runs)).verdict == verdict
+def test_success_rates(successes: int, runs: int, verdict: str, refuting: int | None) -> None:
+    found = judge_successes(share(successes, runs))
+    assert (found.verdict, found.refuting) == (verdict, refuting)
 
 
 def test_tilt_alone_is_compared_but_claimed_neither_way() -> None:
@@ -108,6 +148,11 @@ def test_the_table_says_that_the_paper_contradicts_itself(tmp_path: Path) -> Non
     assert "The paper says both" in text
     assert "Figure 3b: variant 6 (tilt) is worse than 2 (tilt, clearance)" in text
     assert "Figure 3a: variant 6 (tilt) is not told apart from 1" in text
-    assert "Figure 6: not shown" in text
+    assert "Figure 6: not refuted" in text
+    assert "at least 15 successes in 30 runs" in text
+    assert "Wilcoxon" in text
+    first = table.findings[0].difference
+    assert first is not None
+    assert f"{first.mean * 1000:+.1f} (" in text
     table.write(tmp_path)
     assert len((tmp_path / "claims.csv").read_text().splitlines()) == 1 + 22

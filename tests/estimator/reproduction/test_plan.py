@@ -21,11 +21,12 @@ def test_variants_come_in_the_captions_order() -> None:
     assert [variant.number for variant in VARIANTS] == list(range(1, 8))
 
 
-def test_the_whole_paper_is_220_runs_each_once() -> None:
+def test_the_whole_paper_is_230_runs_each_once() -> None:
     runs = planned_runs(FIGURES, None, Budget())
-    assert len(runs) == len(set(runs)) == 7 * 30 + 10
+    assert len(runs) == len(set(runs)) == 7 * 30 + 10 + 10
     assert [run.problem for run in runs[:10]] == ["topological"] * 10  # the longest first
-    assert len({run.name for run in runs}) == 220
+    assert [run.problem for run in runs[10:20]] == ["topological-20"] * 10
+    assert len({run.name for run in runs}) == 230
 
 
 def test_figures_share_their_runs() -> None:

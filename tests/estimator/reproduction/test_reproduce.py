@@ -72,7 +72,7 @@ def test_every_figure_has_its_three_files(everything: tuple[Path, Outcome, Heari
 def test_progress_goes_over_all_runs(everything: tuple[Path, Outcome, Hearing]) -> None:
     _, _, hearing = everything
     assert hearing.done == hearing.total > 0
-    assert sum("/8 " in sentence for sentence in hearing.said) == 8
+    assert sum("/9 " in sentence for sentence in hearing.said) == 9
     assert "left" in hearing.said[0]
 
 
@@ -140,6 +140,24 @@ def test_figure_6_has_the_chance_line_and_an_interval(
     assert 0 <= low <= numbers["successes"] / numbers["runs"] <= high <= 1
 
 
+def test_figure_6_has_the_texts_genome_too(everything: tuple[Path, Outcome, Hearing]) -> None:
+    numbers = json.loads((everything[0] / "fig6-8x4.json").read_text())
+    assert (numbers["configurations"], numbers["informative_configurations"]) == (20, 19)
+    assert numbers["by_chance"] == pytest.approx(5.4, abs=0.05)
+    (row,) = table(everything[0] / "fig6-8x4.csv")
+    assert row["seed"] == "1000"
+    assert row["touch_error"]
+
+
+def test_figure_4_says_how_well_the_truth_would_have_done(
+    everything: tuple[Path, Outcome, Hearing],
+) -> None:
+    (row,) = table(everything[0] / "fig6.csv")
+    errors = [float(row[f"{whose}subjective_error"]) for whose in ("", "true_bodys_")]
+    (figure,) = [item for item in everything[1].figures if item.name == "fig4"]
+    assert [f"{error:.2f}" in " ".join(figure.sentences) for error in errors] == [True, True]
+
+
 def test_the_report_tells_all(everything: tuple[Path, Outcome, Hearing]) -> None:
     root, outcome, _ = everything
     text = (root / "report.md").read_text()
@@ -148,10 +166,11 @@ def test_the_report_tells_all(everything: tuple[Path, Outcome, Hearing]) -> None
     for words in (
         *("`estimator reproduce`", "seeds 1000 to 1000", "Not the paper's budgets"),
         *("numpy", "simulations requested", "![Figure 5](fig5.png)", "not shown"),
+        "![Figure 6-8x4](fig6-8x4.png)",
         *("| topological/touch+tilt+clearance/1000 |", "| parametric/clearance/1000 |"),
     ):
         assert words in text
-    assert len(table(root / "runs.csv")) == 8
+    assert len(table(root / "runs.csv")) == 9
 
 
 def test_what_is_finished_is_not_repeated(everything: tuple[Path, Outcome, Hearing]) -> None:
