@@ -233,6 +233,11 @@ class Problem(Strict):
         Raises:
             ProblemError: This robot cannot serve this problem.
         """
+        if not capabilities.sensors:
+            raise ProblemError(
+                f"robot {capabilities.robot!r} has no sensors, so nothing can be learnt from it; "
+                "if it is a dry run, start robotd without --dry, or sim-robotd"
+            )
         self._check_time(float(np.max(np.abs(self.program_range(capabilities)))))
         for modality in modalities:
             sensor = capabilities.sensor(modality)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from protocol.client import RobotClient
 from protocol.errors import BodyschemaError
 from protocol.printable import printable
+from protocol.states import State
 
 COMMANDS = ("status", "stop", "clear", "hold", "relax")
 
@@ -37,6 +38,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"protocol: {printable(str(error))}", file=sys.stderr)
         return 1
     print(printable(f"{status.state}{f': {status.reason}' if status.reason else ''}"))
+    if status.state in (State.STOPPED, State.FAULT):
+        keys = f" --keys {options.keys}" if options.keys else ""
+        print(f"It stays so until: python -m protocol {options.uri} clear{keys}")
     return 0
 
 

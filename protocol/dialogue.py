@@ -235,7 +235,7 @@ class Dialogue:
 
     def _last_word(self, call: Call, reply: Reply | ErrorReply) -> Word:
         if isinstance(reply, ErrorReply):
-            return reply.to_error()
+            return reply.to_error(self._peer)
         if isinstance(reply, Observation):
             if reply.sequence <= call.after_sequence:
                 return RobotError(

@@ -22,6 +22,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+CLEAR: Final = "python -m protocol URI clear"
+"""How a person clears a robot that is stopped, or that failed."""
+
 
 class BodyschemaError(Exception):
     """Base of every error that this project raises on purpose."""
@@ -154,10 +157,10 @@ ERROR_CODES: Final = MappingProxyType(
             False, "The request is not allowed in the robot's present state.", "See SPEC.md."
         ),
         "stopped": _kind(
-            False, "The robot is stopped.", "Make sure that it is safe, then send clear."
+            False, "The robot is stopped.", f"Make sure that it is safe, then: {CLEAR}"
         ),
         "fault": _kind(
-            False, "A device failed and the robot is down.", "Mend the cause, then send clear."
+            False, "A device failed and the robot is down.", f"Mend the cause, then: {CLEAR}"
         ),
         "not_planar": _kind(
             True,
@@ -168,7 +171,9 @@ ERROR_CODES: Final = MappingProxyType(
             True, "The robot did not come to rest in time.", "Retry, or take away what shakes it."
         ),
         "aborted_stop": _kind(
-            False, "A stop ended the request.", "Clear, then send a new request."
+            False,
+            "A stop ended the request.",
+            f"Make sure that it is safe; then send a new request after: {CLEAR}",
         ),
         "aborted_hold": _kind(True, "A hold ended the motion.", "Send a new request."),
         "aborted_relax": _kind(False, "A relax ended the motion.", "Hold, then a new request."),

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Final, TypeVar, cast
 from protocol import checks
 from protocol.capabilities import Capabilities
 from protocol.codec import request_id_of
-from protocol.errors import LocalProtocolError, RemoteProtocolError, RobotError
+from protocol.errors import CLEAR, LocalProtocolError, RemoteProtocolError, RobotError
 from protocol.message import Message, checked, checked_optional
 from protocol.states import State
 
@@ -254,9 +254,10 @@ class ErrorReply(Message):
             retryable=error.retryable,
         )
 
-    def to_error(self) -> RobotError:
-        """The error that the reply carries."""
-        return RobotError(self.code, self.message, advice=self.advice, retryable=self.retryable)
+    def to_error(self, robot: str) -> RobotError:
+        """The error that the reply carries; a command in its advice names the robot's address."""
+        advice = self.advice.replace(CLEAR, CLEAR.replace("URI", robot))
+        return RobotError(self.code, self.message, advice=advice, retryable=self.retryable)
 
 
 @dataclass(frozen=True, kw_only=True)

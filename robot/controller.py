@@ -22,7 +22,7 @@ from contextlib import suppress
 from functools import partial
 
 from protocol.capabilities import Capabilities
-from protocol.errors import RobotError
+from protocol.errors import CLEAR, RobotError
 from protocol.messages import Ok, Perform
 from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.states import State
@@ -308,7 +308,7 @@ class Controller:
             current.interrupt = errors.get(current.event)
 
     def _fail(self, sentence: str, job: Job | None) -> None:
-        self._announce(logging.ERROR, f"fault: {sentence}")
+        self._announce(logging.ERROR, f"fault: {sentence} Once it is mended: {CLEAR}")
         overtaken = RobotError("fault", f"The robot went down before this was done: {sentence}")
         with self._lock:
             self._jobs.under_way = None

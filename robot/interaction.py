@@ -341,5 +341,5 @@ class Interaction:
             raise DeviceDataError(
                 f"The servo board does not have the commands for {', '.join(names)}: "
                 "it was reset, or bytes were lost on the line.",
-                "Check the servo supply, then the serial cable, then clear.",
+                "Check the servo supply, then the serial cable.",
             )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from protocol.errors import RobotError
+from protocol.errors import CLEAR, RobotError
 from protocol.messages import ErrorReply, Observation
 from protocol.robot import RobotRequest
 from protocol.transitions import Event
@@ -49,7 +49,7 @@ STOPPED: Final = "A client sent stop."
 
 NEWS: Final = MappingProxyType(
     {
-        Event.STOP: (logging.WARNING, "stopped by client {}; frozen until it is cleared"),
+        Event.STOP: (logging.WARNING, f"stopped by client {{}}; frozen until: {CLEAR}"),
         Event.RELAX: (logging.WARNING, "limp; relaxed by client {}"),
         Event.CLEAR: (logging.INFO, "cleared by client {}"),
     }

@@ -72,5 +72,5 @@ class SteadyClock:
         if backwards or gap > at_most:
             raise DeviceDataError(
                 f"The robot clock jumped by {jump:+.1f} s in mid-motion.",
-                "Find out what stopped the daemon or set its clock, then clear.",
+                "Find out what stopped the daemon or set its clock.",
             )

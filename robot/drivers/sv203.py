@@ -51,7 +51,7 @@ _MAX_REPLY: Final = 16
 _ATTEMPTS: Final = 3
 _WRITE_TIMEOUT: Final = 1.0  # pyserial counts a moment without the processor as the line's delay
 _RESET: Final = "Check the servos' supply: it drops under load."
-_PLUG: Final = "Check that the adapter is plugged in and the board has power, then clear the fault."
+_PLUG: Final = "Check that the adapter is plugged in and the board has power."
 
 
 def open_serial(port: str, baud: int = 9600) -> serial.Serial:

@@ -166,7 +166,7 @@ class VL6180X:
             if fresh != 0:
                 raise DeviceDataError(
                     "The VL6180X has been reset and lost its settings.",
-                    "Check its supply, then clear the fault.",
+                    "Check its supply.",
                 )
             if status & _READY:
                 return

@@ -173,6 +173,8 @@ def test_a_robot_that_cannot_serve_is_refused() -> None:
         slow.check_robot(robot(), ("tilt",))
     with pytest.raises(ProblemError, match="has no clearance sensor"):
         problem.check_robot(replace(robot(), sensors=sensors[:2]), ("tilt", "clearance"))
+    with pytest.raises(ProblemError, match=r"no sensors.*start robotd without --dry"):
+        problem.check_robot(replace(robot(), sensors=()), ("tilt",))
     three = replace(sensors[0], count=3)
     with pytest.raises(ProblemError, match="has 3 touch sensors, but problem 'parametric' desc"):
         problem.check_robot(replace(robot(), sensors=(three, *sensors[1:])), ("touch",))

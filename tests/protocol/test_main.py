@@ -15,8 +15,10 @@ def test_stop_latches_until_clear(capsys: pytest.CaptureFixture[str]) -> None:
             code = main([robot.uri, command])
             seen = capsys.readouterr()
             states.append((command, code, seen.out.split(":")[0].strip()))
-            if command == "hold" and code:
-                assert "stop" in seen.err
+            if command == "stop" or code:  # whoever finds it frozen is told how to go on
+                assert f"python -m protocol {robot.uri} clear" in seen.out + seen.err
+            else:
+                assert "clear" not in seen.out
     assert states == [
         ("status", 0, "idle"),
         ("stop", 0, "stopped"),
