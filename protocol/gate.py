@@ -23,7 +23,6 @@ class Gate:
         log: Where to write about strangers.
 
     Attributes:
-        socket: What to poll for reading.
         refused: Connections that were turned away.
     """
 
@@ -36,34 +35,39 @@ class Gate:
         self.refused = 0
         self._admits = admits
         self._log = log
-        self.socket: zmq.Socket[bytes] = context.socket(zmq.ROUTER)
-        self.socket.setsockopt(zmq.LINGER, 0)
-        self.socket.bind(_ADDRESS)
+        self._socket: zmq.Socket[bytes] = context.socket(zmq.ROUTER)
+        self._socket.setsockopt(zmq.LINGER, 0)
+        self._socket.bind(_ADDRESS)
 
-    def answer(self) -> None:
+    def fileno(self) -> int:
+        """What to poll for reading; after that, ``answer`` has to be called."""
+        return int(self._socket.getsockopt(zmq.FD))
+
+    def answer(self, events: int = 0) -> None:
         """Answers all questions that wait."""
+        del events
         while True:
             try:
-                parts = self.socket.recv_multipart(zmq.NOBLOCK)
+                parts = self._socket.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
                 return
             if len(parts) == _PARTS and parts[2] == _VERSION:
                 self._decide(parts)
 
     def _decide(self, parts: list[bytes]) -> None:
-        routing, _, _, request, _, address, _, mechanism, credentials = parts
+        routing, _, _, request, _, _, peer, mechanism, credentials = parts
         key = z85.encode(credentials).decode() if mechanism == b"CURVE" else ""
         if self._admits(key):
             verdict = [b"200", b"OK", key.encode()]
         else:
             verdict = [b"400", b"this key is not welcome", b""]
-            self._report(key, address)
-        self.socket.send_multipart([routing, b"", _VERSION, request, *verdict, b""])
+            self._report(key, peer)
+        self._socket.send_multipart([routing, b"", _VERSION, request, *verdict, b""])
 
-    def _report(self, key: str, address: bytes) -> None:
+    def _report(self, key: str, peer: bytes) -> None:
         self.refused += 1
         if self.refused & (self.refused - 1) == 0:  # at 1, 2, 4, …: a flood cannot fill the log
-            place = address.decode("ascii", "replace")
+            place = peer.decode("ascii", "replace")  # what our socket is named after
             self._log.warning(
                 "turned away: unknown key %s from %s (%d so far)", key, place, self.refused
             )

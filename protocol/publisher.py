@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import logging
-import math
+import selectors
 import time
+from collections.abc import Callable
 from typing import Final
 
 import zmq
 
+from protocol.door import Door
 from protocol.endpoints import Endpoint
-from protocol.errors import EndpointError
 from protocol.keys import KeyPair
-from protocol.sockets import listening, real_endpoint
 
 TOPIC: Final = b"telemetry"
 
-_MOMENT: Final = 3.0  # s after which an address that cannot be had again is worth a line
+MAX_SUBSCRIBED: Final = 1024
+"""Bytes of subscriptions, and of what ends them, that one connection may send."""
+
+_WINDOW: Final = 1 << 18  # bytes: heartbeats of ZeroMQ, which nobody sees, for most of an hour
+_BUDGET: Final = 0.005  # s of one turn
 
 
 class Publisher:
@@ -24,9 +28,10 @@ class Publisher:
 
     Args:
         context: The context; with keys, a ``Gate`` must stand there already.
+        selector: Where to register what is waited for.
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
-        log: Where to write that the address was lost.
+        log: Where to write about listeners that were cut off.
 
     Attributes:
         place: Where it really is.
@@ -38,35 +43,33 @@ class Publisher:
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
+        selector: selectors.BaseSelector,
         place: Endpoint,
         pair: KeyPair | None,
         log: logging.Logger,
     ):
-        self._context = context
-        self._pair = pair
-        self._log = log
-        self._complain_at = math.inf
-        self._socket: zmq.Socket[bytes] | None = listening(context, zmq.PUB, place, pair)
-        self.place = real_endpoint(self._socket, place)
+        self._door = Door(context, selector, zmq.XPUB, place, pair, window=_WINDOW, log=log)
+        self.place = self._door.place
+
+    @property
+    def waiting(self) -> bool:
+        """Whether ``listen`` has something to do."""
+        return self._door.waiting
+
+    def listen(self) -> None:
+        """Takes subscriptions, which ZeroMQ has kept already, and cuts off who has too many."""
+        for peer, _, _ in self._door.arrivals(time.monotonic() + _BUDGET):
+            if self._door.received(peer) > MAX_SUBSCRIBED:
+                self._door.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
 
     def publish(self, frame: bytes) -> None:
         """Sends to all who listen; never waits."""
-        if self._socket is None:
-            self._reopen()
-        if self._socket is not None:
-            self._socket.send_multipart([TOPIC, frame], zmq.NOBLOCK)
+        self._door.broadcast([TOPIC, frame])
 
-    def renew(self) -> None:
-        """Drops all who listen: those who are still welcome connect again by themselves."""
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
-            self._complain_at = time.monotonic() + _MOMENT
+    def dismiss(self, unwelcome: Callable[[str | None], bool]) -> None:
+        """Drops those who are not welcome any more."""
+        self._door.dismiss(unwelcome)
 
-    def _reopen(self) -> None:
-        try:
-            self._socket = listening(self._context, zmq.PUB, self.place, self._pair)
-        except EndpointError as error:  # ZeroMQ frees an address a moment after closing it
-            if time.monotonic() > self._complain_at:
-                self._complain_at = math.inf
-                self._log.error("no telemetry: %s", error)
+    def close(self, linger: int) -> None:
+        """Ends it; what was published has ``linger`` ms to leave."""
+        self._door.close(linger)

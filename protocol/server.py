@@ -1,17 +1,19 @@
 """The server loop: ZeroMQ sockets around ``ServerCore``, a robot behind it.
 
 One thread runs ``run``. It sleeps until a frame arrives, the robot has something to say, or a
-deadline of the core or the next publication is due; idle, it wakes for nothing else.
+deadline of the core or the next publication is due; idle, it wakes for nothing else. A turn takes
+few frames, so that none of these waits for the others.
 """
 
 from __future__ import annotations
 
 import logging
-import math
 import os
+import selectors
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Final
 
@@ -20,7 +22,9 @@ import zmq
 from protocol.access import Access
 from protocol.actions import Action, ControllerChanged, Send, Silence, Submit
 from protocol.closing import Closing
+from protocol.codec import MAX_MESSAGE
 from protocol.core import ServerCore, allow_all
+from protocol.door import Arrival, Door
 from protocol.endpoints import DEFAULT_BIND
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.gate import Gate
@@ -28,12 +32,14 @@ from protocol.keys import KeyDirectory
 from protocol.messages import ErrorReply, Request
 from protocol.publisher import Publisher
 from protocol.robot import Finished, Robot
-from protocol.sockets import listening, permitted, real_endpoint
+from protocol.sockets import permitted
 from protocol.tally import Tally
 from protocol.waker import Waker
 
-_BATCH: Final = 100  # frames before the robot and the clock have their turn
+_BUDGET: Final = 0.01  # s for frames before the robot and the clock have their turn
+_WINDOW: Final = MAX_MESSAGE + (1 << 18)  # bytes, of a message and of what stands around it
 _LOOK: Final = 0.5  # s between two looks at the list of clients
+_QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
 
@@ -88,18 +94,34 @@ class Server(Closing):
         self._stopping = False
         self._closed = False
         self._running = threading.Lock()
-        self._waker = Waker()
-        self._context = zmq.Context()
-        try:
-            self._gate = (
-                Gate(self._context, self._access.admits, self._log) if self._access else None
+        with ExitStack() as made:
+            self._selector = selectors.DefaultSelector()
+            made.callback(self._selector.close)
+            self._waker = Waker()
+            made.callback(self._waker.close)
+            self._selector.register(self._waker, selectors.EVENT_READ, self._waker.rest)
+            self._context = zmq.Context()
+            made.callback(self._context.destroy, linger=0)
+            self._gate: Gate | None = None
+            if self._access is not None:
+                self._gate = Gate(self._context, self._access.admits, self._log)
+                self._selector.register(self._gate, selectors.EVENT_READ, self._gate.answer)
+            self._door = Door(
+                self._context,
+                self._selector,
+                zmq.ROUTER,
+                place,
+                pair,
+                window=_WINDOW,
+                log=self._log,
             )
-            self._router = listening(self._context, zmq.ROUTER, place, pair)
-            self._publisher = Publisher(self._context, telemetry_place, pair, self._log)
-        except BaseException:
-            self._dispose()
-            raise
-        self.endpoint = str(real_endpoint(self._router, place))
+            made.callback(self._door.close, _FAREWELL)
+            self._publisher = Publisher(
+                self._context, self._selector, telemetry_place, pair, self._log
+            )
+            made.callback(self._publisher.close, 0)
+            self._made = made.pop_all()
+        self.endpoint = str(self._door.place)
         self.telemetry_endpoint = str(self._publisher.place)
         capabilities = replace(
             robot.capabilities, telemetry=self.telemetry_endpoint, telemetry_rate=telemetry_rate
@@ -123,25 +145,19 @@ class Server(Closing):
         with self._running:
             if self._closed:
                 return
-            poller = zmq.Poller()
-            poller.register(self._router, zmq.POLLIN)
-            poller.register(self._waker.fileno(), zmq.POLLIN)
-            if self._gate is not None:
-                poller.register(self._gate.socket, zmq.POLLIN)
             publish_at = self._clock()
             while not self._stopping:
-                poller.poll(self._patience(publish_at))
-                self._waker.rest()
+                self._wait(self._patience(publish_at))
                 self._guard()
                 self._take_frames()  # before the clock's turn: a stall of ours is not their silence
+                self._publisher.listen()
                 self._take_events()
                 now = self._clock()
                 self._carry_out(self._core.tick(now))
                 if now >= publish_at:
                     self._publisher.publish(self._core.publication())
                     publish_at = max(publish_at + self._period, now)  # late once, not slow
-            self._take_frames()  # what has arrived by now gets its answer
-            self._take_events()
+            self._finish()
 
     def wake(self) -> None:
         """Makes the loop look around now; from any thread."""
@@ -161,46 +177,57 @@ class Server(Closing):
 
     # --- the loop's steps -------------------------------------------------------------------------
 
-    def _patience(self, publish_at: float) -> int:
+    def _patience(self, publish_at: float) -> float:
+        if self._door.waiting or self._publisher.waiting:
+            return 0.0
         due = publish_at
         if self._access is not None:
             due = min(due, self._clock() + _LOOK)
         if self._core.deadline is not None:
             due = min(due, self._core.deadline)
-        return max(0, math.ceil((due - self._clock()) * 1000))
+        return max(0.0, due - self._clock())
+
+    def _wait(self, patience: float) -> bool:
+        """Sleeps until something happens, and moves what bytes there are; whether there was."""
+        happened = self._selector.select(patience)
+        for key, events in happened:
+            act: Callable[[int], None] = key.data
+            act(events)
+        return bool(happened)
+
+    def _finish(self) -> None:
+        """What has arrived by now gets its answer."""
+        end = time.monotonic() + _FAREWELL / 1000
+        while self._wait(_QUIET) and time.monotonic() < end:
+            self._take_frames()
+            self._take_events()
+        self._take_frames()
+        self._take_events()
 
     def _guard(self) -> None:
-        """Lets new connections in or turns them away; applies a list of clients that changed."""
-        if self._access is None or self._gate is None:
+        """Applies a list of clients that has changed."""
+        if self._access is None:
             return
-        self._gate.answer()
         version = self._access.refresh()
         if version != self._list:
             self._list = version
-            self._carry_out(self._core.review(self._access.role_of))
-            self._publisher.renew()
+            role_of = self._access.role_of
+            self._carry_out(self._core.review(role_of))
+            self._publisher.dismiss(lambda user: role_of(user) is None)
 
     def _take_frames(self) -> None:
-        for _ in range(_BATCH):
-            try:
-                (peer, *frames), user = self._receive()
-            except zmq.Again:
-                return
+        for arrival in self._door.arrivals(time.monotonic() + _BUDGET):
             garbage = self._core.garbage
-            if len(frames) == 1:
-                self._carry_out(self._core.receive(peer, frames[0], self._clock(), user))
-            else:
-                error = RemoteProtocolError(f"A message is one frame, not {len(frames)}.")
-                self._carry_out([self._core.complain(peer, error)])
+            self._carry_out(self._taken(arrival))
             if self._core.garbage != garbage:
                 self._report_garbage()
 
-    def _receive(self) -> tuple[Sequence[bytes], str | None]:
-        """The parts of the next message, and the key of whoever sent it."""
-        if self._access is None:
-            return self._router.recv_multipart(zmq.NOBLOCK), None
-        parts = self._router.recv_multipart(zmq.NOBLOCK, copy=False)
-        return [part.bytes for part in parts], _user_of(parts[-1])
+    def _taken(self, arrival: Arrival) -> Iterable[Action]:
+        peer, user, parts = arrival
+        if len(parts) == 1:
+            return self._core.receive(peer, parts[0], self._clock(), user)
+        error = RemoteProtocolError(f"A message is one frame, not {len(parts)}.")
+        return [self._core.complain(peer, error)]
 
     def _report_garbage(self) -> None:
         count = self._core.garbage
@@ -258,19 +285,8 @@ class Server(Closing):
         self._carry_out(self._core.finish(Finished(ticket=action.ticket, reply=reply)))
 
     def _send(self, action: Send) -> None:
-        try:
-            self._router.send_multipart([action.peer, action.frame], zmq.NOBLOCK)
-        except zmq.Again:
-            return  # the peer does not read; it will ask again
+        self._door.send(action.peer, [action.frame])
 
     def _dispose(self) -> None:
         self._closed = True
-        self._context.destroy(linger=_FAREWELL)
-        self._waker.close()
-
-
-def _user_of(frame: zmq.Frame) -> str | None:
-    try:
-        return str(frame.get("User-Id"))
-    except zmq.ZMQError:
-        return None  # it came past the gate, which cannot be: it will be refused
+        self._made.close()

@@ -16,10 +16,7 @@ _ZAP_DOMAIN: Final = b"bodyschema"
 _OUTGOING: Final = 256  # frames that may wait for a slow peer, then some are dropped
 _INCOMING: Final = 16  # frames of one peer that may wait for us; then its TCP connection stalls
 _HANDSHAKE: Final = 10_000  # ms in which a connection must show that it speaks ZeroMQ, with a key
-_KEEPALIVE: Final[dict[int, Any]] = {
-    zmq.TCP_KEEPALIVE: 1,
-    zmq.TCP_KEEPALIVE_IDLE: 30,
-}  # finds dead peers
+_NEVER: Final = 3_600_000  # ms; -1 would throw away what has come before the end of a connection
 
 
 def permitted(uri: str, *, keys: bool, insecure: bool) -> Endpoint:
@@ -42,26 +39,26 @@ def permitted(uri: str, *, keys: bool, insecure: bool) -> Endpoint:
     return Endpoint("127.0.0.1", place.port) if place.host == "localhost" else place
 
 
-def listening(
-    context: zmq.Context[zmq.Socket[bytes]], kind: int, place: Endpoint, pair: KeyPair | None
+def serving(
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, pair: KeyPair | None, peer: str
 ) -> zmq.Socket[bytes]:
-    """A bound socket.
+    """A socket that speaks to one peer, not connected yet.
 
     Args:
         context: Its context; with keys, a ``Gate`` must stand there already.
-        kind: ROUTER or PUB.
-        place: Where.
+        kind: ROUTER or XPUB.
         pair: The keys to ask for and to answer with; ``None``: everybody may connect.
-
-    Raises:
-        EndpointError: The address cannot be bound.
+        peer: Where the peer comes from, for the ``Gate``.
     """
     options: dict[int, Any] = {
         zmq.SNDHWM: _OUTGOING,
         zmq.RCVHWM: _INCOMING,
         zmq.HANDSHAKE_IVL: _HANDSHAKE,
-        **_KEEPALIVE,
+        zmq.RECONNECT_IVL: _NEVER,
+        zmq.ROUTING_ID: peer.encode(),
     }
+    if kind == zmq.XPUB:
+        options[zmq.XPUB_VERBOSER] = 1
     if pair is not None:
         options |= {
             zmq.CURVE_SERVER: 1,
@@ -69,16 +66,7 @@ def listening(
             zmq.ZAP_DOMAIN: _ZAP_DOMAIN,
             zmq.ZAP_ENFORCE_DOMAIN: 1,  # without an answer from the gate, nobody comes in
         }
-    made = _made(context, kind, place, options)
-    try:
-        made.bind(str(place))
-    except zmq.ZMQError as error:
-        made.close()
-        raise EndpointError(
-            f"Cannot serve at {place}: {error.strerror}. Stop what uses it, or choose another "
-            "address."
-        ) from None
-    return made
+    return _made(context, kind, options)
 
 
 def connected(
@@ -124,22 +112,15 @@ def unconnected(
             zmq.CURVE_PUBLICKEY: keys.own.public.encode(),
             zmq.CURVE_SECRETKEY: keys.own.secret.encode(),
         }
-    return _made(context, kind, place, options)
-
-
-def real_endpoint(bound: zmq.Socket[bytes], place: Endpoint) -> Endpoint:
-    """Where a socket that was bound to ``place`` really is: the port may have been any."""
-    found = Endpoint.parse(bound.getsockopt_string(zmq.LAST_ENDPOINT))
-    return Endpoint("*" if place.is_wildcard else place.host, found.port)
+    return _made(context, kind, {zmq.IPV6: int(place.is_ipv6), **options})
 
 
 def _made(
-    context: zmq.Context[zmq.Socket[bytes]], kind: int, place: Endpoint, options: Mapping[int, Any]
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, options: Mapping[int, Any]
 ) -> zmq.Socket[bytes]:
     made: zmq.Socket[bytes] = context.socket(kind)
     made.setsockopt(zmq.LINGER, 0)
     made.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
-    made.setsockopt(zmq.IPV6, int(place.is_ipv6))
     for option, value in options.items():
         made.setsockopt(option, value)
     return made

@@ -24,8 +24,9 @@ class Waker:
         except OSError:
             return  # full: it will wake anyway; closed: nobody sleeps any more
 
-    def rest(self) -> None:
+    def rest(self, events: int = 0) -> None:
         """Forgets all calls of ``wake`` so far; for the polling thread, before it looks around."""
+        del events
         try:
             while self._far.recv(4096):
                 pass

@@ -6,19 +6,19 @@ else is the healthy server, so what the suite finds is that one fault.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import msgpack
 import pytest
-import zmq
 
 from protocol import core
 from protocol.actions import Action, Send
 from protocol.codec import decode
 from protocol.core import ServerCore
+from protocol.door import Arrival
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.lease import Lease
 from protocol.messages import Request, parse_request
@@ -58,16 +58,13 @@ class SpoiltServer(Server):
         self._fault = fault
         fault.spoil(self)
 
-    def _receive(self) -> tuple[list[bytes], str | None]:
-        (peer, *parts), user = super()._receive()
-        changed = self._fault.request(parts)
-        if changed is None:
-            raise zmq.Again
-        return [peer, *changed], user
+    def _taken(self, arrival: Arrival) -> Iterable[Action]:
+        changed = self._fault.request(arrival.parts)
+        return [] if changed is None else super()._taken(arrival._replace(parts=changed))
 
     def _send(self, action: Send) -> None:
         for parts in self._fault.reply(action.frame):
-            self._router.send_multipart([action.peer, *parts])
+            self._door.send(action.peer, parts)
 
 
 # --- ways to change frames ------------------------------------------------------------------------
@@ -243,15 +240,14 @@ def first_connection_only() -> Fault:
     first: dict[tuple[str, int], bytes] = {}
 
     def spoil(server: Server) -> None:
-        take, send = server._receive, server._send
+        take, send = server._taken, server._send
 
-        def receive() -> Any:
-            parts, user = take()
-            found = loosely(parts[-1])
+        def taken(arrival: Arrival) -> Iterable[Action]:
+            found = loosely(arrival.parts[-1])
             if found.get("type") == "read":
-                clients[parts[0]] = found["client"]
-                first.setdefault((found["client"], found["id"]), parts[0])
-            return parts, user
+                clients[arrival.peer] = found["client"]
+                first.setdefault((found["client"], found["id"]), arrival.peer)
+            return take(arrival)
 
         def answer(action: Send) -> None:
             reply = decode(action.frame)
@@ -260,6 +256,6 @@ def first_connection_only() -> Fault:
                 peer = first.get((clients.get(peer, ""), reply["id"]), peer)
             send(replace(action, peer=peer))
 
-        server.__dict__.update(_receive=receive, _send=answer)
+        server.__dict__.update(_taken=taken, _send=answer)
 
     return Fault(spoil=spoil)
