@@ -9,7 +9,7 @@ in every language.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any, Final, NoReturn
 
 import msgpack
@@ -117,9 +117,10 @@ class _Count:
         self._take(len(found))
         return found
 
-    def map(self, pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
-        self._take(len(pairs))
-        return _map_of(pairs)
+    def map(self, pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
+        found = _map_of(pairs)
+        self._take(len(found))
+        return found
 
     def _take(self, items: int) -> None:
         self._left -= items or 1
@@ -127,7 +128,7 @@ class _Count:
             raise RemoteProtocolError(f"The frame holds more than {MAX_VALUES} values.")
 
 
-def _map_of(pairs: Sequence[tuple[Any, Any]]) -> dict[str, Any]:
+def _map_of(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key, value in pairs:
         if not isinstance(key, str):

@@ -9,6 +9,7 @@ import msgpack
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgpack import fallback
 
 from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_NESTING, MAX_VALUES, decode, encode
 from protocol.errors import LocalProtocolError, RemoteProtocolError
@@ -127,6 +128,15 @@ def test_values_are_bounded_both_ways() -> None:
         encode(filled(most + 1))
     with pytest.raises(RemoteProtocolError, match=f"{MAX_VALUES} values"):
         decode(msgpack.packb(filled(most + 1)))
+
+
+def test_values_are_bounded_without_a_compiled_msgpack(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("msgpack.unpackb", fallback.unpackb)
+    assert decode(encode({"a": [{}, [1, {"b": []}]]})) == {"a": [{}, [1, {"b": []}]]}
+    rows: list[list[Any]] = [[[]] * 1000, [{}] * 1000]
+    for row in rows:
+        with pytest.raises(RemoteProtocolError, match=f"{MAX_VALUES} values"):
+            decode(msgpack.packb({"a": [row] * 3}))
 
 
 ROW = b"\xdc\x03\xf8"  # an array of 1016 items
