@@ -24,14 +24,13 @@ from protocol.errors import EndpointError
 from protocol.keys import KeyPair
 from protocol.sockets import serving
 
-MOST: Final = 128
-"""Connections that a door has open at the same time."""
+MOST: Final = 240
+"""Connections of a server: their descriptors stay below 1024, beyond which ``select`` fails."""
 
 TOTAL: Final = 8 << 20
 """What ZeroMQ may keep for all connections of a door together, bytes."""
 
 _FILES: Final = 4  # descriptors that a connection takes
-_DOORS: Final = 2  # of a server
 _RESERVE: Final = 48  # descriptors for everything else
 _ACCEPTED: Final = 8  # connections in one turn
 _BACKLOG: Final = 100  # connections that wait in the kernel
@@ -58,6 +57,7 @@ class Door:
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
         window: What ZeroMQ may keep for one connection, bytes.
+        share: Of the connections that a server may have, those that come in here.
         log: Where to write about connections that were cut.
 
     Attributes:
@@ -76,6 +76,7 @@ class Door:
         pair: KeyPair | None,
         *,
         window: int,
+        share: float,
         log: logging.Logger,
     ):
         self._context = context
@@ -85,7 +86,7 @@ class Door:
         self._window = window
         self._log = log
         self._cut = 0
-        self._most = max(1, min(MOST, (_descriptors() - _RESERVE) // (_FILES * _DOORS)))
+        self._most = max(1, round(share * _capacity()))
         self._connections: dict[bytes, Connection] = {}
         self._numbers = itertools.count(1)
         self._ready: deque[Connection] = deque()
@@ -287,10 +288,10 @@ def _port(listener: socket.socket) -> int:
     return int(listener.getsockname()[1])
 
 
-def _descriptors() -> int:
-    """File descriptors that this process may have."""
+def _capacity() -> int:
+    """Connections for which there are file descriptors."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return MOST * _FILES * _DOORS + _RESERVE if soft == resource.RLIM_INFINITY else soft
+    return MOST if soft == resource.RLIM_INFINITY else min(MOST, (soft - _RESERVE) // _FILES)
 
 
 def _user_of(frame: Any) -> str | None:

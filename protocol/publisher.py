@@ -31,6 +31,7 @@ class Publisher:
         selector: Where to register what is waited for.
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
+        share: Of the connections that a server may have, those that may listen.
         log: Where to write about listeners that were cut off.
 
     Attributes:
@@ -46,9 +47,13 @@ class Publisher:
         selector: selectors.BaseSelector,
         place: Endpoint,
         pair: KeyPair | None,
+        *,
+        share: float,
         log: logging.Logger,
     ):
-        self._door = Door(context, selector, zmq.XPUB, place, pair, window=_WINDOW, log=log)
+        self._door = Door(
+            context, selector, zmq.XPUB, place, pair, window=_WINDOW, share=share, log=log
+        )
         self.place = self._door.place
 
     @property

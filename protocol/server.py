@@ -39,6 +39,7 @@ from protocol.waker import Waker
 _BUDGET: Final = 0.01  # s for frames before the robot and the clock have their turn
 _WINDOW: Final = MAX_MESSAGE + (1 << 18)  # bytes, of a message and of what stands around it
 _LOOK: Final = 0.5  # s between two looks at the list of clients
+_SHARE: Final = 2 / 3  # of all connections; the others listen to telemetry
 _QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
@@ -113,11 +114,17 @@ class Server(Closing):
                 place,
                 pair,
                 window=_WINDOW,
+                share=_SHARE,
                 log=self._log,
             )
             made.callback(self._door.close, _FAREWELL)
             self._publisher = Publisher(
-                self._context, self._selector, telemetry_place, pair, self._log
+                self._context,
+                self._selector,
+                telemetry_place,
+                pair,
+                share=1 - _SHARE,
+                log=self._log,
             )
             made.callback(self._publisher.close, 0)
             self._made = made.pop_all()

@@ -210,7 +210,7 @@ def test_who_has_spoken_is_not_pushed_out_by_who_has_not(
     peers: Callable[..., RawPeer],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("protocol.door.MOST", 8)
+    monkeypatch.setattr("protocol.door.MOST", 12)
     server = serve(robot)
     with RobotClient(server.endpoint) as client:
         client.acquire()
