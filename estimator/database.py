@@ -13,6 +13,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 
+from estimator.errors import RunDirectoryError
+
 DATABASE: Final = "run.sqlite"
 
 _TABLES: Final = (
@@ -34,6 +36,9 @@ _TABLES: Final = (
     ) STRICT""",
 )
 
+_DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+"""What values raise that are not what was written."""
+
 
 def holds_run(directory: Path) -> bool:
     """Whether there is a run in a directory; a process may have died before it had made one.
@@ -46,7 +51,7 @@ def holds_run(directory: Path) -> bool:
     with closing(sqlite3.connect(path)) as database:
         try:
             return not is_empty(database)
-        except sqlite3.DatabaseError:
+        except (sqlite3.DatabaseError, UnicodeDecodeError):
             return True
 
 
@@ -67,6 +72,25 @@ def make_tables(database: sqlite3.Connection) -> None:
     """Makes the tables of a run, within a transaction."""
     for statement in _TABLES:
         database.execute(statement)
+
+
+@contextmanager
+def reading(directory: Path) -> Iterator[None]:
+    """Makes a sentence of whatever a damaged database ends in.
+
+    Raises:
+        RunDirectoryError: What is there cannot be read, or is not what this program wrote.
+    """
+    try:
+        yield
+    except RunDirectoryError:
+        raise
+    except (sqlite3.Error, *_DAMAGE) as error:
+        reason = str(error).partition("\n")[0].rstrip(".")
+        raise RunDirectoryError(
+            f"{directory / DATABASE} is not a run: {reason}. If it was one, it is damaged: take "
+            "back a copy of it, or start the run anew."
+        ) from error
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.database import reading
 from estimator.morphology import Array
 from estimator.records import Generation
 from estimator.store import RunStore
@@ -50,13 +51,16 @@ class FinalPopulation:
                 searched=nothing,
                 order=np.empty(0, dtype=np.intp),
             )
-        genes = np.array(checkpoint.state["population"], dtype=float)
-        searched = np.array(store.generations()[-1].errors, dtype=float)
-        errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
-        found = store.finish()
-        if found is not None:
-            errors[list(found.models)] = found.simulated
-            later[list(found.models)] = False
+        generations, found = store.generations(), store.finish()
+        with reading(store.directory):
+            genes = np.array(checkpoint.state["population"], dtype=float)
+            searched = np.array(generations[-1].errors, dtype=float)
+            if genes.shape[:1] != searched.shape:
+                raise ValueError(f"{len(genes)} models have {len(searched)} errors")
+            errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
+            if found is not None:
+                errors[list(found.models)] = found.simulated
+                later[list(found.models)] = False
         return cls(genes=genes, errors=errors, searched=searched, order=np.lexsort((errors, later)))
 
 

@@ -26,7 +26,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, Self
 
-from estimator.database import DATABASE, connect, holds_run, is_empty, make_tables, transaction
+from estimator.database import (
+    DATABASE,
+    connect,
+    holds_run,
+    is_empty,
+    make_tables,
+    reading,
+    transaction,
+)
 from estimator.errors import RunDirectoryError
 from estimator.locking import lock
 from estimator.observation import Observation, Program
@@ -62,9 +70,10 @@ class RunStore:
         self.directory = directory
         self._database = database
         self._lock = lock
-        self.settings = RunSettings.model_validate_json(self._meta("settings"))
-        self.capabilities = Capabilities.of(json.loads(self._meta("capabilities")))
-        self.client_id = str(json.loads(self._meta("client_id")))
+        with reading(directory):
+            self.settings = RunSettings.model_validate_json(self._meta("settings"))
+            self.capabilities = Capabilities.of(json.loads(self._meta("capabilities")))
+            self.client_id = str(json.loads(self._meta("client_id")))
 
     # --- opening and closing ----------------------------------------------------------------------
 
@@ -117,17 +126,16 @@ class RunStore:
         held = lock(directory, LOCK) if to_write else None
         database = None
         try:
-            database = connect(directory)
-            found = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
-            if json.loads(found[0]) != FORMAT:
+            with reading(directory):
+                database = connect(directory)
+                found = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
+                written = json.loads(found[0])
+            if written != FORMAT:
                 raise RunDirectoryError(
-                    f"{directory} was written in run format {found[0]}, and this version reads "
+                    f"{directory} was written in run format {written}, and this version reads "
                     f"{FORMAT}: use the version of bodyschema that made it."
                 )
             return cls(directory, database, held)
-        except (sqlite3.Error, TypeError, ValueError) as error:
-            _close(database, held)
-            raise RunDirectoryError(f"{directory / DATABASE} is not a run: {error}.") from error
         except BaseException:
             _close(database, held)
             raise
@@ -180,10 +188,11 @@ class RunStore:
 
     def interactions(self) -> list[Interaction]:
         """All interactions in order; only the last one can lack its observation."""
-        rows = self._database.execute(
-            "SELECT program, request_id, session, observation FROM interactions ORDER BY number"
-        )
-        return [Interaction(**_performed(*row)) for row in rows]
+        with reading(self.directory):
+            rows = self._database.execute(
+                "SELECT program, request_id, session, observation FROM interactions ORDER BY number"
+            )
+            return [Interaction(**self._performed(*row)) for row in rows]
 
     def observations(self) -> list[Observation]:
         """The observations so far, in order."""
@@ -219,27 +228,37 @@ class RunStore:
 
     def finish(self) -> Finish | None:
         """What the reference back-end said of the leading models, once it was asked."""
-        row = self._database.execute("SELECT value FROM meta WHERE key = 'finish'").fetchone()
-        return None if row is None else Finish.model_validate_json(row[0])
+        with reading(self.directory):
+            row = self._database.execute("SELECT value FROM meta WHERE key = 'finish'").fetchone()
+            return None if row is None else Finish.model_validate_json(row[0])
 
     def checkpoint(self) -> Checkpoint | None:
         """The search's latest committed state."""
-        row = self._database.execute("SELECT value FROM checkpoint").fetchone()
-        return None if row is None else Checkpoint(**json.loads(row[0]))
+        with reading(self.directory):
+            row = self._database.execute("SELECT value FROM checkpoint").fetchone()
+            return None if row is None else Checkpoint(**json.loads(row[0]))
 
     def generations(self) -> list[Generation]:
         """The records of all generations in order."""
-        rows = self._database.execute("SELECT * FROM generations ORDER BY number")
-        return [
-            Generation(
-                number=number,
-                iteration=iteration,
-                errors=tuple(json.loads(errors)),
-                best=tuple(json.loads(best)),
-                counters=Counters.model_validate_json(counters),
-            )
-            for number, iteration, errors, best, counters in rows
-        ]
+        with reading(self.directory):
+            rows = self._database.execute("SELECT * FROM generations ORDER BY number")
+            return [
+                Generation(
+                    number=number,
+                    iteration=iteration,
+                    errors=tuple(map(float, json.loads(errors))),
+                    best=tuple(map(float, json.loads(best))),
+                    counters=Counters.model_validate_json(counters),
+                )
+                for number, iteration, errors, best, counters in rows
+            ]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all interactions are done and modelled."""
+        with reading(self.directory):
+            (done,) = self._database.execute("SELECT COUNT(*) FROM generations").fetchone()
+        return bool(done == self.settings.interactions * (self.settings.generations + 1))
 
     # --- validation -------------------------------------------------------------------------------
 
@@ -281,15 +300,31 @@ class RunStore:
 
     def validations(self) -> list[list[Prediction]]:
         """The predictions of each validation, with what came of them so far."""
-        rows = self._database.execute(
-            "SELECT validation, readings, program, request_id, session, observation "
-            "FROM predictions ORDER BY validation, number"
-        )
         found: dict[int, list[Prediction]] = {}
-        for validation, readings, *performed in rows:
-            prediction = Prediction(readings=json.loads(readings), **_performed(*performed))
-            found.setdefault(validation, []).append(prediction)
+        with reading(self.directory):
+            rows = self._database.execute(
+                "SELECT validation, readings, program, request_id, session, observation "
+                "FROM predictions ORDER BY validation, number"
+            )
+            for validation, readings, *performed in rows:
+                prediction = Prediction(
+                    readings=json.loads(readings), **self._performed(*performed)
+                )
+                found.setdefault(validation, []).append(prediction)
         return list(found.values())
+
+    def _performed(
+        self, program: str, request_id: int | None, session: str | None, observation: str | None
+    ) -> dict[str, Any]:
+        ticket = None
+        if request_id is not None and session is not None:
+            ticket = Ticket(request_id=request_id, session=session)
+        targets = tuple(map(float, json.loads(program)))
+        seen = None if observation is None else Observation.model_validate_json(observation)
+        joints = len(self.capabilities.joints)
+        if len(targets) != joints or (seen is not None and len(seen.angles) != joints):
+            raise ValueError(f"a motor program is not one of {joints} joints")
+        return {"program": targets, "ticket": ticket, "observation": seen}
 
     def _meta(self, key: str) -> str:
         row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
@@ -301,19 +336,6 @@ class RunStore:
 def first_id(connection: int) -> int:
     """The first request id of a connection, by its number."""
     return connection * IDS_PER_CONNECTION + 1
-
-
-def _performed(
-    program: str, request_id: int | None, session: str | None, observation: str | None
-) -> dict[str, Any]:
-    ticket = None
-    if request_id is not None and session is not None:
-        ticket = Ticket(request_id=request_id, session=session)
-    return {
-        "program": tuple(json.loads(program)),
-        "ticket": ticket,
-        "observation": observation and Observation.model_validate_json(observation),
-    }
 
 
 def _close(database: sqlite3.Connection | None, lock: int | None) -> None:

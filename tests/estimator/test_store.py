@@ -4,15 +4,18 @@ import signal
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from itertools import pairwise
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from estimator.database import DATABASE
 from estimator.errors import RunDirectoryError
+from estimator.final_population import FinalPopulation
 from estimator.observation import Observation
-from estimator.records import Counters, Generation, Prediction, RunSettings, Ticket
+from estimator.records import Counters, Finish, Generation, Prediction, RunSettings, Ticket
 from estimator.store import RunStore, first_id
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 
@@ -207,3 +210,60 @@ def test_a_full_disk_is_named_and_leaves_the_run_as_it_was(directory: Path) -> N
         store.observe(0, OBSERVATION)
     with RunStore.open(directory) as store:
         assert store.interactions()[0].observation == OBSERVATION
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [
+        ("meta", "value", "{"),
+        ("interactions", "program", "[0.1, 0.2]"),
+        ("interactions", "program", '[0.1, 0.2, 0.3, "x"]'),
+        ("interactions", "observation", '{"angles": [0.1, -0.2, 0.3, 0.3], "tulch": []}'),
+        ("interactions", "observation", '{"angles": [0.1]}'),
+        ("generations", "errors", "[1.0, null]"),
+        ("generations", "counters", "{"),
+        ("checkpoint", "value", '{"generation": 0, "stave": {}}'),
+        ("checkpoint", "value", '{"generation": 0, "state": {"populatiol": []}}'),
+        ("checkpoint", "value", '{"generation": 0, "state": {"population": [[0.1], [0.1, 0.2]]}}'),
+        ("checkpoint", "value", '{"generation": 0, "state": {"population": [[0.1]]}}'),
+    ],
+)
+def test_a_damaged_run_is_a_sentence(directory: Path, table: str, column: str, value: str) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.observe(0, OBSERVATION)
+        store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
+    with closing(sqlite3.connect(directory / DATABASE, isolation_level=None)) as database:
+        database.execute(f"UPDATE {table} SET {column} = ?", (value,))
+    with pytest.raises(RunDirectoryError, match=r"run.sqlite is not a run: .* copy of it"):
+        read_all(directory)
+
+
+def test_any_flipped_bit_is_a_sentence_or_no_matter(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.observe(0, OBSERVATION)
+        store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
+        store.save_finish(
+            Finish(models=(0,), searched=(1.0,), simulated=(2.0,), simulations=1, steps=1)
+        )
+    whole = (directory / DATABASE).read_bytes()
+    places = [place for place, byte in enumerate(whole) if byte]
+    random = Random(1)
+    refused = 0
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[random.choice(places)] ^= 1 << random.randrange(8)
+        (directory / DATABASE).write_bytes(damaged)
+        try:
+            read_all(directory)
+        except RunDirectoryError:
+            refused += 1
+    assert refused > 50
+
+
+def read_all(directory: Path) -> None:
+    with RunStore.open(directory, to_write=False) as store:
+        store.interactions()
+        store.validations()
+        FinalPopulation.of(store)
