@@ -33,6 +33,7 @@ BEST: Final = "best_model"
 POPULATION: Final = "population_median"
 RANDOM: Final = "random_models"
 RANDOM_MODELS: Final = 50
+_SAME_ANGLE: Final = math.radians(0.1)
 
 
 class Errors(BaseModel):
@@ -105,7 +106,8 @@ def validate(
         observation = prediction.observation
         if observation is None:
             commit = partial(store.ask_validation, number, index)
-            observation = carry_out(link, index, prediction, commit, listener)
+            row = _row(link, prediction.program, index)
+            observation = carry_out(link, row, prediction, commit, listener)
             store.observe_validation(number, index, observation)
             listener.observed(index, observation)
             listener.worked(1, f"performed {index + 1} of {len(predictions)}")
@@ -135,12 +137,35 @@ def _programs(
         rng = generator(store.settings.seed, Stream.VALIDATION, number)
         drawn = [problem.random_program(rng, store.capabilities) for _ in range(count)]
         return [tuple(program.tolist()) for program in drawn]
-    if count > len(link.recorded):
+    fitted = [item.program for item in store.interactions()]
+    fresh = [
+        program for program in link.recorded if not any(_alike(program, one) for one in fitted)
+    ]
+    if count > len(fresh):
+        known = len(link.recorded) - len(fresh)
         raise InteractionError(
-            f"the record holds {len(link.recorded)} interactions, not {count}: ask for fewer "
-            "--programs"
+            f"of the record's {len(link.recorded)} motor programs the models were fitted to "
+            f"{known}, so {len(fresh)} are fresh, not {count}: "
+            + ("ask for fewer --programs" if fresh else "take a record of others")
         )
-    return list(link.recorded[:count])
+    return fresh[:count]
+
+
+def _alike(one: Program, other: Program) -> bool:
+    """Whether two motor programs are the same, whatever was rounded when one was written down."""
+    return bool(np.allclose(one, other, rtol=0.0, atol=_SAME_ANGLE))
+
+
+def _row(link: RobotLink, program: Program, index: int) -> int:
+    """The number under which a link performs a predicted motor program."""
+    if link.recorded is None:
+        return index
+    if program not in link.recorded:
+        raise InteractionError(
+            "the record lacks a motor program that was predicted: take the one of the validation "
+            "that was begun"
+        )
+    return link.recorded.index(program)
 
 
 def _predict(

@@ -9,12 +9,13 @@ from estimator.observation import Observation
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem import Problem
 from estimator.records import Prediction
+from estimator.robot_link.replay import Record
 from estimator.robot_link.wire import WireLink
 from estimator.run import problem_of
 from estimator.store import RunStore
 from estimator.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
 from protocol.errors import RobotError
-from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, serving
+from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, make_capabilities, serving
 from tests.estimator.test_score import make_run
 
 PROGRAMS = 4
@@ -125,3 +126,37 @@ def test_a_run_without_models_predicts_nothing(
         pytest.raises(EstimatorError, match="has no model yet"),
     ):
         performed((empty, problem_of(empty)), uri, physics)
+
+
+class Fresh(Record):
+    """A record of one motor program that the run was fitted to, and of two others."""
+
+    def __init__(self) -> None:
+        programs = ((0.0,) * 4, (0.1, 0.2, 0.3, 0.4), (-0.3, -0.2, 0.1, 0.0), (0.0005,) * 4)
+        seen = (
+            Observation(angles=program, touch=(True,) * 4, clearance=number / 100)
+            for number, program in enumerate(programs)
+        )
+        super().__init__(make_capabilities(), programs, tuple(seen))
+
+
+def test_a_record_counts_as_fresh_only_what_no_model_was_fitted_to(
+    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    with run[0] as store:
+        with pytest.raises(InteractionError, match="fitted to 2, so 2 are fresh, not 3: ask for"):
+            validate(*run, physics, Fresh(), programs=3, listener=Listener())
+        assert not store.validations()
+        assert validate(*run, physics, Fresh(), programs=2, listener=Listener()).programs == 2
+        (predictions,) = store.validations()
+    clearances = [item.observation and item.observation.clearance for item in predictions]
+    assert clearances == [0.01, 0.02]  # each program's own, not the record's first
+
+
+def test_a_record_without_what_was_predicted_is_refused(
+    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    with run[0] as store:
+        store.predict([Prediction(program=(0.9,) * 4, readings={})])
+        with pytest.raises(InteractionError, match="the record lacks a motor program"):
+            validate(*run, physics, Fresh(), programs=2, listener=Listener())
