@@ -15,6 +15,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from protocol.checks import MAX_ITEMS
+
 
 @dataclass(frozen=True, kw_only=True)
 class Inventory:
@@ -33,14 +35,30 @@ PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)
 
 
 def supposed_robot(raw: Mapping[str, Any]) -> Inventory:
-    """A robot that a file can be written out for before any is known: the paper's if it can be."""
+    """A robot that a file can be written out for before any is known: the paper's if it can be.
+
+    Where all joints are driven and each part names its own, it has as many joints as they name.
+    """
     motors = raw.get("motors")
     driven = motors.get("driven") if isinstance(motors, dict) else None
-    if isinstance(driven, dict) and "other" not in driven:
-        known = [int(key) for key in driven if key.isdecimal()]
-        if known and PAPERS_ROBOT.joints not in known:
-            return replace(PAPERS_ROBOT, joints=known[0])
-    return PAPERS_ROBOT
+    if isinstance(driven, dict):
+        if str(PAPERS_ROBOT.joints) in driven:
+            return PAPERS_ROBOT
+        if "other" not in driven:
+            known = [int(key) for key in driven if key.isdecimal()]
+            return replace(PAPERS_ROBOT, joints=known[0]) if known else PAPERS_ROBOT
+        driven = driven["other"]
+    named = _joints_named(raw.get("parts"))
+    return replace(PAPERS_ROBOT, joints=max(named)) if driven == "all" and named else PAPERS_ROBOT
+
+
+def _joints_named(rules: Any) -> list[int]:
+    """The joints that parts name; none where a part stands for one of each."""
+    parts = [rule for rule in rules if isinstance(rule, dict)] if isinstance(rules, list) else []
+    if any("each" in rule for rule in parts):
+        return []
+    numbers = [rule.get(key) for rule in parts for key in ("motor", "locked")]
+    return [item for item in numbers if isinstance(item, int) and 1 <= item <= MAX_ITEMS]
 
 
 def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any], list[int]]:

@@ -11,6 +11,7 @@ from estimator.errors import ProblemError
 from estimator.problem import Problem
 from estimator.search.operators import GaussianMutation, UniformCrossover
 from protocol.capabilities import Capabilities, Joint, Sensor
+from tests.estimator.model_robot import PROBLEM, make_capabilities
 
 TEXT = Problem.load("parametric").source
 NAMES = ("hip_left", "hip_front", "hip_right", "hip_back", "knee_l", "knee_f", "knee_r", "knee_b")
@@ -184,3 +185,16 @@ def test_a_robot_that_cannot_serve_is_refused() -> None:
 def test_what_no_parser_should_meet_is_a_sentence(value: str) -> None:
     with pytest.raises(ProblemError, match="is no valid TOML"):
         Problem.parse(f"density = {value}", "test")
+
+
+@pytest.mark.parametrize("driven", ['"all"', '{ other = "all" }', '{ 3 = "all" }'])
+def test_all_joints_may_be_driven_with_explicit_parts(driven: str) -> None:
+    head, *parts = PROBLEM.split("[[parts]]")
+    text = "[[parts]]".join([head.replace("[1, 2, 3, 4]", driven), *parts[:3]])
+    problem = Problem.parse(text, "test")
+    assert problem.motors.driven == (0, 1, 2)
+    robot = make_capabilities()
+    with pytest.raises(ProblemError, match=r"motors\.driven"):
+        problem.for_robot(robot)
+    three = replace(robot, joints=robot.joints[:3], part_radii=robot.part_radii[:3])
+    assert len(problem.for_robot(three).parts) == 3
