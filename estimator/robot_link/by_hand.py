@@ -5,7 +5,8 @@ say about itself; every run writes one, and by hand three keys are enough::
 
     {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6, "clearance_upper": 0.2}
 
-in m and kg; ``clearance_upper`` is the largest clearance that could have been measured.
+in m and kg; ``clearance_upper`` is the largest clearance that could have been measured. A sensor
+without a column was not read, so it counts as one that the robot lacks.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -82,9 +84,21 @@ def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
     if missing:
         raise ReadingsError(f"{robot} lacks {', '.join(missing)}: {advice}.")
     try:
-        return Capabilities.of({**_assumed(found, table), **found})
+        said = Capabilities.of({**_assumed(found, table), **found})
     except LocalProtocolError as error:
         raise ReadingsError(f"{robot}: {error}.") from error
+    touch = said.sensor("touch")
+    if touch is not None and table.touch_sensors not in (0, touch.count):
+        raise ReadingsError(
+            f"{path} has {table.touch_sensors} touch columns, but the robot has {touch.count} such "
+            f"sensors by {robot}: write a column for each, empty where nothing was read, or none."
+        )
+    columns = {
+        "touch": table.touch_sensors > 0,
+        "tilt": table.has_tilt,
+        "clearance": table.has_clearance,
+    }
+    return replace(said, sensors=tuple(item for item in said.sensors if columns[item.modality]))
 
 
 def _assumed(found: dict[str, Any], table: Table) -> dict[str, Any]:

@@ -121,3 +121,15 @@ def test_a_hundred_thousand_columns_are_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(ReadingsError, match="has 100000 columns, and a robot"):
         opened(tmp_path, header + "\n" + "0," * 99_999 + "0\n")
     assert time.monotonic() - begun < 5
+
+
+def test_a_sensor_without_a_column_is_one_that_the_robot_lacks(tmp_path: Path) -> None:
+    sensors = [
+        {"modality": "touch", "unit": "bool", "count": 4, "noise": 0.0, "rate": 1.0},
+        {"modality": "tilt", "unit": "rad", "count": 2, "noise": 0.0, "rate": 1.0},
+    ]
+    robot = {**ROBOT, "sensors": sensors}
+    link = opened(tmp_path, "angle_deg_a,tilt_lr_deg\n30,1\n", robot, driven=(0,))
+    assert [sensor.modality for sensor in link.capabilities.sensors] == ["tilt"]
+    with pytest.raises(ReadingsError, match="has 1 touch columns, but the robot has 4"):
+        opened(tmp_path, robot=robot)
