@@ -23,6 +23,7 @@ from estimator.limbs import Limb, limbs
 from estimator.morphology import BASE, HINGES, SIDES, Morphology, Part
 from estimator.problem import Problem
 from estimator.truth.body import TrueLimb, true_limbs
+from estimator.truth.robot import check_robot
 from protocol.capabilities import Capabilities
 
 TRAITS: Final = ("parent", "side", "hinge")
@@ -95,6 +96,7 @@ class Truth:
         }
         legs = true_limbs(path, {joints[motor]: motor for motor in driven})
         rows = true_limbs(path, {name: row for row, name in carried.items()})
+        check_robot(path, capabilities)
         return cls(
             rows=dict(zip(carried, rows, strict=True)), legs=dict(zip(driven, legs, strict=True))
         )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
 
-_SOLID = '<mass value="0.05"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/>'
+_INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01"/>'
 _LIMIT = '<limit lower="-3" upper="3" effort="10" velocity="1"/>'
 
 
@@ -20,7 +20,7 @@ def write_urdf(path: Path, body: Morphology, names: Sequence[str | None]) -> Pat
         names: Name of the joint of each part; ``None`` for a fixed one.
     """
     size = " ".join(str(extent) for extent in body.base.size)
-    text = _link("base", _shape(f'<box size="{size}"/>', 0.0, ""))
+    text = _link("base", _shape(f'<box size="{size}"/>', 0.0, ""), body.base.mass)
     for index, (part, name) in enumerate(zip(body.parts, names, strict=True)):
         parent = None if part.parent == BASE else body.parts[part.parent]
         x, y, z = attachment(body.base, parent, part.side)
@@ -37,8 +37,9 @@ def write_urdf(path: Path, body: Morphology, names: Sequence[str | None]) -> Pat
     return path
 
 
-def _link(name: str, shapes: str) -> str:
-    return f'<link name="{name}"><inertial>{_SOLID}</inertial>{shapes}</link>'
+def _link(name: str, shapes: str, mass: float = 0.05) -> str:
+    inertial = f'<inertial><mass value="{mass}"/>{_INERTIA}</inertial>'
+    return f'<link name="{name}">{inertial}{shapes}</link>'
 
 
 def _shape(geometry: str, x: float, turn: str) -> str:
