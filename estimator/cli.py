@@ -35,8 +35,15 @@ from estimator.exploration import RULES
 from estimator.final_population import with_last_word
 from estimator.genome import Genome
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.files import LENGTHS_WITH_TRUTH, VALIDATION, replace, write_report
+from estimator.report.files import (
+    LENGTHS_WITH_TRUTH,
+    VALIDATION,
+    replace,
+    write_files,
+    write_report,
+)
 from estimator.report.plots import plot_lengths
+from estimator.report.result import summarise
 from estimator.report.tables import print_result, print_score, print_validation
 from estimator.reproduction.plan import FIGURES, SEEDS, Budget
 from estimator.reproduction.report import REPORT
@@ -156,10 +163,14 @@ def resume_command(
 
 @app.command("show")
 def show_command(directory: Directory) -> None:
-    """Show how far a run has come; rewrites its result.json, readings.csv and plots."""
+    """Show how far a run has come; rewrites its result.json, readings.csv and plots if it can."""
     with sentences(None), RunStore.open(directory, to_write=False) as store:
-        print_result(out, write_report(store, problem_of(store)))
-    _print_place(directory)
+        problem = problem_of(store)
+        result = summarise(store, problem)
+        print_result(out, result)
+        with _unless_unwritable(directory):
+            write_files(store, problem, result)
+            _print_place(directory)
 
 
 @app.command("score")
@@ -178,12 +189,14 @@ def score_command(
             closing(in_this_process(REFERENCE, world)) as reference,
         ):
             found = score(store, problem, truth, physics, reference)
-        _plot_with_truth(store, found)
-    if as_json:
-        print_json(found.model_dump_json(indent=2))
-    else:
-        print_score(out, found)
-        out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
+        if as_json:
+            print_json(found.model_dump_json(indent=2))
+        else:
+            print_score(out, found)
+        with _unless_unwritable(directory):
+            _plot_with_truth(store, found)
+            if not as_json:
+                out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
 
 
 @app.command("validate")
@@ -286,6 +299,18 @@ def _plot_with_truth(store: RunStore, found: Score) -> None:
             path, generations, genome, found.joints, np.array(found.true_lengths_m).tolist()
         ),
     )
+
+
+@contextmanager
+def _unless_unwritable(directory: Path) -> Iterator[None]:
+    """Leaves the files of a directory as they are where they cannot be written, and says so."""
+    try:
+        yield
+    except OSError as error:
+        note = (
+            f"Note: {directory} cannot be written ({error.strerror}): its files are as they were."
+        )
+        err.print(note, highlight=False, soft_wrap=True)
 
 
 def _print_finding(finding: Finding) -> Verdict:

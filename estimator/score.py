@@ -33,6 +33,7 @@ class Score(BaseModel):
     """A run against the truth; lists are in motor order.
 
     Attributes:
+        complete: Whether the run is; else this is the best model so far.
         joints: Names of the joints that turn the legs.
         true_lengths_m: Length of each leg on the robot, m.
         lengths_m: On the best model, m.
@@ -66,6 +67,7 @@ class Score(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
+    complete: bool = True
     joints: tuple[str, ...]
     true_lengths_m: tuple[float, ...]
     lengths_m: tuple[float, ...]
@@ -124,6 +126,7 @@ def score(
     seen = store.observations()
     felt = tuple(touched(limb.sensors, seen) for limb in driven_limbs(comparison.true_body))
     return Score(
+        complete=store.complete,
         joints=tuple(limb.name for limb in legs),
         true_lengths_m=tuple(limb.limb.length for limb in legs),
         lengths_m=tuple(limb.length for limb in limbs),

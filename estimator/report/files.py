@@ -37,9 +37,18 @@ def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Re
         plots: Whether to draw, which takes longer than all the rest.
     """
     result = summarise(store, problem)
+    write_files(store, problem, result, plots=plots)
+    return result
+
+
+def write_files(store: RunStore, problem: Problem, result: Result, *, plots: bool = True) -> None:
+    """Writes the derived files for a result that is known already; arguments as above.
+
+    Raises:
+        OSError: The directory cannot be written.
+    """
     with interrupts_deferred():
         _write(store, problem, result, plots=plots)
-    return result
 
 
 def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:

@@ -179,7 +179,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
             *warnings,
         )
     return Result(
-        complete=len(generations) == settings.interactions * (settings.generations + 1),
+        complete=store.complete,
         problem=problem.name,
         searched=tuple(gene.name for gene in genome.genes),
         physics=settings.physics,

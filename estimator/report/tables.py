@@ -83,6 +83,12 @@ def _print_parts(console: Console, model: ModelFound) -> None:
 
 def print_score(console: Console, score: Score) -> None:
     """The best model against the truth."""
+    if not score.complete:
+        console.print(
+            Text.assemble(
+                ("Warning:", "yellow"), " The run is not finished: the best model so far."
+            )
+        )
     table = _table("leg", "true (mm)", "estimated (mm)", "error (mm)", "touched")
     for row in zip(
         score.joints,

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pytest
 from typer.testing import CliRunner, Result
@@ -245,3 +249,39 @@ def test_a_joint_may_have_any_name(tmp_path: Path, readings: Path) -> None:
     assert shown.exit_code == 0, shown.output
     assert "le[/x]ft" in shown.stdout
     assert "\x1b" not in found.output + shown.output
+
+
+@contextmanager
+def unwritable(folder: Path) -> Iterator[None]:
+    """A directory that this process can read and not write, also where root runs the tests."""
+    for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
+        place.chmod(0o555)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)  # nobody
+    try:
+        yield
+    finally:
+        os.seteuid(user)
+        for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
+            place.chmod(0o755)
+
+
+def test_show_and_score_need_no_writable_directory() -> None:
+    with TemporaryDirectory() as name:  # pytest's own is closed to others
+        folder = Path(name)
+        folder.chmod(0o755)
+        store, _ = make_run(folder, (0.17, 0.15, 0.2, 0.16))
+        store.close()
+        truth = write_truth(folder / "t.urdf", lengths=(0.16,) * 4)
+        commands = (("show", folder / "run"), ("score", folder / "run", "--truth", truth))
+        for command in commands:  # with what libraries load late
+            assert estimator(*command).exit_code == 0
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+        with unwritable(folder):
+            found = [estimator(*command) for command in commands]
+        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    for item, words in zip(found, ("not finished", "The run is not finished"), strict=True):
+        assert item.exit_code == 0, item.output
+        assert "cannot be written (Permission denied): its files are as they were" in item.stderr
+        assert words in item.stdout
