@@ -113,6 +113,9 @@ class Robot(Protocol):
     def submit(self, ticket: int, request: RobotRequest) -> None:
         """Takes on a request; exactly one ``Finished`` with this ticket must follow.
 
+        Commands are carried out in their order and before every ``Read``. They end each ``Read``
+        that was taken on before them; a ``Stop`` ends every command, too, that is not done.
+
         ``Perform`` names every joint once and within its limits. Tickets grow and are never
         reused. After a refusal no event with this ticket may follow.
 
@@ -141,7 +144,10 @@ class Robot(Protocol):
         ...
 
     def snapshot(self) -> Snapshot:
-        """The robot now: instantly, whatever the control loop is doing."""
+        """The robot now: instantly, whatever the control loop is doing.
+
+        The state is the one that the joints have reached, not the one that was asked for.
+        """
         ...
 
     def events(self) -> Sequence[RobotEvent]:
