@@ -17,7 +17,7 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -34,7 +34,6 @@ from robot.jobs import ENDS, LEAVING, NEWS, STOPPED, Job, ended_by
 from robot.notify import ServiceManager
 
 _RARELY = 86_400.0  # s; a wait that needs no end
-PROGRESS_PERIOD = 0.1  # s of robot time between progress messages of one phase
 _SLEWS = ("homing", "moving")  # the phases in which the joints move
 
 
@@ -71,7 +70,8 @@ class Controller:
         self._ended = False
         self._sequence = 0
         self._jobs = JobQueue()
-        self._events: deque[RobotEvent] = deque()
+        self._of_commands: deque[RobotEvent] = deque()
+        self._of_reads: deque[RobotEvent] = deque()
         self._notify: Callable[[], None] = lambda: None
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
@@ -94,12 +94,15 @@ class Controller:
             state = self._jobs.leads_to(self._state)
             if (state, job.event) not in TRANSITIONS:
                 raise self._refusal(state, job.event)
-            self._end({event: ended_by(code) for event, code in ENDS[job.event].items()})
-            if not self._ended:
+            overtaken = self._end(
+                {event: ended_by(code) for event, code in ENDS[job.event].items()}
+            )
+            if under_way := not self._ended:
                 self._jobs.put(job)
                 self._lock.notify()
-                return
-        self._carry_out(job)  # a stop, and nothing moves any more
+        if not under_way:
+            self._carry_out(job)  # a stop, and nothing moves any more
+        self._tell(overtaken)  # after the control thread has heard of it: they may be very many
 
     def controller_changed(self, client: str | None) -> None:
         """The next zero pose is the new controller's reference for lying flat."""
@@ -109,7 +112,8 @@ class Controller:
     def silence(self, reason: str) -> None:
         """Nobody steers any more: a motion ends, and the robot holds."""
         with self._lock:
-            self._end({Event.PERFORM: RobotError("aborted_silent", reason)})
+            overtaken = self._end({Event.PERFORM: RobotError("aborted_silent", reason)})
+        self._tell(overtaken)
 
     def snapshot(self) -> Snapshot:
         """What the robot is doing at this moment."""
@@ -122,12 +126,10 @@ class Controller:
                 reason=self._reason,
             )
 
-    def events(self) -> list[RobotEvent]:
-        """What happened since the last call."""
-        found: list[RobotEvent] = []
-        while self._events:
-            found.append(self._events.popleft())
-        return found
+    def events(self) -> Iterator[RobotEvent]:
+        """Takes out what happened, to commands first: they may have ended very many reads."""
+        while waiting := self._of_commands or self._of_reads:
+            yield waiting.popleft()
 
     # --- life -------------------------------------------------------------------------------------
 
@@ -146,8 +148,9 @@ class Controller:
         """
         with self._lock:
             self._leaving = True
-            self._end({event: ended_by(code) for event, code in LEAVING.items()})
+            overtaken = self._end({event: ended_by(code) for event, code in LEAVING.items()})
             self._lock.notify()
+        self._tell(overtaken)
         self._thread.join(timeout)
         return not self._thread.is_alive()
 
@@ -262,11 +265,9 @@ class Controller:
 
     def _progress(self, job: Job, phase: str, fraction: float) -> None:
         now = self._interaction.now()
-        last_phase, last_time = job.reported
-        if phase != last_phase or now - last_time >= PROGRESS_PERIOD:
-            job.reported = (phase, now)
+        if job.progresses(phase, now):
             self._emit(
-                Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
+                job, Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
             )
 
     def _check_board(self) -> None:
@@ -299,13 +300,24 @@ class Controller:
         """What happened to the robot, if it means a change."""
         self._state = TRANSITIONS.get((self._state, event), self._state)
 
-    def _end(self, errors: Mapping[Event, RobotError]) -> None:
-        """Ends requests of some kinds with an error: now if they wait, else at the next check."""
-        for job in self._jobs.withdraw(errors):
-            self._finish(job, job.error(errors[job.event]))
+    def _end(self, errors: Mapping[Event, RobotError]) -> list[Job]:
+        """Ends requests of some kinds with an error: at the next check, or now if they wait.
+
+        Returns:
+            Those that waited; they have yet to be told.
+        """
         current = self._jobs.under_way
         if current is not None and current.interrupt is None:
             current.interrupt = errors.get(current.event)
+        withdrawn = self._jobs.withdraw(errors)
+        for job in withdrawn:
+            job.interrupt = errors[job.event]
+        return withdrawn
+
+    def _tell(self, withdrawn: Sequence[Job]) -> None:
+        for job in withdrawn:
+            assert job.interrupt is not None
+            self._finish(job, job.error(job.interrupt))
 
     def _fail(self, sentence: str, job: Job | None) -> None:
         self._announce(logging.ERROR, f"fault: {sentence} Once it is mended: {CLEAR}")
@@ -314,7 +326,8 @@ class Controller:
             self._jobs.under_way = None
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence[:500]
-            self._end(dict.fromkeys(ENDS[Event.STOP], overtaken))
+            withdrawn = self._end(dict.fromkeys(ENDS[Event.STOP], overtaken))
+        self._tell(withdrawn)
         if job is not None:
             self._finish(job, job.error(RobotError("fault", sentence)))
 
@@ -327,8 +340,8 @@ class Controller:
         return RobotError(REFUSALS[state], f"The robot is {state}{reason}: {event} is refused.")
 
     def _finish(self, job: Job, reply: FinalReply) -> None:
-        self._emit(Finished(ticket=job.ticket, reply=reply))
+        self._emit(job, Finished(ticket=job.ticket, reply=reply))
 
-    def _emit(self, event: RobotEvent) -> None:
-        self._events.append(event)
+    def _emit(self, job: Job, event: RobotEvent) -> None:
+        (self._of_reads if job.event is Event.READ else self._of_commands).append(event)
         self._notify()

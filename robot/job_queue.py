@@ -38,12 +38,11 @@ class JobQueue:
 
     def withdraw(self, events: Collection[Event]) -> list[Job]:
         """Takes out those of some kinds that wait, in their order."""
-        withdrawn = []
-        for waiting in (self._commands, self._reads):
-            withdrawn += [job for job in waiting if job.event in events]
-            kept = [job for job in waiting if job.event not in events]
-            waiting.clear()
-            waiting.extend(kept)
+        withdrawn = [job for job in self._commands if job.event in events]
+        self._commands = deque(job for job in self._commands if job.event not in events)
+        if Event.READ in events:
+            withdrawn += self._reads
+            self._reads = deque()
         return withdrawn
 
     def leads_to(self, state: State) -> State:

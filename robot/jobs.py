@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Final
 
@@ -57,6 +58,10 @@ NEWS: Final = MappingProxyType(
 """What a person wants to know afterwards: level, and a sentence about a client."""
 
 
+PROGRESS_PERIOD: Final = 0.1
+"""Seconds of robot time between progress messages of one phase."""
+
+
 @dataclass(eq=False)
 class Job:
     """One request that was accepted.
@@ -65,7 +70,7 @@ class Job:
         ticket: Ties its events to it.
         request: What was asked.
         interrupt: The error with which it shall end.
-        reported: Phase and robot time of the last progress.
+        reported: Phase and robot time of the last progress that was told.
     """
 
     ticket: int
@@ -73,10 +78,23 @@ class Job:
     interrupt: RobotError | None = None
     reported: tuple[str, float] = ("", 0.0)
 
-    @property
+    @cached_property
     def event(self) -> Event:
         """Its row in the table of states."""
         return Event(self.request.TYPE)
+
+    def progresses(self, phase: str, now: float) -> bool:
+        """Notes how far it is, and tells whether clients want to hear of that, too.
+
+        Args:
+            phase: As in ``protocol.messages.Progress``.
+            now: Robot time, s.
+        """
+        last_phase, last_time = self.reported
+        if phase == last_phase and now - last_time < PROGRESS_PERIOD:
+            return False
+        self.reported = (phase, now)
+        return True
 
     def observation(
         self, outcome: Outcome, sequence: int, angles: Mapping[str, float]

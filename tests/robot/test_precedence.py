@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from typing import Any
 
@@ -72,6 +73,22 @@ def test_reads_that_come_after_a_command_wait_for_it(bench: Bench) -> None:
     assert ended(bench, reading).code == "aborted_read"
     assert bench.end_of(holding) == Ok(id=1, state="holding")
     assert isinstance(bench.end_of(later), Observation)
+
+
+def test_a_command_is_answered_before_all_whose_reads_it_ended(bench: Bench) -> None:
+    reads = flood(bench)
+    bench.robot.controller.set_notify(lambda: None)  # as if the server were busy
+    bench.events += bench.robot.controller.events()
+    before = len(bench.events)
+    stopping = bench.submit(request(Stop))
+    bench.clock.free()
+    deadline = time.monotonic() + 10
+    while bench.state() != "stopped":
+        assert time.monotonic() < deadline, bench.state()
+    assert bench.robot.controller.shut_down()  # and with it everything has been told
+    bench.events += bench.robot.controller.events()
+    assert bench.events[before].ticket == stopping
+    assert {ended(bench, ticket).code for ticket in reads} == {"aborted_stop"}
 
 
 def test_the_end_of_the_daemon_ends_reads(bench: Bench) -> None:
