@@ -290,11 +290,19 @@ class Controller:
             self._log.info("not parked: the robot is %s", state)
             return
         try:
-            self._interaction.park(lambda phase, fraction: self._unless_wanted())
+            self._interaction.park(self._report_parking)
         except RobotError as error:
             self._log.warning("not parked: %s", error.message)
         else:
             self._log.info("parked")
+        with self._lock:
+            self._enter(Event.DONE)
+
+    def _report_parking(self, phase: str, fraction: float) -> None:
+        del phase, fraction
+        self._unless_wanted()
+        with self._lock:
+            self._enter(Event.PERFORM)
 
     def _enter(self, event: Event) -> None:
         """What happened to the robot, if it means a change."""

@@ -115,13 +115,8 @@ class Interaction:
         return self._clock.now()
 
     def angles(self) -> dict[str, float]:
-        """The angle last commanded to each joint, rad; none for a joint that never was."""
-        counts = self._counts
-        return {
-            joint.name: joint.scale.angle(counts[joint.output])
-            for joint in self._joints
-            if counts[joint.output]
-        }
+        """The angle that each joint is commanded to, rad; none for a joint that is limp."""
+        return {joint.name: joint.scale.angle(count) for joint, count in self._commanded()}
 
     def perform(self, targets: Mapping[str, float], report: Report) -> Outcome:
         """One interaction.
@@ -240,8 +235,15 @@ class Interaction:
         )
 
     def _saturated(self) -> tuple[str, ...]:
-        counts = ((joint, self._counts[joint.output]) for joint in self._joints)
-        return tuple(joint.name for joint, count in counts if count and joint.at_end(count))
+        return tuple(joint.name for joint, count in self._commanded() if joint.at_end(count))
+
+    def _commanded(self) -> list[tuple[DrivenJoint, int]]:
+        """The joints that are not limp, and their counts."""
+        if self._released:
+            return []
+        counts = self._counts
+        commanded = [(joint, counts[joint.output]) for joint in self._joints]
+        return [(joint, count) for joint, count in commanded if count]
 
     def _stiffen(self) -> None:
         self._counts = {

@@ -166,7 +166,11 @@ def test_a_reset_is_noticed_although_nobody_asks(kind: type[Hold | Relax | Stop]
 def test_a_limp_robot_can_be_read_and_its_reset_is_noticed(bench: Bench) -> None:
     bench.perform()
     bench.ok(Relax(id=1, client="test", session="s"))
-    assert isinstance(bench.end_of(read(bench)), Observation)
+    seen = bench.end_of(read(bench))
+    assert isinstance(seen, Observation)
+    assert seen.angles == {}  # nothing is commanded to a limp joint, and nobody knows where it is
+    assert seen.saturated_joints == ()
+    assert bench.robot.controller.snapshot().angles == {}
     bench.robot.servo_board.power_cycle()
     reply = bench.end_of(read(bench))
     assert isinstance(reply, ErrorReply)

@@ -41,6 +41,19 @@ def test_while_it_parks_everything_new_is_refused(bench: Bench, kind: type[Any])
     assert hip(bench) == pytest.approx(0, abs=0.68)
 
 
+def test_while_it_parks_it_says_that_it_moves(bench: Bench) -> None:
+    bench.perform(hip_left=30.0)
+    bench.clock.freeze()
+    leaving = Thread(target=bench.robot.controller.shut_down, args=(20.0,))
+    leaving.start()
+    bench.clock.advance_to(bench.clock.now() + 0.3)
+    assert 1 < hip(bench) < 29
+    assert bench.state() == "moving"
+    bench.clock.free()
+    leaving.join()
+    assert bench.state() == "holding"
+
+
 def test_a_stop_ends_the_parking_too(bench: Bench) -> None:
     bench.perform(hip_left=30.0)
     bench.clock.freeze()
