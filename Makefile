@@ -53,6 +53,9 @@ soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about
 latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes
 	$(BIN)/python -m bench.round_trip
 
+attacks: $(READY) ## Memory of robotd, and how long a stop waits, while it is attacked; three minutes
+	$(BIN)/python -m bench.attacks
+
 fuzz: $(READY) ## Two million frames through codec and server core; about seven minutes
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt 'atheris>=3.0'
 	$(BIN)/python -m tests.fuzz.long

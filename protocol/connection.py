@@ -18,9 +18,7 @@ import zmq
 
 from protocol.framing import FrameCounter
 
-CHUNK: Final = 8192
-"""Bytes that one turn moves in one direction."""
-
+_CHUNK: Final = 8192  # bytes on their way to the peer in one turn
 FRAME_COST: Final = 64
 """What ZeroMQ keeps for a frame besides its bytes, however short it is."""
 
@@ -37,6 +35,7 @@ class Connection:
         tcp: The connection, accepted.
         pipe: The near end of the Unix-domain socket.
         wire: The ZeroMQ socket at its far end.
+        chunk: Bytes from the peer that one turn takes at most.
         on_signal: Called when ``receive`` may have something to say.
         on_bytes: Called when ``held`` has grown.
 
@@ -61,6 +60,7 @@ class Connection:
         tcp: socket.socket,
         pipe: socket.socket,
         wire: zmq.Socket[bytes],
+        chunk: int,
         on_signal: Note,
         on_bytes: Note,
     ):
@@ -78,6 +78,8 @@ class Connection:
         self._tcp = tcp
         self._pipe = pipe
         self._wire = wire
+        self._is_router = wire.type == zmq.ROUTER
+        self._chunk = chunk
         self._on_signal = on_signal
         self._on_bytes = on_bytes
         self._identity: list[bytes] = []  # what a ROUTER calls its only peer
@@ -103,7 +105,7 @@ class Connection:
         self.proven = True
         self.heard = time.monotonic()
         self.held = 0
-        if self._wire.type == zmq.ROUTER:
+        if self._is_router:
             self._identity = [parts.pop(0).bytes]
         self.received += sum(map(len, parts))
         return parts
@@ -137,7 +139,7 @@ class Connection:
                 for end in (self._pipe, self._tcp):
                     end.settimeout(seconds)
                 self._tcp.sendall(self._down)
-                while chunk := self._pipe.recv(CHUNK):
+                while chunk := self._pipe.recv(_CHUNK):
                     self._tcp.sendall(chunk)
             except OSError:
                 return  # too late, or nobody is there any more
@@ -156,7 +158,7 @@ class Connection:
             self._hand_down()
         if mask & selectors.EVENT_READ and not (self.waiting or self._hung_up):
             try:
-                self._take(self._tcp.recv(CHUNK))
+                self._take(self._tcp.recv(self._chunk))
             except BlockingIOError:
                 pass
             except OSError:  # reset
@@ -170,7 +172,7 @@ class Connection:
             self._hand_up()
         if mask & selectors.EVENT_READ and not self.ended:
             try:
-                self._give(self._pipe.recv(CHUNK))
+                self._give(self._pipe.recv(_CHUNK))
             except BlockingIOError:
                 pass
             except OSError:  # ZeroMQ closed its end with something unread

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import logging
 import os
@@ -18,7 +19,7 @@ from typing import Any, Final, NamedTuple
 
 import zmq
 
-from protocol.connection import CHUNK, Connection
+from protocol.connection import Connection
 from protocol.endpoints import Endpoint
 from protocol.errors import EndpointError
 from protocol.keys import KeyPair
@@ -35,7 +36,9 @@ _RESERVE: Final = 48  # descriptors for everything else
 _ACCEPTED: Final = 8  # connections in one turn
 _BACKLOG: Final = 100  # connections that wait in the kernel
 _PATIENCE: Final = 1.0  # s that ZeroMQ may take to reach for the other end of a pipe
-_FEW: Final = 8 * CHUNK  # what a connection may hold without anybody adding up
+_FEW: Final = 1 << 16  # bytes: what a connection may hold without anybody adding up
+_CREDENTIALS: Final = struct.Struct("3i")  # process, user, group
+_EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 _IDLE: Final = 30  # s, then TCP looks whether the peer is still there
 
 
@@ -57,6 +60,7 @@ class Door:
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
         window: What ZeroMQ may keep for one connection, bytes.
+        chunk: Bytes of one connection that a turn hands to ZeroMQ at most.
         share: Of the connections that a server may have, those that come in here.
         log: Where to write about connections that were cut.
 
@@ -76,6 +80,7 @@ class Door:
         pair: KeyPair | None,
         *,
         window: int,
+        chunk: int,
         share: float,
         log: logging.Logger,
     ):
@@ -84,6 +89,7 @@ class Door:
         self._kind = kind
         self._pair = pair
         self._window = window
+        self._chunk = chunk
         self._log = log
         self._cut = 0
         self._most = max(1, round(share * _capacity()))
@@ -92,11 +98,6 @@ class Door:
         self._ready: deque[Connection] = deque()
         self._listener = _bound(place)
         self.place = Endpoint("*" if place.is_wildcard else place.host, _port(self._listener))
-        self._inside = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._name = f"bodyschema-{secrets.token_hex(16)}"
-        self._inside.bind(f"\0{self._name}")
-        self._inside.listen()
-        self._inside.settimeout(_PATIENCE)
         selector.register(self._listener, selectors.EVENT_READ, self._accept)
 
     def __len__(self) -> int:
@@ -161,7 +162,6 @@ class Door:
         """Ends all connections; what was sent has ``linger`` ms to leave."""
         self._selector.unregister(self._listener)
         self._listener.close()
-        self._inside.close()
         end = time.monotonic() + linger / 1000
         for connection in self._connections.values():
             connection.close(linger)
@@ -180,8 +180,8 @@ class Door:
                 tcp, _ = self._listener.accept()
             except BlockingIOError:
                 return
-            except OSError:  # no descriptor left, although there should be
-                if self._connections:
+            except OSError as error:
+                if error.errno in _EXHAUSTED and self._connections:
                     self._close(self._weakest())
                 return
             try:
@@ -198,8 +198,7 @@ class Door:
         peer = f"{host}:{port}"
         wire = serving(self._context, self._kind, self._pair, peer)
         try:
-            wire.connect(f"ipc://@{self._name}")
-            pipe = self._accept_inside()
+            pipe = _piped(wire)
         except BaseException:
             wire.close(0)
             raise
@@ -211,20 +210,10 @@ class Door:
             tcp=tcp,
             pipe=pipe,
             wire=wire,
+            chunk=self._chunk,
             on_signal=self._signalled,
             on_bytes=self._weigh,
         )
-
-    def _accept_inside(self) -> socket.socket:
-        """The near end of the pipe that ZeroMQ has just begun to connect to."""
-        while True:
-            pipe, _ = self._inside.accept()
-            process, _, _ = struct.unpack(
-                "3i", pipe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, 12)
-            )
-            if process == os.getpid():
-                return pipe
-            pipe.close()  # a stranger on this computer who guesses names
 
     def _signalled(self, connection: Connection) -> None:
         if not connection.waiting:
@@ -254,6 +243,25 @@ class Door:
     def _close(self, connection: Connection) -> None:
         self._connections.pop(connection.number, None)
         connection.close()
+
+
+def _piped(wire: zmq.Socket[bytes]) -> socket.socket:
+    """The near end of a Unix-domain socket, at whose other end is a ZeroMQ socket.
+
+    It has a name for a moment, in Linux's abstract namespace, which leaves no files.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        name = f"bodyschema-{secrets.token_hex(16)}"
+        listener.bind(f"\0{name}")
+        listener.listen(1)
+        listener.settimeout(_PATIENCE)
+        wire.connect(f"ipc://@{name}")
+        while True:
+            pipe, _ = listener.accept()
+            who = pipe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+            if _CREDENTIALS.unpack(who)[0] == os.getpid():
+                return pipe
+            pipe.close()  # a stranger on this computer, who was quicker
 
 
 def _bound(place: Endpoint) -> socket.socket:

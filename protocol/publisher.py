@@ -20,7 +20,8 @@ MAX_SUBSCRIBED: Final = 1024
 """Bytes of subscriptions, and of what ends them, that one connection may send."""
 
 _WINDOW: Final = 1 << 18  # bytes: heartbeats of ZeroMQ, which nobody sees, for most of an hour
-_BUDGET: Final = 0.005  # s of one turn
+_BUDGET: Final = 0.002  # s of one turn
+_CHUNK: Final = MAX_SUBSCRIBED  # bytes of one turn: ZeroMQ keeps fifty times as much of each
 
 
 class Publisher:
@@ -52,7 +53,15 @@ class Publisher:
         log: logging.Logger,
     ):
         self._door = Door(
-            context, selector, zmq.XPUB, place, pair, window=_WINDOW, share=share, log=log
+            context,
+            selector,
+            zmq.XPUB,
+            place,
+            pair,
+            window=_WINDOW,
+            chunk=_CHUNK,
+            share=share,
+            log=log,
         )
         self.place = self._door.place
 

@@ -36,9 +36,10 @@ from protocol.sockets import permitted
 from protocol.tally import Tally
 from protocol.waker import Waker
 
-_BUDGET: Final = 0.01  # s for frames before the robot and the clock have their turn
+_BUDGET: Final = 0.002  # s for frames before the robot and the clock have their turn
 _WINDOW: Final = MAX_MESSAGE + (1 << 18)  # bytes, of a message and of what stands around it
 _LOOK: Final = 0.5  # s between two looks at the list of clients
+_CHUNK: Final = 8192  # bytes of one connection in one turn
 _SHARE: Final = 2 / 3  # of all connections; the others listen to telemetry
 _QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
@@ -114,6 +115,7 @@ class Server(Closing):
                 place,
                 pair,
                 window=_WINDOW,
+                chunk=_CHUNK,
                 share=_SHARE,
                 log=self._log,
             )

@@ -13,13 +13,13 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from robot.calibration import JointScale
 from robot.errors import ConfigError
-from robot.sections import Section, read_toml
+from robot.sections import Section, read_toml, toml_section
 from robot.tables import (
     read_axes,
     read_bridge,
@@ -76,6 +76,10 @@ class RulerCalibration:
     scale: float
 
 
+Part = JointCalibration | AxesCalibration | GaugeCalibration | RulerCalibration
+"""What is calibrated at one go."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """One calibration of one robot.
@@ -98,6 +102,27 @@ class Calibration:
     gauges: Mapping[str, GaugeCalibration] = field(default_factory=dict)
     distance: RulerCalibration | None = None
 
+    def has(self, name: str) -> bool:
+        """Whether a part was calibrated: a joint or a gauge, ``accelerometer``, ``distance``."""
+        return (
+            name in self.joints
+            or name in self.gauges
+            or (name == "accelerometer" and self.accelerometer is not None)
+            or (name == "distance" and self.distance is not None)
+        )
+
+    def with_part(self, name: str, part: Part) -> Calibration:
+        """With another calibration of one part; ``name`` is a joint's or a gauge's."""
+        match part:
+            case JointCalibration():
+                return replace(self, joints={**self.joints, name: part})
+            case GaugeCalibration():
+                return replace(self, gauges={**self.gauges, name: part})
+            case AxesCalibration():
+                return replace(self, accelerometer=part)
+            case RulerCalibration():
+                return replace(self, distance=part)
+
 
 def read_calibration(path: Path) -> Calibration:
     """Reads a calibration file.
@@ -105,7 +130,19 @@ def read_calibration(path: Path) -> Calibration:
     Raises:
         ConfigError: Names file, key and reason.
     """
-    root = read_toml(path)
+    return _calibration(read_toml(path))
+
+
+def check_calibration(calibration: Calibration) -> None:
+    """Whether the file that would be written of a calibration could be read again.
+
+    Raises:
+        ConfigError: Names key and reason: it holds what no robot has.
+    """
+    _calibration(toml_section(to_toml(replace(calibration, revision=1)), ""))
+
+
+def _calibration(root: Section) -> Calibration:
     schema = root.integer("schema", 1, 2**31)
     if schema != SCHEMA:
         raise root.refuse(
@@ -202,8 +239,13 @@ def to_toml(calibration: Calibration) -> str:
     return _HEAD + "\n".join(lines) + _FOOT
 
 
-def save_calibration(path: Path, calibration: Calibration) -> Path | None:
+def save_calibration(path: Path, calibration: Calibration, *, keep: bool = True) -> Path | None:
     """Writes a calibration file in one step: at any moment there is the old one or the new one.
+
+    Args:
+        path: The file.
+        calibration: What it shall hold.
+        keep: Whether the file before is kept under a number.
 
     Returns:
         Where the file before was kept, or ``None`` if there was none.
@@ -214,7 +256,7 @@ def save_calibration(path: Path, calibration: Calibration) -> Path | None:
     path = path.resolve()  # a link stays a link
     backup = None
     try:
-        if path.exists():
+        if keep and path.exists():
             backup = _free_name(path)
             _write(backup, path.read_bytes())
         _write(path, to_toml(calibration).encode())

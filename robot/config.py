@@ -150,19 +150,24 @@ def _dense_enough(section: Section, size: Sequence[float], mass: float) -> float
     return mass
 
 
-def load_config(path: Path) -> RobotConfig:
+def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
     """Reads ``robot.toml`` and the calibration file that it names, whose values come first.
+
+    Args:
+        path: The ``robot.toml``.
+        uncalibrated: Whether the calibration file may be missing; the values of ``robot.toml``
+            stand then. Nothing that moves by itself should begin like that.
 
     Raises:
         ConfigError: Names file, key and reason.
     """
     config, calibration = read_config(path)
-    if calibration is None:
+    if calibration is None or (uncalibrated and not calibration.exists()):
         return config
     if not calibration.exists():
         raise ConfigError(
-            f"names {calibration}, which does not exist. Write it with robotd calibrate, or leave "
-            "[calibration] out.",
+            f"names {calibration}, which does not exist. Write it with: robotd calibrate --config "
+            f"{path}; or leave [calibration] out.",
             file=str(path),
             key="calibration.file",
         )

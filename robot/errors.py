@@ -37,7 +37,7 @@ class ConfigError(BodyschemaError, ValueError):
 
 
 class AbandonedError(BodyschemaError):
-    """Somebody left a guided session: the robot holds, and nothing was written."""
+    """Somebody left a guided session: the robot holds; what was measured before is written."""
 
 
 class CommandError(BodyschemaError, ValueError):

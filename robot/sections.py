@@ -41,14 +41,24 @@ def read_toml(path: Path) -> Section:
         ConfigError: The file is missing, unreadable, truncated or no TOML.
     """
     try:
-        found = parse_toml(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}.", file=str(path)) from error
     except UnicodeDecodeError as error:
         raise ConfigError(f"is not UTF-8 text (byte {error.start}).", file=str(path)) from error
+    return toml_section(text, str(path))
+
+
+def toml_section(text: str, file: str) -> Section:
+    """The text of a TOML file; ``file`` names it in sentences.
+
+    Raises:
+        ConfigError: It is no TOML.
+    """
+    try:
+        return Section(file, "", parse_toml(text))
     except TomlError as error:
-        raise ConfigError(f"is not valid TOML: {error}.", file=str(path)) from error
-    return Section(str(path), "", found)
+        raise ConfigError(f"is not valid TOML: {error}.", file=file) from error
 
 
 class Section:

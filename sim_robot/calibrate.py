@@ -36,7 +36,7 @@ def calibrate_simulated(
         log: Where to write what a person may want to know.
 
     Raises:
-        AbandonedError: The person was refused; the file is untouched.
+        AbandonedError: The person was refused; the file has what was measured before.
     """
     known = file if file.exists() else None
     with emulation(

@@ -29,7 +29,7 @@ HELP: Final = """
   done          takes the angles over; two are needed, five across the whole range are better
   skip          leaves this joint as it was
   ?             this list
-  q             leaves; the robot holds, and nothing is written"""
+  q             leaves; the robot holds, and this joint keeps what it had"""
 
 MAX_STEP: Final = 20
 PACE: Final = 0.03  # s between counts besides the serial line's own: about 13° a second

@@ -1,14 +1,13 @@
 """The whole guided session: joints, accelerometer, gauges, distance.
 
-Each part may be skipped, and then keeps what it had. Whenever the session ends, the servos hold
-their last counts.
+Each part is saved when it was measured, so that whoever leaves loses one part at most; it may be
+skipped, and then keeps what it had. Whenever the session ends, the servos hold their last counts.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Final, Protocol
 
@@ -22,16 +21,19 @@ from robot.calibration_file import (
     Calibration,
     GaugeCalibration,
     JointCalibration,
+    Part,
     RulerCalibration,
+    check_calibration,
 )
 from robot.clock import Clock
 from robot.config import RobotConfig
-from robot.errors import AbandonedError, CommandError
+from robot.errors import AbandonedError, CommandError, ConfigError
 from robot.sensing import AnalogueInput, RangeFinder
 from robot.servo_bus import ServoBus
 
 WELCOME: Final = """\
-Calibrates {robot}. 'q' leaves at any question: the robot then holds, and nothing is written.
+Calibrates {robot}. Each part is written when it was measured. 'q' leaves at any question: the robot
+then holds, and the part that you are at keeps what it had.
 Keep clear of the legs: they move when you say so, slowly, and only as far as you say."""
 
 JOINTS: Final = """
@@ -102,49 +104,56 @@ class Session:
         self._dialogue = Dialogue(terminal)
         self._wanted = set(only or known)
 
-    def run(self, before: Calibration) -> Calibration:
-        """Leads through all parts and has the outcome confirmed.
+    def run(self, before: Calibration, save: Callable[[str, Calibration], None]) -> None:
+        """Leads through all parts; each is confirmed and saved before the next begins.
 
         Args:
             before: What a skipped part keeps.
+            save: Given the name of a part, and the whole calibration with it.
 
         Raises:
-            AbandonedError: Somebody left, or there is nothing new.
+            AbandonedError: Somebody left.
         """
+        found = before
         try:
-            found = self._measure(before)
-            if found == before:
-                raise AbandonedError("Nothing new was measured.")
-            self._dialogue.say("\n" + "\n".join(self._changes(before, found)))
-            if self._dialogue.choose("write this: yes or no", "yes", "no") == "no":
-                raise AbandonedError("You did not want it written.")
+            self._dialogue.say(WELCOME.format(robot=self._config.name))
+            for name, part in self._measured():
+                following = found.with_part(name, part)
+                if following != found and self._confirmed(name, found, following):
+                    save(name, following)
+                    found = following
         except KeyboardInterrupt:
             raise AbandonedError("You left the session.") from None
-        return found
 
-    def _measure(self, before: Calibration) -> Calibration:
-        self._dialogue.say(WELCOME.format(robot=self._config.name))
-        return replace(
-            before,
-            joints=dict(before.joints) | self._joints(),
-            accelerometer=self._accelerometer() or before.accelerometer,
-            gauges=dict(before.gauges) | self._gauges(),
-            distance=self._distance() or before.distance,
-        )
+    def _confirmed(self, name: str, before: Calibration, found: Calibration) -> bool:
+        try:
+            check_calibration(found)
+        except ConfigError as error:
+            self._dialogue.say(f"{name} is not taken and keeps what it had: {error}")
+            return False
+        self._dialogue.say("\n" + "\n".join(self._changes(before, found)))
+        return self._dialogue.choose("write this: yes or no", "yes", "no") == "yes"
 
-    def _joints(self) -> dict[str, JointCalibration]:
+    def _measured(self) -> Iterator[tuple[str, Part]]:
+        """Each part that was not skipped, by name."""
+        yield from self._joints()
+        if (axes := self._accelerometer()) is not None:
+            yield "accelerometer", axes
+        yield from self._gauges()
+        if (ruler := self._distance()) is not None:
+            yield "distance", ruler
+
+    def _joints(self) -> Iterator[tuple[str, JointCalibration]]:
         wanted = [joint for joint in self._config.joints if joint.name in self._wanted]
         if wanted:
             self._dialogue.say(JOINTS + HELP)
             self._dialogue.choose("on the stand: Enter", "")
-        found = {}
         for joint in wanted:
             make = partial(Mover, self._devices.servos, joint.output, self._clock)
             mover = self._dialogue.attempt(make)
             measured = calibrate_joint(joint, mover, self._dialogue)
             if measured is not None:
-                found[joint.name] = measured
-        return found
+                yield joint.name, measured
 
     def _accelerometer(self) -> AxesCalibration | None:
         if "accelerometer" not in self._wanted:
@@ -157,11 +166,10 @@ class Session:
             dialogue=self._dialogue,
         ).run()
 
-    def _gauges(self) -> dict[str, GaugeCalibration]:
+    def _gauges(self) -> Iterator[tuple[str, GaugeCalibration]]:
         wanted = [gauge for gauge in self._config.gauges if gauge.name in self._wanted]
         if wanted:
             self._dialogue.say(GAUGES)
-        found = {}
         for gauge in wanted:
             measured = GaugeSession(
                 gauge,
@@ -171,8 +179,7 @@ class Session:
                 dialogue=self._dialogue,
             ).run()
             if measured is not None:
-                found[gauge.name] = measured
-        return found
+                yield gauge.name, measured
 
     def _distance(self) -> RulerCalibration | None:
         belly, finder = self._config.distance, self._devices.distance

@@ -81,24 +81,38 @@ def calibrate(
         devices: The robot's drivers.
         clock: The robot clock.
         terminal: With whom.
-        file: Where the outcome goes; the file before is kept under a number.
+        file: Where each part goes when it was measured; the file before is kept under a number.
         only: What to calibrate; empty for everything.
 
     Raises:
-        AbandonedError: Somebody left; the file is untouched and the robot holds.
+        AbandonedError: Somebody left, or nothing was measured; what was measured is in the file,
+            and the robot holds.
     """
     session = Session(config, devices, clock=clock, terminal=terminal, only=only)
-    try:
-        found = session.run(before)
-        made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    written: list[str] = []
+    backups: list[str] = []
+
+    def save(name: str, found: Calibration) -> None:
         found = replace(found, revision=before.revision + 1, made=made)
         # A full disk is no reason to measure everything again.
-        backup = Dialogue(terminal).attempt(lambda: save_calibration(file, found))
+        backup = Dialogue(terminal).attempt(
+            lambda: save_calibration(file, found, keep=not written)  # one revision a session
+        )
+        written.append(name)
+        backups.extend([backup.name] if backup else [])
+        terminal.say(f"{name} is written.")
+
+    try:
+        session.run(before, save)
+        if not written:
+            raise AbandonedError("Nothing new was measured.")
     except (AbandonedError, KeyboardInterrupt) as error:
         reason = f"{error} " if isinstance(error, AbandonedError) else ""
-        raise AbandonedError(f"{reason}The robot holds; {file} is as it was.") from None
+        kept = f"has {', '.join(written)}" if written else "is as it was"
+        raise AbandonedError(f"{reason}The robot holds; {file} {kept}.") from None
     terminal.say(
-        f"{file} is written, revision {found.revision}"
-        + (f"; the one before is {backup.name}." if backup else ".")
+        f"{file} is written, revision {before.revision + 1}"
+        + (f"; the one before is {backups[0]}." if backups else ".")
         + " Restart robotd to use it."
     )

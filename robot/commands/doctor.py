@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from robot.calibrating.session import parts
 from robot.calibration_file import read_calibration
 from robot.clock import Clock, WallClock
 from robot.config import RobotConfig, load_config, read_config
@@ -30,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Examines the robot that a configuration describes; 0 when all is well, else 1."""
-    config = load_config(options.config)
+    config = load_config(options.config, uncalibrated=True)
     clock = WallClock()
     findings = Doctor(config, real_access(config, clock), clock, move=options.move).examine()
     print_findings([describe_config(config, options.config)], print)
@@ -49,15 +50,19 @@ def real_access(config: RobotConfig, clock: Clock) -> Access:
 def describe_config(config: RobotConfig, path: Path) -> Finding:
     """What is believed of the robot, and since when."""
     text = f"{config.name}: {len(config.joints)} joints, {len(config.gauges)} touch sensors"
+    advice = f"robotd calibrate --config {path}; see docs/calibration.md"
     _, file = read_config(path)
-    if file is None:
+    if file is None or not file.exists():
+        missing = f"; {file} does not exist yet" if file else ""
         return look(
-            "configuration",
-            f"{text}; not calibrated, the values of {path} stand",
-            "robotd calibrate, see docs/calibration.md",
+            "configuration", f"{text}; not calibrated, the values of {path} stand{missing}", advice
         )
     found = read_calibration(file)
-    return ok("configuration", f"{text}; {file.name} revision {found.revision} of {found.made}")
+    text += f"; {file.name} revision {found.revision} of {found.made}"
+    rest = [name for name in parts(config) if not found.has(name)]
+    if rest:
+        return look("configuration", f"{text}; not calibrated yet: {', '.join(rest)}", advice)
+    return ok("configuration", text)
 
 
 def print_findings(findings: Iterable[Finding], show: Callable[[str], None]) -> int:

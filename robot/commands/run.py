@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     if options.config is None and not options.dry:
         options.refuse("give the robot's --config FILE, or say --dry")
     path = options.config or EXAMPLE
-    config = load_config(path)
+    config = load_config(path, uncalibrated=options.dry)
     if options.dry:
         config = dry_config(config)
     log = logging.getLogger("robotd")

@@ -11,7 +11,7 @@ import pytest
 
 from robot.calibrating.dialogue import Terminal
 from robot.calibrating.session import Session, parts
-from robot.calibration_file import Calibration, RulerCalibration, save_calibration
+from robot.calibration_file import Calibration, RulerCalibration, read_calibration, save_calibration
 from robot.clock import SteppedClock
 from robot.commands.calibrate import calibrate
 from robot.devices import Devices, start_adc, start_distance
@@ -32,6 +32,12 @@ class Desk:
         return Session(
             self.robot.config, self.devices, clock=self.clock, terminal=terminal, only=only
         )
+
+    def measured(self, before: Calibration, script: Script, *only: str) -> Calibration:
+        """What a session that is not left comes to."""
+        saved = [before]
+        self.session(script, *only).run(before, lambda name, found: saved.append(found))
+        return saved[-1]
 
     def pulses(self) -> tuple[int, ...]:
         board = self.robot.servo_board
@@ -59,11 +65,10 @@ class Desk:
             world.distance_mm = 8.0
 
         return [
-            "", "-20", "u 20", "u 20", "4", "done", "0",
-            "level", "", "", "", "",
-            "", (load, "2"),
-            "", (lower_plate, ""), "", "", "done", "98", (raise_plate, ""), "", "", "done",
-            "yes",
+            "", "-20", "u 20", "u 20", "4", "done", "0", "yes",
+            "level", "", "", "", "", "yes",
+            "", (load, "2"), "yes",
+            "", (lower_plate, ""), "", "", "done", "98", (raise_plate, ""), "", "", "done", "yes",
         ]  # fmt: skip
 
 
@@ -82,7 +87,7 @@ def desk() -> Iterator[Desk]:
 def test_it_measures_what_is_asked_for_and_keeps_the_rest(desk: Desk) -> None:
     before = Calibration(robot="quadruped", distance=RulerCalibration(zero=0.02, scale=1.1))
     script = Script(*desk.answers())
-    found = desk.session(script, *ONLY).run(before)
+    found = desk.measured(before, script, *ONLY)
     assert script.left == 0
     assert list(found.joints) == ["hip_left"]
     assert found.joints["hip_left"].scale.count(0.0) == 161
@@ -92,17 +97,17 @@ def test_it_measures_what_is_asked_for_and_keeps_the_rest(desk: Desk) -> None:
     assert found.distance.zero == pytest.approx(0.008)
     assert found.distance.scale == pytest.approx(0.98)
     only_joint = Script("", "-20", "u 20", "u 20", "4", "done", "0", "yes")
-    assert desk.session(only_joint, "hip_left").run(before).distance == before.distance
+    assert desk.measured(before, only_joint, "hip_left").distance == before.distance
     desk.robot.world.volts[0] += 0.01
     only_level = Script("level", "", "", "", "", "yes")
-    kept = desk.session(only_level, "accelerometer").run(found)
+    kept = desk.measured(found, only_level, "accelerometer")
     assert (kept.joints, kept.gauges, kept.distance) == (found.joints, found.gauges, found.distance)
 
 
 def test_everything_is_asked_for_when_nothing_is_said(desk: Desk) -> None:
     script = Script("", *["skip"] * 14)
-    with pytest.raises(AbandonedError, match="Nothing new"):
-        desk.session(script).run(Calibration(robot="quadruped"))
+    before = Calibration(robot="quadruped")
+    assert desk.measured(before, script) is before
     assert script.left == 0
     names = parts(desk.robot.config)
     assert len(names) == 8 + 1 + 4 + 1
@@ -139,14 +144,18 @@ def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) 
     save_calibration(file, Calibration(robot="quadruped", revision=1, made="once"))
     before = file.read_bytes()
     whole = Script(*desk.answers())
-    desk.session(whole, *ONLY).run(Calibration(robot="quadruped"))
+    desk.measured(Calibration(robot="quadruped"), whole, *ONLY)
     for length in range(len(desk.answers())):
         desk.start_again()
+        file.write_bytes(before)
+        file.with_name("calibration.toml.1").unlink(missing_ok=True)
         script = Leaving(way, *desk.answers()[:length])
-        with pytest.raises(AbandonedError, match=r"holds; .*calibration.toml is as it was"):
+        written = ONLY[: desk.answers()[:length].count("yes")]
+        kept = f"has {', '.join(written)}" if written else "is as it was"
+        with pytest.raises(AbandonedError, match=rf"holds; .*calibration.toml {kept}\."):
             calibrate(
                 desk.robot.config,
-                Calibration(robot="quadruped"),
+                read_calibration(file),
                 desk.devices,
                 clock=desk.clock,
                 terminal=script,
@@ -154,8 +163,17 @@ def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) 
                 only=ONLY,
             )
         assert script.prompts == whole.prompts[: length + 1]
-        assert file.read_bytes() == before
-        assert list(tmp_path.iterdir()) == [file]
+        names = ["calibration.toml"]
+        if written:  # and so no measurement is lost but that of the part at which it was left
+            found = read_calibration(file)
+            assert found.revision == 2
+            parts_now = (found.joints, found.accelerometer, found.gauges, found.distance)
+            assert [bool(part) for part in parts_now] == [n < len(written) for n in range(4)]
+            names.append("calibration.toml.1")
+            assert (tmp_path / names[1]).read_bytes() == before
+        else:
+            assert file.read_bytes() == before
+        assert sorted(path.name for path in tmp_path.iterdir()) == names
         held = desk.pulses()
         assert all(held)  # nothing is limp
         assert held[1:] == (128,) * 7  # and only the joint in question ever moved
@@ -177,11 +195,25 @@ def test_an_interrupt_in_mid_motion_leaves_the_joint_where_it_is(desk: Desk) -> 
         only=["hip_left"],
     )
     with pytest.raises(AbandonedError):
-        session.run(Calibration(robot="quadruped"))
+        session.run(Calibration(robot="quadruped"), lambda name, found: None)
     assert 128 < desk.pulses()[0] < 188
 
 
 def test_no_is_no(desk: Desk) -> None:
     answers = [*desk.answers()[:-1], "no"]
-    with pytest.raises(AbandonedError, match="did not want"):
-        desk.session(Script(*answers), *ONLY).run(Calibration(robot="quadruped"))
+    found = desk.measured(Calibration(robot="quadruped"), Script(*answers), *ONLY)
+    assert found.distance is None
+    assert found.gauges
+
+
+def test_what_could_not_be_read_again_is_not_taken(desk: Desk) -> None:
+    desk.robot.world.volts[3] = 0.2
+
+    def load() -> None:
+        desk.robot.world.volts[3] = 4.7  # 0.05 N: that would be 90 V a newton
+
+    before = Calibration(robot="quadruped")
+    script = Script("", (load, "0.05"))
+    assert desk.measured(before, script, "lower_left") is before
+    assert script.heard("lower_left is not taken")
+    assert script.heard("volts_per_newton")

@@ -7,7 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from robot.calibration_file import Calibration, save_calibration
+from robot.calibration_file import (
+    AxesCalibration,
+    Calibration,
+    GaugeCalibration,
+    JointCalibration,
+    RulerCalibration,
+    save_calibration,
+)
 from robot.cli import main
 from robot.commands.doctor import describe_config, print_findings
 from robot.config import load_config
@@ -40,8 +47,40 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
     calibration = Calibration(robot="quadruped", revision=7, made="2026-11-20T03:57:20Z")
     save_calibration(tmp_path / "calibration.toml", calibration)
     found = describe_config(load_config(file), file)
-    assert found.verdict is Verdict.OK
+    assert found.verdict is Verdict.LOOK
     assert "revision 7 of 2026-11-20" in found.text
+    assert "not calibrated yet: hip_left, hip_front" in found.text
+    assert "lower_back, distance" in found.text
+    config = load_config(EXAMPLE)
+    whole = Calibration(
+        robot="quadruped",
+        revision=8,
+        joints={
+            joint.name: JointCalibration(
+                lower_limit=joint.lower_limit, upper_limit=joint.upper_limit, scale=joint.scale
+            )
+            for joint in config.joints
+        },
+        accelerometer=AxesCalibration(zero=(2.5,) * 3, volts_per_g=(1.0,) * 3),
+        gauges={
+            gauge.name: GaugeCalibration(tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05)
+            for gauge in config.gauges
+        },
+        distance=RulerCalibration(zero=0.01, scale=1.0),
+    )
+    save_calibration(tmp_path / "calibration.toml", whole)
+    assert describe_config(load_config(file), file).verdict is Verdict.OK
+
+
+def test_a_calibration_that_is_yet_to_be_made_hinders_no_examination(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = robot_toml(tmp_path)
+    assert main(["doctor", "--config", str(file)]) == 1  # no hardware, but it does examine
+    output = capsys.readouterr().out
+    assert f"{tmp_path / 'calibration.toml'} does not exist yet" in output
+    assert f"robotd calibrate --config {file}" in output
+    assert "no-adapter" in output
 
 
 def test_without_hardware_every_device_is_missed_by_name(

@@ -1,0 +1,180 @@
+"""Attacks on a robot: ``python -m bench.attackers NAME URI TELEMETRY``, until standard input ends.
+
+Prints ``under way`` when an attack goes on, and at the end what it did.
+"""
+
+from __future__ import annotations
+
+import itertools
+import socket
+import sys
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from typing import Final
+
+from bench.raw_peer import MORE, RawPeer, frame, guessed_identities
+from protocol.codec import MAX_FRAME, MAX_MESSAGE, encode
+from protocol.endpoints import Endpoint
+
+MEGABYTE: Final = bytes(1_000_000)
+EMPTY_MAPS: Final = b"\x81\xa1a" + b"\xdc\x00\x40" + 64 * (b"\xdc\x03\xf8" + b"\x80" * 1016)
+HELLO: Final = encode({"type": "hello", "id": 1, "client": "attacker", "versions": [1]})
+SUBSCRIPTIONS: Final = 20_000  # bytes at a time
+
+Attack = Callable[[str, str], Iterator[None]]
+
+
+def identities(uri: str, telemetry: str) -> Iterator[None]:
+    """Claims what ZeroMQ would call the next peers, and connects as one."""
+    del telemetry
+    held: deque[RawPeer] = deque(maxlen=100)
+    for identity in itertools.cycle(guessed_identities()):
+        for claim in (identity, b""):
+            with _unless_cut():
+                held.append(RawPeer(uri, identity=claim))
+                yield
+
+
+def parts(uri: str, telemetry: str) -> Iterator[None]:
+    """Messages of 3,000 parts of 1 MB."""
+    del telemetry
+    while True:
+        with _unless_cut():
+            peer = RawPeer(uri)
+            for _ in range(2_999):
+                peer.send(MEGABYTE, MORE)
+                yield
+            peer.send(MEGABYTE)
+
+
+def empty_parts(uri: str, telemetry: str) -> Iterator[None]:
+    """Messages of millions of empty parts."""
+    del telemetry
+    while True:
+        with _unless_cut():
+            peer = RawPeer(uri)
+            for _ in range(10_000):
+                peer.socket.sendall(1000 * frame(b"", MORE))
+                yield
+
+
+def unfinished(uri: str, telemetry: str) -> Iterator[None]:
+    """A hundred messages of almost 1 MB that never end."""
+    del telemetry
+    held: deque[RawPeer] = deque(maxlen=100)
+    while True:
+        with _unless_cut():
+            held.append(RawPeer(uri))
+            held[-1].send(bytes(MAX_MESSAGE - 1000), MORE)
+            yield
+
+
+def subscriptions(uri: str, telemetry: str) -> Iterator[None]:
+    """Subscriptions to topics that nobody else wants, 500 MB if they are taken."""
+    del uri
+    topics = (b"\1" + number.to_bytes(8, "big") * 10 for number in itertools.count())
+    while True:
+        with _unless_cut():
+            peer = RawPeer(telemetry, b"SUB")
+            while True:
+                piece = b"".join(frame(next(topics)) for _ in range(SUBSCRIPTIONS // 83))
+                peer.socket.sendall(piece)
+                yield
+
+
+def empty_maps(uri: str, telemetry: str) -> Iterator[None]:
+    """Frames of 64 KiB of empty maps, as many as are taken, on ten connections."""
+    del telemetry
+    assert len(EMPTY_MAPS) <= MAX_FRAME
+    yield from _on_ten(uri, 10 * frame(EMPTY_MAPS))
+
+
+def garbage(uri: str, telemetry: str) -> Iterator[None]:
+    """The smallest frames that are none, as many as are taken, on ten connections."""
+    del telemetry
+    yield from _on_ten(uri, 1000 * frame(b"\xc1"))
+
+
+def unread(uri: str, telemetry: str) -> Iterator[None]:
+    """Says hello without end, on ten connections, and never reads an answer."""
+    del telemetry
+    yield from _on_ten(uri, 1000 * frame(HELLO), reads=False)
+
+
+def connections(uri: str, telemetry: str) -> Iterator[None]:
+    """Connections that say nothing, as fast as they are made."""
+    del telemetry
+    place = Endpoint.parse(uri)
+    held: deque[socket.socket] = deque()
+    while True:
+        with _unless_cut():
+            held.append(socket.create_connection((place.host, place.port), timeout=10))
+        if len(held) > 500:
+            held.popleft().close()
+        yield
+
+
+ATTACKS: Final[Mapping[str, Attack]] = {
+    attack.__name__: attack
+    for attack in (
+        identities,
+        parts,
+        empty_parts,
+        unfinished,
+        subscriptions,
+        empty_maps,
+        garbage,
+        unread,
+        connections,
+    )
+}
+
+
+def _on_ten(uri: str, piece: bytes, *, reads: bool = True) -> Iterator[None]:
+    peers = [RawPeer(uri) for _ in range(10)]
+    for peer in peers:
+        peer.socket.setblocking(False)
+    left = dict.fromkeys(range(len(peers)), b"")
+    while True:
+        for number, peer in enumerate(peers):
+            try:
+                rest = left[number] or piece
+                left[number] = rest[peer.socket.send(rest) :]
+                while reads and peer.socket.recv(1 << 20):
+                    continue
+            except BlockingIOError:
+                continue
+            except OSError:
+                peers[number] = RawPeer(uri)
+                peers[number].socket.setblocking(False)
+                left[number] = b""
+        yield
+
+
+def _unless_cut() -> suppress:
+    return suppress(OSError)
+
+
+def main() -> None:
+    """Attacks until standard input ends."""
+    name, uri, telemetry = sys.argv[1:]
+    ended = threading.Event()
+
+    def listen() -> None:
+        sys.stdin.read()
+        ended.set()
+
+    threading.Thread(target=listen, daemon=True).start()
+    count = 0
+    for count, _ in enumerate(ATTACKS[name](uri, telemetry)):
+        if count == 10:
+            print("under way", flush=True)
+        if ended.is_set():
+            break
+    print(f"{count} steps", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,177 @@
+"""What attacks cost a daemon: its memory, and how long another client's ``stop`` waits.
+
+``python -m bench.attacks``: for each attack a daemon of its own, in real time, on still
+electronics; the attacker in another process, the client that stops in a third. Then SIGTERM, while
+the attack goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import dataclass, field
+
+import psutil
+
+from bench.attackers import ATTACKS
+from bench.round_trip import percentile
+from protocol.client import RobotClient
+
+SECONDS = 15.0
+PAUSE = 0.02  # s between two stops
+HEADS = (
+    "attack",
+    "MB before",
+    "MB at most",
+    "stops",
+    "p50, ms",
+    "p99, ms",
+    "longest, ms",
+    "SIGTERM to end, s",
+    "exit status",
+)
+_STOPPING = """
+import json, sys, time
+from bench.attacks import stops
+print("ready", flush=True)
+sys.stdin.readline()
+print(json.dumps(stops(sys.argv[1], float(sys.argv[2]))))
+"""
+
+
+@dataclass
+class Outcome:
+    """What an attack did.
+
+    Attributes:
+        name: Which.
+        before: Resident memory before it, MB.
+        peak: The most during it, MB.
+        stops: How long each stop of another client took, ms, ascending.
+        end: Until the daemon had ended after SIGTERM, s.
+        code: Its exit status.
+        steps: What the attacker says.
+    """
+
+    name: str
+    before: float = 0.0
+    peak: float = 0.0
+    stops: list[float] = field(default_factory=list)
+    end: float = 0.0
+    code: int | None = None
+    steps: str = ""
+
+
+def stops(uri: str, seconds: float) -> list[float]:
+    """Stops the robot again and again; how long each took, ms."""
+    trips = []
+    with RobotClient(uri, timeout=30.0) as client:
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            begun = time.perf_counter()
+            client.stop()
+            trips.append(1000 * (time.perf_counter() - begun))
+            time.sleep(PAUSE)
+    return trips
+
+
+def measure(name: str, seconds: float) -> Outcome:
+    """One attack."""
+    outcome = Outcome(name)
+    robot = _started("bench.still_robotd", "tcp://127.0.0.1:*")
+    assert robot.stdout is not None
+    uri = robot.stdout.readline().strip()
+    with RobotClient(uri) as client:
+        telemetry = client.telemetry_endpoint
+    victim = psutil.Process(robot.pid)
+    client_process = subprocess.Popen(
+        [sys.executable, "-c", _STOPPING, uri, str(seconds)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert client_process.stdin is not None
+    assert client_process.stdout is not None
+    client_process.stdout.readline()
+    outcome.before = victim.memory_info().rss / 1e6
+    attacker = _started("bench.attackers", name, uri, telemetry) if name != "none" else None
+    if attacker is not None and attacker.stdout is not None:
+        assert attacker.stdout.readline() == "under way\n"
+    done = threading.Event()
+    watcher = threading.Thread(target=_watch, args=(victim, done, outcome))
+    watcher.start()
+    found, _ = client_process.communicate("go\n", timeout=seconds + 120)
+    done.set()
+    watcher.join()
+    if client_process.returncode == 0:
+        outcome.stops = sorted(json.loads(found))
+    begun = time.monotonic()
+    robot.terminate()
+    try:
+        outcome.code = robot.wait(60)
+    except subprocess.TimeoutExpired:
+        robot.kill()
+    outcome.end = time.monotonic() - begun
+    robot.communicate()
+    if attacker is not None:
+        attacker.kill()
+        attacker.communicate()
+    return outcome
+
+
+def _started(module: str, *options: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+
+
+def _watch(victim: psutil.Process, done: threading.Event, outcome: Outcome) -> None:
+    while not done.wait(0.02):
+        try:
+            outcome.peak = max(outcome.peak, victim.memory_info().rss / 1e6)
+        except psutil.NoSuchProcess:
+            return
+
+
+def row(outcome: Outcome) -> str:
+    """One line of a table in Markdown."""
+    stops = outcome.stops
+    waits = [f"{percentile(stops, share):.1f}" if stops else "–" for share in (0.5, 0.99, 1.0)]
+    cells = [
+        outcome.name.replace("_", " "),
+        f"{outcome.before:.0f}",
+        f"{outcome.peak:.0f}",
+        str(len(stops)),
+        *waits,
+        f"{outcome.end:.2f}",
+        str(outcome.code),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Measures, and prints a table."""
+    parser = argparse.ArgumentParser(prog="python -m bench.attacks")
+    parser.add_argument("--seconds", type=float, default=SECONDS)
+    parser.add_argument("attacks", nargs="*", default=["none", *ATTACKS])
+    options = parser.parse_args()
+    print(
+        "| attack | MB before | MB at most | stops | p50, ms | p99 | longest | SIGTERM, s | exit |"
+    )
+    print("| --- | --- | --- | --- | --- | --- | --- | --- | --- |")
+    for name in options.attacks:
+        print(row(measure(name, options.seconds)), flush=True)
+    print(f"\n{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}.")
+
+
+if __name__ == "__main__":
+    main()
