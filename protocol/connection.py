@@ -22,7 +22,7 @@ _CHUNK: Final = 8192  # bytes on their way to the peer in one turn
 FRAME_COST: Final = 64
 """What ZeroMQ keeps for a frame besides its bytes, however short it is."""
 
-Note: TypeAlias = Callable[["Connection"], None]
+Callback: TypeAlias = Callable[["Connection"], None]
 
 
 class Connection:
@@ -61,8 +61,8 @@ class Connection:
         pipe: socket.socket,
         wire: zmq.Socket[bytes],
         chunk: int,
-        on_signal: Note,
-        on_bytes: Note,
+        on_signal: Callback,
+        on_bytes: Callback,
     ):
         self.number = number
         self.peer = peer

@@ -109,7 +109,7 @@ class Door:
         return bool(self._ready)
 
     def arrivals(self, until: float) -> Iterator[Arrival]:
-        """At most one message of each connection, those first that were quiet.
+        """At most one message of each connection, in turn.
 
         Args:
             until: When to leave the others for the next turn, monotonic, s.
@@ -174,8 +174,6 @@ class Door:
     def _accept(self, mask: int) -> None:
         del mask
         for _ in range(_ACCEPTED):
-            if len(self) >= self._most:
-                self._close(self._weakest())
             try:
                 tcp, _ = self._listener.accept()
             except BlockingIOError:
@@ -184,6 +182,8 @@ class Door:
                 if error.errno in _EXHAUSTED and self._connections:
                     self._close(self._weakest())
                 return
+            if len(self) >= self._most:
+                self._close(self._weakest())
             try:
                 self._open(tcp)
             except (OSError, zmq.ZMQError) as error:
@@ -218,7 +218,7 @@ class Door:
     def _signalled(self, connection: Connection) -> None:
         if not connection.waiting:
             connection.waiting = True
-            self._ready.appendleft(connection)  # before those who have had their turn
+            self._ready.append(connection)
 
     def _weigh(self, connection: Connection) -> None:
         """Cuts off who sends without end."""

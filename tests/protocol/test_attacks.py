@@ -221,6 +221,35 @@ def test_who_has_spoken_is_not_pushed_out_by_who_has_not(
         assert client.stop().state == "stopped"
 
 
+def test_one_too_many_pushes_out_one(
+    serve: Serve,
+    robot: FakeRobot,
+    peers: Callable[..., RawPeer],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("protocol.door.MOST", 12)
+    server = serve(robot)
+    crowd = [peers(server.endpoint) for _ in range(8)]
+    assert all(map(answered, crowd))
+    assert answered(crowd[0])  # so that the second was not heard for longest
+    assert answered(peers(server.endpoint))
+    assert is_cut(crowd[1])
+    assert len(server._door) == 8
+    assert answered(crowd[2])
+
+
+def test_who_says_much_does_not_starve_beside_many_who_ask_again_and_again(
+    serve: Serve, robot: FakeRobot, peers: Callable[..., RawPeer]
+) -> None:
+    server = serve(robot)
+    asking = [peers(server.endpoint) for _ in range(30)]
+    talker = peers(server.endpoint)
+    talker.socket.sendall(50 * frame(b"\xc1"))
+    for peer in asking * 3:
+        assert answered(peer)
+    assert until(lambda: server.garbage == 50)
+
+
 # --- framing --------------------------------------------------------------------------------------
 
 
