@@ -149,7 +149,7 @@ class Interaction:
         return self._observe(report)
 
     def hold(self, check: Callable[[], None]) -> None:
-        """Sends the last commanded counts again.
+        """Makes the board hold the last commanded counts.
 
         A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
         that was limp when the daemon started returns to zero.
