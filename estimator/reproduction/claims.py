@@ -81,7 +81,8 @@ STATEMENTS: Final = (
     ),
 )
 
-PAPERS_SUCCESSES: Final = share(1, 10)
+PAPERS_SUCCESSES: Final = 1
+PAPERS_RUNS: Final = 10
 SUCCESS_WORDS: Final = (
     "constrained to nine identification iterations, only one of the 10 independent runs performed "
     "found all 12 of the correct local configurations"
@@ -263,17 +264,16 @@ def judge_successes(ours: Share) -> SuccessFinding:
     It is contradicted where the two rates differ significantly. Otherwise it is not refuted, which
     is little: few runs leave room for almost any rate.
     """
-    p = rates_differ(ours, PAPERS_SUCCESSES)
-    rate = PAPERS_SUCCESSES.successes / PAPERS_SUCCESSES.trials
+    papers = share(PAPERS_SUCCESSES, PAPERS_RUNS)
+    p = rates_differ(ours, papers)
+    rate = papers.successes / papers.trials
     more = range(math.ceil(rate * ours.trials), ours.trials + 1)
     refuting = (
-        number
-        for number in more
-        if rates_differ(share(number, ours.trials), PAPERS_SUCCESSES) < SIGNIFICANT
+        number for number in more if rates_differ(share(number, ours.trials), papers) < SIGNIFICANT
     )
     return SuccessFinding(
         ours=ours,
-        papers=PAPERS_SUCCESSES,
+        papers=papers,
         p=p,
         verdict="contradicted" if p < SIGNIFICANT else "not refuted",
         refuting=next(refuting, None),

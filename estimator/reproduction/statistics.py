@@ -1,13 +1,16 @@
-"""The statistics of the claims table; all tests are scipy's."""
+"""The statistics of the claims table; all tests are SciPy's.
+
+SciPy takes as long to load as all the rest of the command, so it is loaded where it is needed.
+"""
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
-from scipy import stats
 
 _RESAMPLES: Final = 9999
 _SEED: Final = 0
@@ -34,7 +37,7 @@ class MeanDifference:
 
 def share(successes: int, trials: int) -> Share:
     """A rate with its interval."""
-    interval = stats.binomtest(successes, trials).proportion_ci(0.95, method="wilson")
+    interval = _scipy().binomtest(successes, trials).proportion_ci(0.95, method="wilson")
     return Share(
         successes=successes, trials=trials, low=float(interval.low), high=float(interval.high)
     )
@@ -64,9 +67,11 @@ def mean_difference(differences: Sequence[float]) -> MeanDifference:
     if min(differences) == max(differences):
         known = mean if len(differences) > 1 else None
         return MeanDifference(mean=mean, low=known, high=known)
-    interval = stats.bootstrap(
-        (differences,), np.mean, n_resamples=_RESAMPLES, method="BCa", rng=_SEED
-    ).confidence_interval
+    interval = (
+        _scipy()
+        .bootstrap((differences,), np.mean, n_resamples=_RESAMPLES, method="BCa", rng=_SEED)
+        .confidence_interval
+    )
     return MeanDifference(mean=mean, low=float(interval.low), high=float(interval.high))
 
 
@@ -84,7 +89,7 @@ def holm(values: Sequence[float]) -> list[float]:
 def rates_differ(one: Share, other: Share) -> float:
     """Two-sided p of Fisher's exact test that two rates are the same."""
     table = [[item.successes, item.trials - item.successes] for item in (one, other)]
-    return float(stats.fisher_exact(table).pvalue)
+    return float(_scipy().fisher_exact(table).pvalue)
 
 
 def mean_and_deviation(values: Sequence[float]) -> tuple[float | None, float | None]:
@@ -93,7 +98,11 @@ def mean_and_deviation(values: Sequence[float]) -> tuple[float | None, float | N
     return mean, float(np.std(values, ddof=1)) if len(values) > 1 else None
 
 
+def _scipy() -> Any:
+    return importlib.import_module("scipy.stats")
+
+
 def _signed_rank(differences: Sequence[float], alternative: Literal["less", "two-sided"]) -> float:
     if not any(differences):
         return 1.0
-    return float(stats.wilcoxon(differences, alternative=alternative).pvalue)
+    return float(_scipy().wilcoxon(differences, alternative=alternative).pvalue)

@@ -1,6 +1,9 @@
 """Against values from the literature and by hand."""
 
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +17,12 @@ from estimator.reproduction.statistics import (
     share,
     smaller,
 )
+
+
+def test_no_command_waits_for_scipy_that_does_not_use_it() -> None:
+    code = "import estimator.cli, sys; sys.exit('scipy' in sys.modules)"
+    root = Path(__file__).parents[3]
+    assert subprocess.run([sys.executable, "-c", code], check=False, cwd=root).returncode == 0
 
 
 def test_wilson_intervals() -> None:
