@@ -53,6 +53,7 @@ for line in sys.stdin:
 """
 BUDGET = ("--population", "8", "--generations", "3", "--interactions", "3")
 INTERRUPTIONS = 10  # at least, with either physics
+OF_ONE_RUN = 5  # then it is let be: on a machine that has become busy it would get nowhere
 
 
 class Nursery:
@@ -157,15 +158,18 @@ def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
     interruptions, turn = 0, 0
     while interruptions < INTERRUPTIONS:
         turn += 1
-        directory, code = tmp_path / str(turn), -1
+        directory, code, broken = tmp_path / str(turn), -1, 0
         with simulator("--seed", "8") as robot:
             while code != 0:
                 pid = nursery.start(*command(directory, robot.uri, physics))
-                if not nursery.ends_within(random.uniform(0.0, 0.7 * lasts)):
+                if broken < OF_ONE_RUN and not nursery.ends_within(
+                    random.uniform(0.0, 0.7 * lasts)
+                ):
                     break_off(pid, next(signals))
-                    interruptions += 1
+                    broken += 1
                 code, said = nursery.ended()
                 assert code in (0, 1, -signal.SIGKILL), said
                 # Python loses an interrupt that meets a finaliser, and says so; the run goes on.
                 assert "Traceback" not in said.split("Exception ignored")[0]
         assert content(directory) == expected
+        interruptions += broken
