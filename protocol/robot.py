@@ -8,7 +8,7 @@ robot only sees requests that somebody was allowed to make.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
@@ -150,8 +150,11 @@ class Robot(Protocol):
         """
         ...
 
-    def events(self) -> Iterable[RobotEvent]:
-        """Takes out the events that wait, each request's in their order, without blocking."""
+    def events(self) -> Sequence[RobotEvent]:
+        """Takes out events that wait, each request's in their order, without blocking.
+
+        If it leaves some for the next call, it notifies again.
+        """
         ...
 
     def set_notify(self, notify: Callable[[], None]) -> None:

@@ -16,15 +16,14 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 
 from protocol.capabilities import Capabilities
 from protocol.errors import CLEAR, RobotError
 from protocol.messages import Ok, Perform
-from protocol.robot import FinalReply, Finished, Progressed, RobotEvent, RobotRequest, Snapshot
+from protocol.robot import FinalReply, RobotEvent, RobotRequest, Snapshot
 from protocol.states import State
 from protocol.transitions import REFUSALS, TRANSITIONS, Event
 from robot.errors import DeviceError
@@ -32,6 +31,7 @@ from robot.interaction import Interaction, Outcome
 from robot.job_queue import JobQueue
 from robot.jobs import ENDS, LEAVING, NEWS, STOPPED, Job, ended_by
 from robot.notify import ServiceManager
+from robot.outbox import Outbox
 
 _RARELY = 86_400.0  # s; a wait that needs no end
 _SLEWS = ("homing", "moving")  # the phases in which the joints move
@@ -70,16 +70,14 @@ class Controller:
         self._ended = False
         self._sequence = 0
         self._jobs = JobQueue()
-        self._of_commands: deque[RobotEvent] = deque()
-        self._of_reads: deque[RobotEvent] = deque()
-        self._notify: Callable[[], None] = lambda: None
+        self._outbox = Outbox()
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
     # --- called by the server's thread ------------------------------------------------------------
 
     def set_notify(self, notify: Callable[[], None]) -> None:
         """``notify`` is called, from any thread, when events wait."""
-        self._notify = notify
+        self._outbox.notify = notify
 
     def submit(self, ticket: int, request: RobotRequest) -> None:
         """Takes a request; its end comes as a ``Finished`` event.
@@ -126,10 +124,9 @@ class Controller:
                 reason=self._reason,
             )
 
-    def events(self) -> Iterator[RobotEvent]:
-        """Takes out what happened, to commands first: they may have ended very many reads."""
-        while waiting := self._of_commands or self._of_reads:
-            yield waiting.popleft()
+    def events(self) -> list[RobotEvent]:
+        """What happened since the last call, or some of it."""
+        return self._outbox.take()
 
     # --- life -------------------------------------------------------------------------------------
 
@@ -194,7 +191,7 @@ class Controller:
 
     def _carry_out(self, job: Job) -> None:
         if job.event in (Event.PERFORM, Event.READ):
-            self._finish(job, self._measure(job))
+            self._outbox.finish(job, self._measure(job))
             return
         before = self._state
         try:
@@ -215,7 +212,9 @@ class Controller:
             level, sentence = NEWS[event]
             self._announce(level, sentence.format(job.request.client))
         aborted = job.interrupt if event is Event.DONE else None
-        self._finish(job, job.error(aborted) if aborted else Ok(id=job.request.id, state=state))
+        self._outbox.finish(
+            job, job.error(aborted) if aborted else Ok(id=job.request.id, state=state)
+        )
 
     def _command(self, event: Event, check: Callable[[], None]) -> None:
         if event is Event.RELAX:
@@ -256,19 +255,12 @@ class Controller:
                     self._enter(Event.PERFORM)
                     self._reason = None
                 self._enter(Event.DEPARTED if phase in _SLEWS else Event.ARRIVED)
-        self._progress(job, phase, fraction)
+        self._outbox.progress(job, phase, fraction, self._interaction.now())
 
     def _check(self, job: Job) -> None:
         with self._lock:
             if job.interrupt is not None:
                 raise job.interrupt
-
-    def _progress(self, job: Job, phase: str, fraction: float) -> None:
-        now = self._interaction.now()
-        if job.progresses(phase, now):
-            self._emit(
-                job, Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
-            )
 
     def _check_board(self) -> None:
         with self._lock:
@@ -325,7 +317,7 @@ class Controller:
     def _tell(self, withdrawn: Sequence[Job]) -> None:
         for job in withdrawn:
             assert job.interrupt is not None
-            self._finish(job, job.error(job.interrupt))
+            self._outbox.finish(job, job.error(job.interrupt))
 
     def _fail(self, sentence: str, job: Job | None) -> None:
         self._announce(logging.ERROR, f"fault: {sentence} Once it is mended: {CLEAR}")
@@ -337,7 +329,7 @@ class Controller:
             withdrawn = self._end(dict.fromkeys(ENDS[Event.STOP], overtaken))
         self._tell(withdrawn)
         if job is not None:
-            self._finish(job, job.error(RobotError("fault", sentence)))
+            self._outbox.finish(job, job.error(RobotError("fault", sentence)))
 
     def _announce(self, level: int, sentence: str) -> None:
         self._log.log(level, "%s", sentence)
@@ -346,10 +338,3 @@ class Controller:
     def _refusal(self, state: State, event: Event) -> RobotError:
         reason = f" ({self._reason})" if self._reason and state is self._state else ""
         return RobotError(REFUSALS[state], f"The robot is {state}{reason}: {event} is refused.")
-
-    def _finish(self, job: Job, reply: FinalReply) -> None:
-        self._emit(job, Finished(ticket=job.ticket, reply=reply))
-
-    def _emit(self, job: Job, event: RobotEvent) -> None:
-        (self._of_reads if job.event is Event.READ else self._of_commands).append(event)
-        self._notify()
