@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import shlex
+import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from protocol.conformance.settings import Settings
 from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, run
 from protocol.errors import BodyschemaError
-from protocol.keys import KeyDirectory
+from protocol.keys import ClientKeys, KeyDirectory
 from protocol.printable import printable
 
 
@@ -20,9 +23,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         settings = Settings(
             uri=options.uri,
-            keys=KeyDirectory(options.keys).client_keys() if options.keys else None,
+            keys=_keys(options.keys),
             move=options.move,
             slow=options.slow,
+            far=options.far,
+            other_keys=_keys(options.other_keys),
+            shut_down=_command(options.shutdown),
             trace=print if options.verbose else None,
         )
         results = run(settings, only=options.only, on_result=_print)
@@ -36,6 +42,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         f"{', '.join(NOT_CHECKED)}."
     )
     return 1 if verdicts[Verdict.BROKEN] else 0
+
+
+def _keys(place: str | None) -> ClientKeys | None:
+    return KeyDirectory(place).client_keys() if place else None
+
+
+def _command(text: str | None) -> Callable[[], object] | None:
+    return partial(subprocess.Popen, shlex.split(text)) if text else None
 
 
 def _print(result: Result) -> None:
@@ -59,6 +73,19 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="also what moves the robot (by at most 0.5 rad), lets it go limp in its zero pose, or "
         "makes it forget other clients",
+    )
+    parser.add_argument(
+        "--far",
+        action="store_true",
+        help="with --move, also what moves a joint to the ends of its range",
+    )
+    parser.add_argument(
+        "--other-keys", metavar="DIR", help="key directory of another client, for what needs two"
+    )
+    parser.add_argument(
+        "--shutdown",
+        metavar="COMMAND",
+        help="at the end, run this command, which shuts the daemon down, and see what it says",
     )
     parser.add_argument(
         "--slow", action="store_true", help="also what takes some minutes of silence"

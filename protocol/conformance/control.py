@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from protocol.conformance.bench import Bench, Party
-from protocol.conformance.expectations import expect
-from protocol.conformance.line import said
+from protocol.conformance.expectations import Broken, Untried, expect
+from protocol.conformance.line import Unanswered, said
+from protocol.conformance.motion import small_targets
 from protocol.conformance.registry import Need, check
 
 HARMLESS = ("release", "clear", "perform")  # what cannot make a robot at rest move or go limp
@@ -141,3 +142,29 @@ def requests_that_change_no_state(bench: Bench) -> None:
             expect(reply["type"] == "ok", f"acquire, {expected}: {said(reply)}.")
             after = party.status()["state"]
             expect(after == before, f"These requests led from {before} to {after}.")
+
+
+@check("5.14", need=Need.CONTROL)
+def shutting_down(bench: Bench) -> None:
+    """A daemon that ends says so: to what is under way, and to what is asked then."""
+    shut_down = bench.settings.shut_down
+    if shut_down is None:
+        raise Untried("This needs --shutdown.")
+    with bench.controlled() as party:
+        asked = party.request("read")
+        if bench.settings.move:
+            asked = party.request("perform", targets=small_targets(bench.capabilities()))
+        party.line.send(asked)
+        expect(party.line.answer(asked["id"]) is not None, "A motion was not accepted.")
+        shut_down()
+        try:
+            end = party.line.final(asked["id"], patience=bench.settings.motion)[1]
+            refused = party.ask("read")
+        except Unanswered as error:
+            raise Broken("The daemon ended without a word.") from error
+        if end["type"] == "observation" and refused.get("code") != "shutting_down":
+            raise Untried("The motion, or the daemon, was over too soon.")
+        for reply in (end, refused):
+            over = reply is end and reply["type"] == "observation"
+            sentence = f"A daemon that ended answered {said(reply)}."
+            expect(over or reply.get("code") == "shutting_down", sentence)

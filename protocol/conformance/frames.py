@@ -7,10 +7,11 @@ from collections.abc import Callable
 from importlib import resources
 from typing import Any, Final
 
+from protocol.codec import MAX_FRAME
 from protocol.conformance.bench import Bench, Party
 from protocol.conformance.expectations import Broken, expect
 from protocol.conformance.line import Map, pack, pack_small, pack_wide, said
-from protocol.conformance.registry import check
+from protocol.conformance.registry import Need, check
 
 VECTORS: Final[tuple[Map, ...]] = tuple(
     vector
@@ -113,6 +114,16 @@ def odd_keys(bench: Bench) -> None:
         (b"\xc0", "The key nil"),
     ):
         _refused_for(party, _with_extra(beat, key, pack_small(beat["id"])), beat, what)
+    twice = b"\x82\xa1a\x01\xa1a\x01"
+    for value, what in (
+        (twice, "A key twice in an inner map"),
+        (b"\x91" + twice, "A key twice in a map in an array"),
+        (b"\x81\xa1b" + twice, "A key twice in a map in a map"),
+    ):
+        _refused_for(party, _with_extra(beat, pack_small("extra"), value), beat, what)
+    perform = party.request("perform")
+    frame = _with_extra(perform, pack_small("targets"), twice)
+    _refused_for(party, frame, perform, "A joint twice in the targets")
 
 
 @check("2.3", after=("2.11",))
@@ -235,3 +246,22 @@ def garbage(bench: Bench) -> None:
         expect(after.get(name) == before.get(name), f"Garbage changed the robot's {name}.")
     party.hello()
     expect(party.session == session, "Garbage changed the client's session.")
+
+
+@check("2.11", need=Need.CONTROL, after=("2.11", "5.1"))
+def garbage_and_control(bench: Bench) -> None:
+    """No invalid frame, of the controller or of another, takes control away."""
+    other = bench.party()
+    with bench.controlled() as party:
+        for client in (party, other):
+            mistaken = party.request("release")
+            release = pack(mistaken | {"client": 5})
+            for frame in (b"\xc1", bytes(MAX_FRAME + 1), release):
+                client.ask_raw(frame, None, mistaken["id"])
+            for vector in VECTORS:
+                client.ask_raw(bytes.fromhex(vector["hex"]), None, vector["id"])
+            client.line.send_parts(b"", pack(party.request("heartbeat")))
+            client.line.reply(None)
+            kept = other.status().get("controller")
+            whose = "the controller's" if client is party else "another client's"
+            expect(kept == party.name, f"After {whose} garbage, {kept or 'nobody'} has control.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import msgpack
@@ -80,10 +80,16 @@ class Line:
 
     def reply(self, request_id: int | None, *, patience: float | None = None) -> Map | None:
         """The next reply with this id (``None``: without one), or ``None`` where none comes."""
+        return self.first_of((request_id,), patience=patience)
+
+    def first_of(
+        self, request_ids: Collection[int | None], *, patience: float | None = None
+    ) -> Map | None:
+        """The next reply with one of these ids, or ``None`` where none comes."""
         end = time.monotonic() + (self._settings.patience if patience is None else patience)
         while True:
             for found in self._heard:
-                if found.get("id") == request_id:
+                if found.get("id") in request_ids:
                     self._heard.remove(found)
                     return found
             left = end - time.monotonic()

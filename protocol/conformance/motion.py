@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from protocol.capabilities import Capabilities
@@ -28,11 +29,15 @@ def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, f
 
 def _performed(bench: Bench, party: Party, share: float) -> tuple[dict[str, float], Map]:
     targets = small_targets(bench.capabilities(), share)
+    return targets, _felt(party, targets)
+
+
+def _felt(party: Party, targets: Mapping[str, float]) -> Map:
     request = party.request("perform", targets=targets)
     party.line.send(request)
     _, felt = party.wait_for(request["id"])
     expect(felt["type"] == "observation", f"A perform ended with {said(felt)}.")
-    return targets, felt
+    return felt
 
 
 def _rest(bench: Bench, party: Party) -> None:
@@ -100,6 +105,24 @@ def perform(bench: Bench) -> None:
         again = party.ask("perform", id=felt["id"], targets=targets)
         expect(again == felt, f"The same perform again was answered with {said(again)}.")
         expect(party.status()["sequence"] == before, "The same perform was carried out twice.")
+        _rest(bench, party)
+
+
+@check("7.9", need=Need.MOTION)
+def joints_at_the_end(bench: Bench) -> None:
+    """Joints at the end of their range are named as saturated, and no others."""
+    if not bench.settings.far:
+        raise Untried("This needs --far.")
+    capabilities = bench.capabilities()
+    with bench.controlled() as party:
+        joint = capabilities.joints[0]
+        for end in ("upper", "lower"):
+            targets = small_targets(capabilities, 0.0) | {joint.name: getattr(joint, end)}
+            found = _felt(party, targets)["saturated_joints"]
+            expect(
+                found == [joint.name],
+                f"With {joint.name} alone at its {end} limit, the saturated joints are {found}.",
+            )
         _rest(bench, party)
 
 

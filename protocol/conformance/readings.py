@@ -177,6 +177,8 @@ def _publications(bench: Bench, seconds: float) -> tuple[float, list[list[bytes]
         while (left := begun + seconds - time.monotonic()) > 0:
             if subscriber.poll(math.ceil(left * 1000)):
                 found.append(subscriber.recv_multipart())
+        if not found and subscriber.poll(math.ceil(patience * 1000)):  # late, by which 11.2 judges
+            found.append(subscriber.recv_multipart())
         return capabilities.telemetry_rate, found, time.monotonic() - begun
     finally:
         subscriber.close()

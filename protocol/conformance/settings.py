@@ -18,6 +18,9 @@ class Settings:
         keys: The suite's keys, or ``None``.
         move: Whether the robot may be moved, and other clients be disturbed.
         slow: Whether to try what takes half a minute.
+        far: Whether joints may be moved to the ends of their ranges.
+        other_keys: Keys of another client, or ``None``.
+        shut_down: Makes the robot's daemon end; ``None``: it may not end.
         patience: Seconds to wait for an answer that must come.
         motion: Seconds that one interaction may take.
         clock: Measures the silences that ``slow`` needs, s.
@@ -28,6 +31,9 @@ class Settings:
     keys: ClientKeys | None = None
     move: bool = False
     slow: bool = False
+    far: bool = False
+    other_keys: ClientKeys | None = None
+    shut_down: Callable[[], object] | None = None
     patience: float = 3.0
     motion: float = 120.0
     clock: Callable[[], float] = time.monotonic

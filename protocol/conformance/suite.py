@@ -25,6 +25,7 @@ for _module in (
     "sessions",
     "ids",
     "control",
+    "floods",
     "readings",
     "motion",
     "waiting",
@@ -38,16 +39,10 @@ NOT_CHECKED: Final = MappingProxyType(
         "1.12": "a robot's address and its options cannot be seen from outside",
         "1.14": "for clients",
         "1.16": "needs the robot's list of keys",
-        "1.17": "needs two keys",
-        "1.18": "needs a robot that reads slowly",
         "3.1": "for clients",
         "3.9": "for clients",
         "4.1": "for clients",
-        "4.11": "needs a robot that reads slowly",
         "4.13": "for clients",
-        "5.14": "needs the robot to be shut down",
-        "5.15": "needs a robot that reads slowly",
-        "5.16": "needs a robot that reads slowly",
         "5.17": "needs a robot that acts slowly",
         "6.3": "needs to see the robot",
         "6.4": "needs a robot that acts slowly",
@@ -57,7 +52,7 @@ NOT_CHECKED: Final = MappingProxyType(
 )
 """Clauses that no check tries, and why."""
 
-_LAST: Final = frozenset({"7.5", "8.1"})  # they look back at all answers
+_LAST: Final = ("7.5", "8.1", "5.14")  # they look back at all answers, and end the daemon
 _BUILT_ON: Final = MappingProxyType(
     {
         Need.CONTROL: {Need.CONTROL},
@@ -100,14 +95,15 @@ def ordered() -> list[Check]:
 
     def add(each: Check) -> None:
         for needed in CHECKS:
-            if needed.clauses[0] in each.after:
+            if needed is not each and needed.clauses[0] in each.after:
                 add(needed)
         found.setdefault(each)
 
-    def rank(each: Check) -> tuple[bool, bool, int]:
+    def rank(each: Check) -> tuple[int, int]:
+        first = each.clauses[0]
         if each.basic is not None:
-            return False, False, 0
-        return True, not _LAST.isdisjoint(each.clauses), place[each.clauses[0]]
+            return 0, 0
+        return (2, _LAST.index(first)) if first in _LAST else (1, place[first])
 
     for each in sorted(CHECKS, key=rank):
         add(each)

@@ -168,3 +168,22 @@ def a_viewers_key(bench: Bench) -> None:
     party.status()
     reply = party.ask("read")
     expect(reply.get("code") != "unauthorised", "A viewer was refused a read.")
+
+
+@check("1.17", need=Need.KEYS)
+def a_borrowed_id(bench: Bench) -> None:
+    """A client's id, used with another key, is unauthorised."""
+    others = bench.settings.other_keys
+    if others is None:
+        raise Untried("This needs the keys of another client, --other-keys.")
+    owner = bench.party()
+    line = bench.line_with(others)
+    try:
+        thief = Party(bench, owner.name, line)
+        thief.expect("unauthorised", "hello", versions=[1])
+        thief.session = owner.session
+        thief.expect("unauthorised", "heartbeat")
+        thief.expect("unauthorised", "read")
+    finally:
+        line.close()
+    owner.status()

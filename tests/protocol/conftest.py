@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -14,11 +15,14 @@ import pytest
 from protocol.capabilities import Capabilities, Joint, Sensor
 from protocol.errors import RobotError
 from protocol.keys import ROBOT, KeyDirectory, Known, read_public
-from protocol.messages import ErrorReply, Observation, Ok, Perform, Read, Stop
+from protocol.messages import Clear, ErrorReply, Observation, Ok, Perform, Read, Stop
 from protocol.robot import Finished, Progressed, RobotEvent, RobotRequest, Snapshot
 from protocol.server import Server
 from protocol.states import State
+from robot.controller import Controller
+from sim_robot.still import still_robot
 from tests.protocol.core_bench import Bench
+from tests.robot.stepped import SteppedClock
 
 
 def make_capabilities(**changes: Any) -> Capabilities:
@@ -248,3 +252,22 @@ def serve() -> Iterator[Serve]:
             return server
 
         yield start
+
+
+@pytest.fixture(scope="module")
+def controller() -> Iterator[Controller]:
+    """A robot's control loop on still electronics, whose clock runs as fast as it can."""
+    with still_robot(SteppedClock(), housekeeping=None, log=logging.getLogger("still")) as robot:
+        robot.controller.start()
+        yield robot.controller
+        assert robot.controller.shut_down()
+
+
+@pytest.fixture
+def calm(controller: Controller) -> Controller:
+    """The same, at rest, whatever the test before did."""
+    if controller.snapshot().state not in ("idle", "holding"):
+        controller.submit(0, Clear(id=0, client="test", session="s"))
+        while not list(controller.events()):
+            threading.Event().wait(0.005)
+    return controller

@@ -14,11 +14,14 @@ from protocol.server import Server
 from tests.protocol.spoilt import (
     Fault,
     Map,
+    any_number_under_way,
     any_session,
     controller_may_go,
     decodes,
     first_connection_only,
     first_of_several,
+    garbage_ends_control,
+    keys_twice_inside,
     last_come_first_served,
     loosely,
     loses,
@@ -79,6 +82,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     ),
     "ignores what follows a frame": ("2.1", decodes(first_of_several)),
     "takes the last of two keys": ("2.2", decodes(loosely)),
+    "takes the last of two inner keys": ("2.2", decodes(keys_twice_inside)),
     "takes binary for text": ("2.3", decodes(text_of_bytes)),
     "takes any integer": ("2.4", decodes(loosely)),
     "takes only its own encoding": (
@@ -111,6 +115,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "2.12",
         replies("error", lambda f: {key: value for key, value in f.items() if key != "id"}),
     ),
+    "lets garbage end control": ("2.11", patches(ServerCore, "complain", garbage_ends_control)),
     "chooses another version": ("3.2", replies("welcome", lambda f: f | {"version": 2})),
     "takes any version": ("3.3", requests("hello", lambda f: f | {"versions": [1]})),
     "needs no session": (
@@ -144,6 +149,11 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "4.10",
         patches(Clients, "find", unknown_session_uses_ids_up),
     ),
+    "loses reads in a flood": (
+        "4.11",
+        loses(lambda f: f.get("type") == "read" and f["id"] % 100 == 99),
+    ),
+    "takes any number of requests": ("4.11", patches(Client, "begin", any_number_under_way)),
     "looks at targets before control": (
         "4.12",
         parses(lambda f: "empty" if f.get("targets") == {} else None),
@@ -184,6 +194,16 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     "forgets an angle": (
         "7.7",
         replies("observation", lambda f: f | {"angles": {"hip_left": 0.0}}),
+    ),
+    "never names a saturated joint": (
+        "7.9",
+        replace(replies("observation", lambda f: f | {"saturated_joints": []}), move=True),
+    ),
+    "names joints that are not saturated": (
+        "7.9",
+        replace(
+            replies("observation", lambda f: f | {"saturated_joints": [*f["angles"]]}), move=True
+        ),
     ),
     "repeats a sequence": ("7.8", replies("observation", lambda f: f | {"sequence": 1})),
     "has errors that can be retried": ("8.1", replies("error", _turned)),

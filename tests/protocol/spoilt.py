@@ -165,6 +165,18 @@ def text_of_bytes(frame: bytes) -> Any:
     return {plain(key): plain(value) for key, value in found.items()}
 
 
+def keys_twice_inside(frame: bytes) -> Any:
+    """Takes the last of two keys, but for those of the frame's own map."""
+
+    def hook(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
+        found = dict(pairs)
+        if "type" in found and len(found) < len(pairs):
+            raise ValueError
+        return found
+
+    return msgpack.unpackb(frame, object_pairs_hook=hook)
+
+
 def short(found: Map) -> Map:
     """A frame without the padding that made it too long."""
     return {key: value for key, value in found.items() if key != "padding"}
@@ -222,6 +234,17 @@ def last_come_first_served(
     return _acquire(self, client, outcome, now)
 
 
+def garbage_ends_control(self: ServerCore, peer: bytes, error: RemoteProtocolError) -> Send:
+    self._lease.free()
+    return _complain(self, peer, error)
+
+
+def any_number_under_way(self: Client, request: Request, peer: bytes) -> Outcome:
+    outcome = self.outcomes[request.id] = Outcome.of(request, peer)
+    self.highest = request.id
+    return outcome
+
+
 def controller_may_go(self: Clients, name: str, **options: Any) -> Client:
     return _welcome(self, name, **(options | {"keep": None}))
 
@@ -231,7 +254,7 @@ def _never_freed(self: Lease, now: float) -> list[Any]:
 
 
 _welcome, _find, _recall = Clients.welcome, Clients.find, Client.recall
-_acquire = ServerCore._acquire
+_acquire, _complain = ServerCore._acquire, ServerCore.complain
 
 
 def first_connection_only() -> Fault:
