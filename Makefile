@@ -60,7 +60,7 @@ fuzz: $(READY) ## Two million frames through codec and server core; about seven 
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt 'atheris>=3.0'
 	$(BIN)/python -m tests.fuzz.long
 
-leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged lines; about 10 minutes
+leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged lines; some minutes
 	$(BIN)/python -m tests.faults.leaps
 
 faults: $(READY) ## Write docs/faults.md from the fault matrix

@@ -92,9 +92,11 @@ class RobotConfig:
     noise: NoiseConfig
 
     def __post_init__(self) -> None:
-        _all_different("joint", "name", [joint.name for joint in self.joints])
-        _all_different("joint", "output", [joint.output for joint in self.joints])
-        _all_different("touch", "name", [gauge.name for gauge in self.gauges])
+        joints = [joint.name for joint in self.joints]
+        gauges = [gauge.name for gauge in self.gauges]
+        _all_different("joint", joints, "name", joints)
+        _all_different("joint", joints, "output", [joint.output for joint in self.joints])
+        _all_different("touch", gauges, "name", gauges)
         channels = [*self.accelerometer.channels, *(gauge.channel for gauge in self.gauges)]
         for number, gauge in enumerate(self.gauges, 1):
             key = numbered("touch", number, gauge.name)
@@ -127,13 +129,14 @@ class RobotConfig:
         return hashlib.sha256(repr(nameless).encode()).hexdigest()[:12]
 
 
-def _all_different(table: str, key: str, values: Sequence[str | int]) -> None:
-    for number, value in enumerate(values, 1):
-        first = values.index(value) + 1
-        if first < number:
+def _all_different(table: str, names: Sequence[str], key: str, values: Sequence[str | int]) -> None:
+    for index, value in enumerate(values):
+        first = values.index(value)
+        if first < index:
             raise ConfigError(
-                f"is {value!r}, as that of {table} {first}: each has one of its own.",
-                key=f"{table} {number}.{key}",
+                f"is {value!r:.80}, as that of {numbered(table, first + 1, names[first])}: each "
+                "has one of its own.",
+                key=f"{numbered(table, index + 1, names[index])}.{key}",
             )
 
 

@@ -205,7 +205,7 @@ class Section:
 
 def numbered(key: str, number: int, name: object) -> str:
     """How a person finds one of several tables: ``joint 2 (hip_front)``, counted from 1."""
-    return f"{key} {number} ({name})" if name and isinstance(name, str) else f"{key} {number}"
+    return f"{key} {number} ({name:.64})" if name and isinstance(name, str) else f"{key} {number}"
 
 
 def _is_number(value: Any) -> bool:

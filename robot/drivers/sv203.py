@@ -17,7 +17,7 @@ on would follow the moves after a reset.
 Source: Pontech SV203 User Manual, revision 1.20. Three things are not in it, and want a look with
 an oscilloscope on a new board: that count 0 stops the pulses (``release``), that a reply to ``RR``
 ends with a carriage return as one to ``AD`` does, and whether the return counts among the 20
-characters (lines here have at most 18 without it).
+characters (lines here have at most 15 without it).
 """
 
 from __future__ import annotations

@@ -80,8 +80,16 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
             "limits_deg = [74, -96]",
             [HIP_LIMITS, "rise"],
         ),
-        ("output = 2", "output = 1", ["joint 2.output", "is 1, as that of joint 1"]),
-        ('name = "hip_front"', 'name = "hip_left"', ["joint 2.name", "'hip_left'", "joint 1"]),
+        (
+            "output = 2",
+            "output = 1",
+            ["joint 2 (hip_front).output", "is 1, as that of joint 1 (hip_left)"],
+        ),
+        (
+            'name = "hip_front"',
+            'name = "hip_left"',
+            ["joint 2 (hip_left).name", "'hip_left'", "joint 1"],
+        ),
         ("channel = 4", "channel = 3", ["touch 1 (lower_left).channel", "input 3"]),
         ("channel = 6", "channel = 2", ["touch 4 (lower_back).channel", "input 2"]),
         ("debounce = 3", "debounce = 30", ["touch 1 (lower_left).debounce", "30", "10 samples"]),

@@ -36,14 +36,14 @@ def test_a_line_selects_the_servo_never_the_board_and_carries_two_servos() -> No
     assert lines == [b"SV1M7SV3M128", b"SV8M255"]
 
 
-def test_no_line_exceeds_19_characters() -> None:
+def test_no_line_exceeds_15_characters() -> None:
     def act(driver: SV203) -> None:
         driver.set_counts(dict.fromkeys(OUTPUTS, 255))
         driver.release()
 
     lines = written_by(255, act)
     assert len(lines) == 8
-    assert max(map(len, lines)) <= 19
+    assert max(map(len, lines)) == 15
 
 
 def test_only_changes_are_sent() -> None:
