@@ -22,7 +22,7 @@ from estimator.morphology import Array, Base
 from estimator.physics.base import Settings
 from estimator.problem_sections import Motors, PartRule, SearchSettings, Strict, World
 from estimator.problem_template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
-from estimator.problem_values import Name, Positive, complaint
+from estimator.problem_values import Density, Name, complaint
 from protocol.capabilities import Capabilities
 from protocol.toml import TomlError, parse_toml
 
@@ -46,7 +46,7 @@ class Problem(Strict):
 
     name: Name
     description: str
-    density: Positive
+    density: Density
     motors: Motors
     search: SearchSettings
     world: World = World()

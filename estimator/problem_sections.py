@@ -17,6 +17,7 @@ from estimator.problem_values import (
     Parent,
     Population,
     Positive,
+    Radius,
     Side,
 )
 from estimator.search.operators import (
@@ -55,7 +56,7 @@ class PartRule(Strict):
     side: Side
     hinge: Hinge
     length: Length
-    radius: Positive
+    radius: Radius
     motor: Number | None = None
     locked: Number | None = None
     sensor: Number | None = None

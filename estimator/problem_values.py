@@ -13,9 +13,9 @@ from typing import Annotated, Any, Final, TypeAlias
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
 from estimator.morphology import HINGES, SIDES
+from estimator.plausible import DENSITIES, LENGTHS
 
 UNKNOWN: Final = "unknown"
-_LONGEST: Final = 10.0  # m; a longer part is a slip of the unit
 
 
 def _choice(names: Sequence[str]) -> BeforeValidator:
@@ -56,8 +56,8 @@ def _parse_range(value: Any) -> tuple[float, float]:
 
 def _parse_length(value: Any) -> tuple[float, float]:
     low, high = _parse_range(value)
-    if low <= 0 or high > _LONGEST:
-        raise ValueError(f"must lie above 0 and at most {_LONGEST:g} m, not {value!r}")
+    if low < LENGTHS[0] or high > LENGTHS[1]:
+        raise ValueError(f"must lie in {LENGTHS[0]:g} to {LENGTHS[1]:g} m, not {value!r}")
     return low, high
 
 
@@ -74,6 +74,15 @@ def _count_from_0(value: Any) -> int:
     return value - 1
 
 
+def _between(low: float, high: float, unit: str) -> AfterValidator:
+    def check(value: float) -> float:
+        if not low <= value <= high:
+            raise ValueError(f"must lie in {low:g} to {high:g} {unit}, not {value:g}")
+        return value
+
+    return AfterValidator(check)
+
+
 def _even(value: int) -> int:
     if value % 2:
         raise ValueError(f"must be even, not {value}: members mate in pairs")
@@ -82,6 +91,8 @@ def _even(value: int) -> int:
 
 Ends: TypeAlias = tuple[float, float]
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
+Radius: TypeAlias = Annotated[Positive, _between(*LENGTHS, "m")]
+Density: TypeAlias = Annotated[Positive, _between(*DENSITIES, "kg/m³")]
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
@@ -119,7 +130,11 @@ def complaint(error: ValidationError, origin: str, parts: Sequence[int] = ()) ->
                 key += f"[{step + 1}]"
             else:
                 key += f".{step}" if key else str(step)
-        reasons = {"missing": "is missing", "extra_forbidden": "is no key of a problem file"}
+        reasons = {
+            "missing": "is missing",
+            "extra_forbidden": "is no key of a problem file",
+            "too_short": "must hold at least one",
+        }
         reason = reasons.get(item["type"], item["msg"].removeprefix("Value error, "))
         line = f"{key}: {reason}" if key else reason
         if line not in lines:

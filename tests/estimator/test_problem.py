@@ -101,8 +101,8 @@ def test_a_missing_problem_is_refused(tmp_path: Path) -> None:
         ('hinge = "up"', 'hinge = "ball"', "parts.1..hinge: must be one of 'yaw_left'"),
         ("[0.01, 0.20]", "[0.20, 0.01]", r"parts\[1\].length: the lowest must lie below"),
         ("[0.01, 0.20]", "[0.10, 0.10]", r"parts\[1\].length: the lowest must lie below"),
-        ("[0.01, 0.20]", "[0.0, 0.20]", "must lie above 0"),
-        ("[0.01, 0.20]", "[10, 200]", "at most 10 m"),
+        ("[0.01, 0.20]", "[0.0, 0.20]", "must lie in 0.0001"),
+        ("[0.01, 0.20]", "[10, 200]", "0.0001 to 10 m"),
         ("[0.01, 0.20]", "[0.01]", r"must be a number or \[lowest, highest\]"),
         ("[0.01, 0.20]", "true", "must be a number"),
         ("radius = 0.013", "radius = -0.013", r"parts\[1\].radius"),
@@ -198,3 +198,19 @@ def test_all_joints_may_be_driven_with_explicit_parts(driven: str) -> None:
         problem.for_robot(robot)
     three = replace(robot, joints=robot.joints[:3], part_radii=robot.part_radii[:3])
     assert len(problem.for_robot(three).parts) == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("density = 1000.0", "density = 1e6", r"density: must lie in 1 to 25000 kg/m³"),
+        ("density = 1000.0", "density = 0.001", r"density: must lie in 1 to 25000 kg/m³"),
+        ("[0.05, 0.25]", "[50.0, 250.0]", r"parts\[1\]\.length: must lie in 0\.0001 to 10 m"),
+        ("[0.05, 0.25]", "[0.00005, 0.00025]", r"parts\[1\]\.length: must lie in 0\.0001 to"),
+        ("radius = 0.006", "radius = 6e-6", r"parts\[1\]\.radius: must lie in 0\.0001 to 10 m"),
+        ("radius = 0.006", "radius = 13.0", r"parts\[1\]\.radius: must lie in 0\.0001 to 10 m"),
+    ],
+)
+def test_slips_of_the_unit_are_refused(old: str, new: str, sentence: str) -> None:
+    with pytest.raises(ProblemError, match=sentence):
+        Problem.parse(PROBLEM.replace(old, new, 1), "test")
