@@ -26,7 +26,8 @@ MODALITIES: Final = ("touch", "tilt", "clearance")
 CLEARANCE_WEIGHT: Final = 10.0  # the paper's
 EXCUSED: Final = 1
 """Interactions in which a body may be undecided: one in five hundred is by accident, so a body that
-is undecided twice is built so."""
+is undecided twice is built so. A search also finds some that are undecided once and would fit worse
+otherwise: docs/statics.md tells how often."""
 
 
 def check_modalities(names: Sequence[str]) -> tuple[str, ...]:

@@ -1,0 +1,109 @@
+"""How often is the best model of a run excused from an interaction, and does that hide a misfit?
+
+``python -m bench.excused RUN…`` takes finished runs that statics searched, such as those of
+``estimator identify --physics statics``, and prints a line for each and a total.
+
+A pose is *undecided* where the model is balanced, and then the model is excused from that
+interaction. What the excuse hides is told by the model's neighbours, whose genes differ by a
+thousandth of their range: if none of those that are decided in that pose explains it as well as the
+model's error claims, the model does not explain it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from estimator.error import interaction_errors
+from estimator.genome import Genome
+from estimator.morphology import Array
+from estimator.physics.base import Flags
+from estimator.physics.statics import StaticsPhysics
+from estimator.run import problem_of, world_of
+from estimator.store import RunStore
+
+NEIGHBOURS: Final = 30
+NEAR: Final = 1e-3
+
+
+@dataclass(frozen=True)
+class Excused:
+    """Counts of generations.
+
+    Attributes:
+        generations: All of a run.
+        excused: Those whose best model is excused from an interaction.
+        hidden: Those of them in which that hides a misfit.
+        ends: Ends of iterations among the excused.
+        final: Whether the search's last best model is excused.
+    """
+
+    generations: int = 0
+    excused: int = 0
+    hidden: int = 0
+    ends: int = 0
+    final: int = 0
+
+    def __add__(self, other: Excused) -> Excused:
+        return Excused(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+
+    def __str__(self) -> str:
+        return (
+            f"{self.generations} generations, {self.excused} excused "
+            f"({self.excused / self.generations:.1%}), {self.hidden} hide a misfit, "
+            f"{self.ends} end an iteration, {self.final} the run"
+        )
+
+
+def count(directory: Path) -> Excused:
+    """Goes through the generations of a run."""
+    rng = np.random.default_rng(0)
+    found = Excused()
+    with RunStore.open(directory, to_write=False) as store:
+        problem, settings = problem_of(store), store.settings
+        genome = Genome(problem, problem.base(store.capabilities))
+        seen = [item.as_arrays() for item in store.observations()]
+        generations = store.generations()
+        with StaticsPhysics(world_of(store, problem)) as physics:
+            for item in generations:
+                genes, known = np.array(item.best), seen[: item.iteration + 1]
+                body = genome.decode(genes)
+                readings = physics.read([(body, target.angles) for target in known])
+                balanced = np.flatnonzero(readings.undecided & readings.valid)
+                if not balanced.size:
+                    found += Excused(generations=1)
+                    continue
+                near = np.clip(genes + rng.normal(0, NEAR, (NEIGHBOURS, len(genes))), 0, 1)
+                hides = False
+                for turn in balanced:
+                    target = known[turn]
+                    around = physics.read([(genome.decode(row), target.angles) for row in near])
+                    errors = interaction_errors(around, target, settings.modalities)
+                    hides |= _least(errors, around.undecided) > min(item.errors)
+                end = item.number % (settings.generations + 1) == settings.generations
+                last = item.number == len(generations) - 1
+                found += Excused(1, 1, int(hides), int(end), int(last))
+    return found
+
+
+def _least(errors: Array, undecided: Flags) -> float:
+    return float(np.min(errors[~undecided], initial=np.inf))
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Prints the counts of each run, and their total."""
+    total = Excused()
+    for name in arguments:
+        found = count(Path(name))
+        print(f"{name}: {found}", flush=True)
+        total += found
+    print(f"total: {total}")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
