@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from itertools import chain
+from concurrent.futures import as_completed
+from contextlib import ExitStack
+from itertools import chain, islice
+from pathlib import Path
+from threading import Semaphore, Thread
 from typing import Any
 
 import pytest
 
+from protocol.client import RobotClient
+from protocol.core import MAX_READS
 from protocol.errors import RobotError
 from protocol.messages import Clear, ErrorReply, Hold, Observation, Ok, Read, Relax, Stop
+from protocol.robot import RobotRequest
+from protocol.server import Server
+from tests.protocol.background import in_background
+from tests.protocol.conftest import Keyring
 from tests.robot.stepped import Bench, program, request, shake
 
 READS = 128
@@ -166,3 +176,41 @@ def test_a_reason_lasts_as_long_as_its_state(bench: Bench) -> None:
     assert bench.robot.controller.snapshot().reason == "A client sent stop."
     bench.ok(Clear(id=1, client="test", session="s"))
     assert bench.robot.controller.snapshot().reason is None
+
+
+def test_a_viewer_with_a_key_holds_up_nobody(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keyring, controller = Keyring(tmp_path), bench.robot.controller
+    ann, bob = keyring.client("ann", "controller"), keyring.client("bob", "viewer")
+    submit, submitted = controller.submit, Semaphore(0)
+
+    def counted(ticket: int, asked: RobotRequest) -> None:
+        submit(ticket, asked)
+        submitted.release()
+
+    monkeypatch.setattr(controller, "submit", counted)
+    shake(bench, at_zero=True)
+    bench.clock.freeze()
+    with ExitStack() as stack:
+        server = Server(controller, bind="tcp://127.0.0.1:*", keys=keyring.robot)
+        serving = Thread(target=server.run)
+        serving.start()
+        stack.callback(serving.join)
+        stack.callback(server.close)
+        viewers = [
+            stack.enter_context(RobotClient(server.endpoint, keys=bob)) for _ in range(MAX_READS)
+        ]
+        steering = stack.enter_context(RobotClient(server.endpoint, keys=ann))
+        stack.callback(bench.clock.free)
+        steering.acquire()
+        reads = [in_background(viewer.read) for viewer in viewers]
+        assert all(submitted.acquire(timeout=20) for _ in reads)
+        relaxing = in_background(steering.relax)
+        waiting = islice(as_completed(reads, timeout=20), MAX_READS - 1)
+        errors = [read.exception() for read in waiting]  # while time stands still for the robot
+        bench.clock.free()
+        assert relaxing.result(20).state == "relaxed"
+        errors += [read.exception(20) for read in reads]
+    assert {error.code for error in errors if isinstance(error, RobotError)} == {"aborted_read"}
+    assert len(errors) == 2 * MAX_READS - 1
