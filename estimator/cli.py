@@ -300,7 +300,7 @@ def _plot_with_truth(store: RunStore, found: Score) -> None:
             generations,
             genome,
             found.joints,
-            np.array(found.true_lengths_m).tolist(),
+            targets=np.array(found.true_lengths_m).tolist(),
             last_word=store.finish() is not None,
         ),
     )
