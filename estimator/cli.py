@@ -296,12 +296,7 @@ def _plot_with_truth(store: RunStore, found: Score) -> None:
     replace(
         store.directory / LENGTHS_WITH_TRUTH,
         lambda path: plot_lengths(
-            path,
-            generations,
-            genome,
-            found.joints,
-            targets=np.array(found.true_lengths_m).tolist(),
-            last_word=store.finish() is not None,
+            path, generations, genome, found.joints, np.array(found.true_lengths_m).tolist()
         ),
     )
 

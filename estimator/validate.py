@@ -138,7 +138,6 @@ def _programs(
         drawn = [problem.random_program(rng, store.capabilities) for _ in range(count)]
         return [tuple(program.tolist()) for program in drawn]
     fitted = [item.program for item in store.interactions()]
-    fitted += [item.angles for item in store.observations()]  # what tables hold, after rounding
     fresh = [
         program for program in link.recorded if not any(_alike(program, one) for one in fitted)
     ]

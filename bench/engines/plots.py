@@ -26,7 +26,7 @@ def plot_differences(path: Path, everything: Sequence[Compared]) -> None:
     """Share of poses that differ by more than so much: statics, and the engines themselves."""
     figure, panels = _panels(len(everything))
     for axes, compared in zip(panels, everything, strict=True):
-        for colour, run in zip(COLOURS, _CURVES, strict=True):
+        for colour, run in zip(COLOURS, _CURVES, strict=False):
             counted = compared.counted(run)
             label = f"statics – {RUNS[run].label}"
             _tail(axes, compared.differences(run)[counted], label, colour, "-")
@@ -46,7 +46,7 @@ def plot_risk(path: Path, everything: Sequence[Compared]) -> None:
     """Risk–coverage: share of poses over 0.5° apart among those with the largest margins."""
     figure, panels = _panels(len(everything))
     for axes, compared in zip(panels, everything, strict=True):
-        for colour, run in zip(COLOURS, _CURVES, strict=True):
+        for colour, run in zip(COLOURS, _CURVES, strict=False):
             kept, risk = risk_coverage(compared, run)
             axes.plot(100 * kept, 100 * risk, color=colour, linewidth=1.1, label=RUNS[run].label)
         axes.axvline(100 * COVERED, color="0.7", linewidth=0.8)

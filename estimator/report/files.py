@@ -64,14 +64,9 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) ->
     if generations and plots:
         genome = Genome(problem, problem.base(store.capabilities))
         names = [leg.joint for leg in result.legs]
-        last_word = result.finish is not None
+        replace(store.directory / ERRORS, lambda path: plot_errors(path, generations))
         replace(
-            store.directory / ERRORS,
-            lambda path: plot_errors(path, generations, last_word=last_word),
-        )
-        replace(
-            store.directory / LENGTHS,
-            lambda path: plot_lengths(path, generations, genome, names, last_word=last_word),
+            store.directory / LENGTHS, lambda path: plot_lengths(path, generations, genome, names)
         )
 
 

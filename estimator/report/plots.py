@@ -35,17 +35,10 @@ _ABOVE: Final[dict[str, Any]] = {
 """Where a legend hides nothing."""
 
 
-def plot_errors(path: Path, generations: Sequence[Generation], *, last_word: bool = False) -> None:
-    """The subjective error of every model over generations; a line where an iteration ends.
-
-    Args:
-        path: Where to write.
-        generations: The run's generations.
-        last_word: Whether the last one is the reference back-end's word on the leading models.
-    """
+def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
+    """The subjective error of every model over generations; a line where an iteration ends."""
     figure, axes = _axes()
     draw_errors(axes, generations)
-    _name_last(axes, last_word=last_word)
     _save(figure, path)
 
 
@@ -70,9 +63,7 @@ def plot_lengths(
     generations: Sequence[Generation],
     genome: Genome,
     names: Sequence[str],
-    *,
     targets: Sequence[float] = (),
-    last_word: bool = False,
 ) -> None:
     """The best model's leg lengths over generations.
 
@@ -82,11 +73,9 @@ def plot_lengths(
         genome: Decodes them.
         names: Names of the legs' joints.
         targets: True length of each leg, m; dots at the right, where they are known.
-        last_word: Whether the last generation is the reference back-end's word.
     """
     figure, axes = _axes()
     draw_lengths(axes, generations, genome, names, targets=targets)
-    _name_last(axes, last_word=last_word)
     _save(figure, path)
 
 
@@ -146,11 +135,6 @@ def _markers(sides: Sequence[str]) -> list[str]:
         free = [mark for mark in (MARKERS[side], *OTHER_MARKERS) if mark not in found]
         found.append(free[0] if free else MARKERS[side])
     return found
-
-
-def _name_last(axes: Axes, *, last_word: bool) -> None:
-    if last_word:
-        axes.set_xlabel("generation; last: PyBullet's word on the leading models")
 
 
 def _label(name: str) -> str:

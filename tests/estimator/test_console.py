@@ -2,14 +2,12 @@
 
 import io
 import json
-import sqlite3
 
 import pytest
-import typer
 from rich.table import Table
 from rich.text import Text
 
-from estimator.console import Terminal, print_json, sentences
+from estimator.console import Terminal, print_json
 from estimator.screen import Screen
 from protocol.errors import RobotError
 
@@ -58,9 +56,3 @@ def test_json_stays_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(said) == whole
     assert all(char.isprintable() or char == "\n" for char in said)
     assert "é" in said
-
-
-def test_a_full_disk_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(typer.Exit), sentences(None):
-        raise sqlite3.OperationalError("database or disk is full")
-    assert "Look whether the disk is full" in capsys.readouterr().err

@@ -153,16 +153,6 @@ def test_a_record_counts_as_fresh_only_what_no_model_was_fitted_to(
     assert clearances == [0.01, 0.02]  # each program's own, not the record's first
 
 
-def test_what_was_commanded_in_a_fitted_program_is_not_fresh_either(
-    run: tuple[RunStore, Problem], physics: PyBulletPhysics
-) -> None:
-    with run[0] as store:
-        store.plan(1, (0.3, 0.3, 0.3, 0.3))
-        store.observe(1, Observation(angles=(0.1, 0.2, 0.3, 0.4), touch=(True,) * 4))
-        with pytest.raises(InteractionError, match="fitted to 3, so 1 are fresh"):
-            validate(*run, physics, Fresh(), programs=2, listener=Listener())
-
-
 def test_a_record_without_what_was_predicted_is_refused(
     run: tuple[RunStore, Problem], physics: PyBulletPhysics
 ) -> None:

@@ -1,0 +1,140 @@
+"""The next motor program: the one that is expected to tell most, and what it would tell about."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.morphology import Array
+from estimator.posterior.information import Forecast, InformationGain
+from estimator.posterior.posterior import Posterior
+from estimator.posterior.unknowns import Columns, Predictor
+
+SURE_ENOUGH: Final = math.radians(0.5)
+"""A sample whose path margin is smaller foretells nothing."""
+
+_SAMPLES: Final = 200
+_CANDIDATES: Final = 1000
+_DRAWS: Final = 100
+_REFINED: Final = 12  # of the best candidates, each by
+_VARIANTS: Final = 8
+_SPREADS: Final = (math.radians(6.0), math.radians(3.0))
+_FINALISTS: Final = 20  # whose path margins are computed
+_FINAL_SAMPLES: Final = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """A motor program, and why.
+
+    Attributes:
+        program: rad, shape (motors,).
+        bits: Information that it is expected to give about the body.
+        about: The same about each column of the cube: about a choice, or about the half of its
+            range in which a length lies; shape (size,).
+    """
+
+    program: Array
+    bits: float
+    about: Array
+
+
+class Chooser:
+    """Chooses motor programs.
+
+    Args:
+        predictor: Computes readings.
+        gain: Computes information.
+        ends: Lowest and highest target of each motor, rad, shape (motors, 2).
+    """
+
+    def __init__(self, predictor: Predictor, gain: InformationGain, ends: Array) -> None:
+        self._predictor = predictor
+        self._gain = gain
+        self._ends = ends
+
+    def choose(self, posterior: Posterior, rng: np.random.Generator) -> Choice:
+        """The motor program to perform next.
+
+        Args:
+            posterior: What is believed so far.
+            rng: The choice's own.
+        """
+        rows = rng.permutation(len(posterior.values))[:_SAMPLES]
+        samples = _Samples(posterior.values[rows], posterior.scales[rows])
+        low, high = self._ends.T
+        programs = rng.uniform(low, high, (_CANDIDATES, len(low)))
+        bits = self._bits(samples, programs, rng)
+        for spread in _SPREADS:
+            best = np.repeat(
+                programs[np.argsort(-bits, kind="stable")[:_REFINED]], _VARIANTS, axis=0
+            )
+            near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
+            programs = np.concatenate([programs, near])
+            bits = np.concatenate([bits, self._bits(samples, near, rng)])
+        programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
+        few = samples.first(_FINAL_SAMPLES)
+        forecast = self._forecast(few, programs, sure=True)
+        count = len(few.values)
+        sure = self._gain.of(forecast, few.scales, np.arange(count), rng, draws=8 * count)
+        winner = int(np.argmax(sure))
+        return Choice(
+            program=programs[winner],
+            bits=float(sure[winner]),
+            about=self._about(samples, programs[winner : winner + 1], rng),
+        )
+
+    def _bits(self, samples: _Samples, programs: Array, rng: np.random.Generator) -> Array:
+        forecast = self._forecast(samples, programs, sure=False)
+        groups = np.arange(len(samples.values))
+        return self._gain.of(forecast, samples.scales, groups, rng, draws=_DRAWS)
+
+    def _forecast(self, samples: _Samples, programs: Array, *, sure: bool) -> Forecast:
+        count = len(samples.values)
+        bodies = self._predictor.unknowns.bodies(samples.values)
+        rows = np.tile(np.arange(count), len(programs))
+        each = np.repeat(programs, count, axis=0)
+        forecast = Forecast.of(self._predictor.read(bodies, rows, each), count)
+        if sure:
+            margins = self._predictor.margins(bodies, rows, each).reshape(-1, count)
+            forecast.silent[margins < SURE_ENOUGH] = True
+        return forecast
+
+    def _about(self, samples: _Samples, program: Array, rng: np.random.Generator) -> Array:
+        unknowns = self._predictor.unknowns
+        forecast = self._forecast(samples, program, sure=True)
+        about = np.zeros(unknowns.size)
+        for column, groups in _groups(
+            samples.values, unknowns.choices, unknowns.attachments(samples.values)
+        ):
+            about[column] = self._gain.of(
+                forecast, samples.scales, groups, rng, draws=4 * len(groups)
+            )[0]
+        for column in unknowns.continuous:
+            halves = (samples.values[:, column] > np.median(samples.values[:, column])).astype(
+                np.int64
+            )
+            about[column] = self._gain.of(
+                forecast, samples.scales, halves, rng, draws=4 * len(halves)
+            )[0]
+        return np.maximum(about, 0.0)
+
+
+@dataclass(frozen=True)
+class _Samples:
+    values: Array
+    scales: Array
+
+    def first(self, count: int) -> _Samples:
+        return _Samples(self.values[:count], self.scales[:count])
+
+
+def _groups(
+    values: Array, columns: Columns, chosen: NDArray[np.int64]
+) -> Sequence[tuple[int, NDArray[np.int64]]]:
+    return [(int(column), chosen[:, index]) for index, column in enumerate(columns)]

@@ -1,0 +1,141 @@
+"""The search for bodies that explain the readings: everything that happens before sampling.
+
+Chains wander on their levels; every set of attachments that a colder level visits is kept, its
+lengths are polished, and around the best few every other row of each part is tried. None of this
+leaves the posterior invariant, and nothing of it needs to: it only says where the posterior is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.morphology import Array
+from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.population import Population
+from estimator.posterior.slopes import Lengths, best_of_each
+from estimator.posterior.unknowns import Attachments, Predictor
+
+_WATCHED: Final = 3  # levels, from the coldest up
+_EVERY: Final = 5  # steps
+_POLISHED: Final = 200
+_LEADERS: Final = 4  # in one sweep
+_SWEEPS: Final = 3
+_ROWS: Final = 800  # random rows tried per part of a leader
+_PROMISING: Final = 60  # of them polished
+_SWEEP_WIDTH: Final = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bodies:
+    """The best point of each set of attachments, best first.
+
+    Attributes:
+        values: Shape (n, size).
+        fits: Log-likelihoods, shape (n,).
+    """
+
+    values: Array
+    fits: Array
+
+
+class Discovery:
+    """The search with one population, in rounds.
+
+    Args:
+        population: Its chains are moved.
+        predictor: The population's own.
+        data: What the robot felt.
+        noise: How far readings stray.
+        rng: The population's own, apart from its chains'.
+    """
+
+    def __init__(
+        self,
+        population: Population,
+        predictor: Predictor,
+        data: SensorData,
+        noise: Noise,
+        rng: np.random.Generator,
+    ) -> None:
+        population.observe(data, noise)
+        self._population = population
+        self._lengths = Lengths(predictor, data, Likelihood(data, noise))
+        self._visited = _Visited(predictor)
+        self._rng = rng
+
+    def search(self, steps: int) -> Bodies:
+        """One round.
+
+        Returns:
+            All sets of attachments that were met so far.
+        """
+        population, visited = self._population, self._visited
+        for step in range(steps):
+            population.step()
+            if step % _EVERY == _EVERY - 1:
+                levels = slice(0, _WATCHED * population.width)
+                visited.add(population.values[levels], population.posterior_fits(_WATCHED))
+        visited.polish(self._lengths)
+        for _ in range(_SWEEPS):
+            if not visited.sweep(self._lengths, self._rng):
+                break
+        return visited.best()
+
+    def start_anew(self) -> None:
+        """Draws the hotter half of the levels from the prior."""
+        self._population.restart(self._population.levels // 2)
+
+
+class _Visited:
+    """Sets of attachments that were met, with the best point of each."""
+
+    def __init__(self, predictor: Predictor) -> None:
+        self._unknowns = predictor.unknowns
+        self._points: dict[Attachments, tuple[float, Array]] = {}
+        self._polished: set[Attachments] = set()
+        self._swept: set[Attachments] = set()
+
+    def add(self, values: Array, fits: Array) -> None:
+        for key, fit, value in zip(self._unknowns.keys(values), fits.tolist(), values, strict=True):
+            if key not in self._points or self._points[key][0] < fit:
+                self._points[key] = fit, value.copy()
+
+    def best(self) -> Bodies:
+        kept = sorted(self._points.values(), key=lambda item: -item[0])
+        return Bodies(
+            values=np.array([value for _, value in kept]),
+            fits=np.array([fit for fit, _ in kept]),
+        )
+
+    def polish(self, lengths: Lengths) -> None:
+        values = self.best().values
+        fresh = [key not in self._polished for key in self._unknowns.keys(values)]
+        values = values[np.flatnonzero(fresh)[:_POLISHED]]
+        if len(values):
+            self._add_polished(values, lengths)
+
+    def sweep(self, lengths: Lengths, rng: np.random.Generator) -> bool:
+        """Tries other rows of each part of the best few; False when there is nobody to be swept."""
+        leaders = self.best().values[: 2 * _LEADERS]
+        keys = self._unknowns.keys(leaders)
+        chosen = [row for row, key in enumerate(keys) if key not in self._swept][:_LEADERS]
+        for row in chosen:
+            self._swept.add(keys[row])
+            trials = []
+            for columns in self._unknowns.parts:
+                trial = np.repeat(leaders[row : row + 1], _ROWS, axis=0)
+                trial[:, columns] = rng.random((_ROWS, columns.size))
+                trials.append(trial)
+            values = np.concatenate(trials)
+            fits = lengths.fits(values, _SWEEP_WIDTH)
+            order = best_of_each(self._unknowns.keys(values), fits)[:_PROMISING]
+            self._add_polished(values[order], lengths)
+        return bool(chosen)
+
+    def _add_polished(self, values: Array, lengths: Lengths) -> None:
+        better, fits = lengths.polished(values)
+        self._polished.update(self._unknowns.keys(better))
+        self.add(better, fits)

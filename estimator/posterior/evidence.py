@@ -1,0 +1,194 @@
+"""How much probability each set of attachments holds: its evidence, by importance sampling.
+
+How many chains of a short run lie in a mode says how often the mode was discovered, not how much
+it weighs. What it weighs is an integral over its few lengths and the noise factors. The lengths
+are drawn from a mixture that is fitted to the mode and adapted once (Student's t, broad ones too,
+and a part that covers the whole prior, so that no weight is unbounded); the two noise factors are
+integrated by a Gauss-Hermite rule.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import gammaln, logsumexp
+
+from estimator.morphology import Array
+from estimator.posterior.likelihood import Likelihood, SensorData
+from estimator.posterior.slopes import Lengths
+from estimator.posterior.unknowns import SCALE_SPREAD, Predictor
+
+_FREEDOM: Final = 5.0  # of Student's t
+_SHARES: Final = np.array([0.65, 0.27, 0.08])  # close, broad, anywhere
+_CLOSE: Final = 1.2
+_BROAD: Final = 3.0
+_ROUNDS: Final = 3
+_CENTRES: Final = 8
+_AT_ONCE: Final = 2000
+_NODES, _NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+_FACTORS: Final = SCALE_SPREAD * np.stack(np.meshgrid(_NODES, _NODES, indexing="ij"), -1).reshape(
+    -1, 2
+)
+_FACTOR_WEIGHTS: Final = np.log(np.outer(_NODE_WEIGHTS, _NODE_WEIGHTS).ravel() / (2 * math.pi))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModeEvidence:
+    """One set of attachments.
+
+    Attributes:
+        log_evidence: Logarithm of the integral of the likelihood over lengths and noise factors.
+        effective: Effective sample size of the draws.
+        values: Draws, points of the cube, shape (draws, size).
+        scales: Noise factors drawn for each, logarithms, shape (draws, 2).
+        weights: Of the draws, adding up to 1.
+    """
+
+    log_evidence: float
+    effective: float
+    values: Array
+    scales: Array
+    weights: Array
+
+
+class EvidenceEstimator:
+    """Estimates the evidence of modes.
+
+    Args:
+        predictor: Computes readings.
+        data: What the robot felt.
+        likelihood: Of ``data``.
+        draws: Points drawn per mode and round.
+    """
+
+    def __init__(
+        self, predictor: Predictor, data: SensorData, likelihood: Likelihood, *, draws: int
+    ) -> None:
+        self._predictor = predictor
+        self._data = data
+        self._likelihood = likelihood
+        self._lengths = Lengths(predictor, data, likelihood)
+        self._draws = draws
+
+    def guess(self, values: Array, fits: Array) -> Array:
+        """Laplace's approximation, to tell which modes are worth more; shape (n,).
+
+        Args:
+            values: The best point of each mode, shape (n, size).
+            fits: Their log-likelihoods.
+        """
+        precision = self._lengths.slopes(values).precision
+        volume = precision.shape[-1] * math.log(2 * math.pi) - np.linalg.slogdet(precision)[1]
+        guesses: Array = fits + np.minimum(0.0, 0.5 * volume)
+        return guesses
+
+    def of(self, point: Array, others: Array, rng: np.random.Generator) -> ModeEvidence:
+        """The evidence of one mode.
+
+        Args:
+            point: Its best point, shape (size,).
+            others: Points with the same attachments that fit well too, shape (m, size).
+            rng: Draws the points.
+        """
+        columns = self._predictor.unknowns.continuous
+        covariance = np.linalg.inv(self._lengths.slopes(point[None]).precision[0])
+        proposals = [_Proposal(np.vstack([point, others])[:, columns], covariance)]
+        drawn: list[Array] = []
+        kept: list[tuple[Array, Array]] = []
+        while True:
+            drawn.append(proposals[-1].draw(self._draws, rng))
+            kept.append(self._marginal(point, drawn[-1], rng))
+            lengths = np.concatenate(drawn)
+            fits = np.concatenate([fit for fit, _ in kept])
+            mixture = logsumexp([one.log_density(lengths) for one in proposals], axis=0)
+            ratios = fits - mixture + math.log(len(proposals))
+            weights = np.exp(ratios - logsumexp(ratios))
+            if len(proposals) == _ROUNDS:
+                break
+            proposals.append(_Proposal.fitted(lengths, weights, rng))
+        return ModeEvidence(
+            log_evidence=float(logsumexp(ratios) - math.log(len(lengths))),
+            effective=float(1 / np.sum(weights**2)),
+            values=self._points(point, lengths),
+            scales=np.concatenate([scales for _, scales in kept]),
+            weights=weights,
+        )
+
+    def _marginal(
+        self, point: Array, lengths: Array, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """Log-likelihoods with the noise factors integrated out, and factors drawn for each."""
+        inside = np.all((lengths >= 0) & (lengths <= 1), axis=1)
+        fits = np.full(len(lengths), -np.inf)
+        scales = np.zeros((len(lengths), 2))
+        rows = np.flatnonzero(inside)
+        misfits = self._data.misfits_of(self._predictor, self._points(point, lengths[rows]))
+        nodes = len(_FACTORS)
+        for start in range(0, len(rows), _AT_ONCE):
+            part = slice(start, start + _AT_ONCE)
+            several = np.repeat(misfits[part], nodes, axis=0)
+            factors = np.tile(_FACTORS, (len(rows[part]), 1))
+            terms = self._likelihood.of(several, np.ones(len(several)), factors).sum(axis=1)
+            terms = terms.reshape(-1, nodes) + _FACTOR_WEIGHTS
+            fits[rows[part]] = logsumexp(terms, axis=1)
+            chosen = np.argmax(terms + rng.gumbel(size=terms.shape), axis=1)
+            scales[rows[part]] = _FACTORS[chosen]
+        return fits, scales
+
+    def _points(self, point: Array, lengths: Array) -> Array:
+        values = np.tile(point, (len(lengths), 1))
+        values[:, self._predictor.unknowns.continuous] = np.clip(lengths, 0.0, 1.0)
+        return values
+
+
+class _Proposal:
+    """A mixture of Student's t around some centres, close and broad, and of the prior."""
+
+    def __init__(self, centres: Array, covariance: Array) -> None:
+        self._centres = centres
+        self._root = np.linalg.cholesky(covariance)
+        self._inverse = np.linalg.inv(self._root)
+        size = len(covariance)
+        self._constant = float(
+            gammaln((_FREEDOM + size) / 2)
+            - gammaln(_FREEDOM / 2)
+            - size / 2 * math.log(_FREEDOM * math.pi)
+            - np.log(np.diag(self._root)).sum()
+        )
+
+    @classmethod
+    def fitted(cls, lengths: Array, weights: Array, rng: np.random.Generator) -> _Proposal:
+        """Fitted to weighted draws."""
+        mean = weights @ lengths
+        away = lengths - mean
+        covariance = (weights[:, None] * away).T @ away
+        covariance += np.diag(0.1 * np.diag(covariance) + 1e-10)
+        return cls(lengths[rng.choice(len(lengths), _CENTRES, p=weights)], covariance)
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        size = self._centres.shape[1]
+        part = rng.choice(len(_SHARES), count, p=_SHARES)
+        radius = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count, 1)))
+        radius *= np.where(part == 1, _BROAD, _CLOSE)[:, None]
+        centres = self._centres[rng.integers(len(self._centres), size=count)]
+        near = centres + radius * (rng.normal(size=(count, size)) @ self._root.T)
+        return np.where((part == 2)[:, None], rng.random((count, size)), near)
+
+    def log_density(self, lengths: Array) -> Array:
+        size = lengths.shape[1]
+        away = (lengths[:, None] - self._centres) @ self._inverse.T
+        distance = np.sum(away**2, axis=2)
+        logs = [
+            math.log(share / len(self._centres))
+            - size * math.log(scale)
+            + self._constant
+            - (_FREEDOM + size) / 2 * np.log1p(distance / scale**2 / _FREEDOM)
+            for share, scale in zip(_SHARES, (_CLOSE, _BROAD), strict=False)
+        ]
+        inside = np.all((lengths >= 0) & (lengths <= 1), axis=1)
+        anywhere = np.where(inside, math.log(_SHARES[2]), -np.inf)
+        density: Array = logsumexp(np.column_stack([*logs, anywhere]), axis=1)
+        return density

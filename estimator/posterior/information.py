@@ -1,0 +1,112 @@
+"""What a motor program would tell: expected information gain by nested Monte Carlo.
+
+A reading is drawn from each sample's prediction, noise included, and what it would tell about the
+group of samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the same
+mixture by which bodies are judged. So a program that separates bodies only by what cannot be
+measured, or in poses that the models cannot foretell, is worth nothing. With every sample a group
+of its own this is the information about the body as a whole; with samples grouped by what they say
+of one leg's side, it is the information about that side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.morphology import Array
+from estimator.physics.base import Flags, Readings
+from estimator.posterior.gain_kernel import gains
+from estimator.posterior.likelihood import Noise
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forecast:
+    """What n samples feel in each of p programs.
+
+    Attributes:
+        touch: Shape (p, n, s); likewise ``doubtful``.
+        doubtful: Touch bits that might as well be otherwise.
+        tilt: rad, shape (p, n, 2).
+        clearance: m, shape (p, n).
+        beyond: The ground lies beyond the sensor's range, shape (p, n).
+        silent: The model cannot foretell its pose, shape (p, n).
+    """
+
+    touch: Flags
+    doubtful: Flags
+    tilt: Array
+    clearance: Array
+    beyond: Flags
+    silent: Flags
+
+    @classmethod
+    def of(cls, readings: Readings, samples: int) -> Forecast:
+        """From readings of all samples in one program and the next."""
+        shape = (len(readings) // samples, samples)
+        return cls(
+            touch=readings.touch.reshape(*shape, -1),
+            doubtful=readings.touch_doubtful.reshape(*shape, -1),
+            tilt=readings.tilt.reshape(*shape, 2),
+            clearance=readings.clearance.reshape(shape),
+            beyond=readings.saturated.reshape(shape),
+            silent=(readings.undecided | ~readings.valid).reshape(shape),
+        )
+
+
+class InformationGain:
+    """Computes information gains under one robot's noise.
+
+    Args:
+        noise: How far readings stray.
+        cap: Range of the distance sensor, m.
+        modalities: Sensors that count.
+    """
+
+    def __init__(self, noise: Noise, cap: float, modalities: Sequence[str]) -> None:
+        self._noise = noise
+        self._cap = cap
+        self._senses = np.array([name in modalities for name in ("touch", "tilt", "clearance")])
+
+    def of(
+        self,
+        forecast: Forecast,
+        scales: Array,
+        groups: NDArray[np.int64],
+        rng: np.random.Generator,
+        *,
+        draws: int,
+    ) -> Array:
+        """Expected information of each program, in bits, shape (p,).
+
+        Args:
+            forecast: What equally likely samples feel.
+            scales: Logarithms of their noise factors, shape (n, 2).
+            groups: Group of each sample, shape (n,).
+            rng: Draws the noise, which is the same for all programs.
+            draws: Readings per program; one sample after the other.
+        """
+        noise, bits = self._noise, forecast.touch.shape[2]
+        result = np.zeros(len(forecast.tilt))
+        gains(
+            forecast.touch,
+            forecast.doubtful,
+            forecast.tilt,
+            forecast.clearance,
+            forecast.beyond,
+            forecast.silent,
+            noise.tilt * np.exp(scales[:, 0]),
+            noise.clearance * np.exp(scales[:, 1]),
+            noise.touch,
+            noise.outlier,
+            self._cap,
+            self._senses,
+            np.ascontiguousarray(groups, dtype=np.int64),
+            rng.normal(size=(draws, 3)),
+            rng.random((draws, 1 + bits)),
+            result,
+        )
+        return result / math.log(2)

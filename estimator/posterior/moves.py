@@ -1,0 +1,115 @@
+"""Proposals of the sampler, all of them symmetric: as likely there as back.
+
+The prior is uniform on the unit cube, so a proposal is accepted by the likelihood alone.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+
+from estimator.morphology import Array
+from estimator.posterior.unknowns import Columns, Unknowns
+
+_SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform
+_LARGEST: Final = 0.2
+_ALL_LENGTHS: Final = 0.5  # of the random steps move all lengths, the others some
+_SOME: Final = 0.3
+_JITTER: Final = 1e-4
+
+
+class Move(IntEnum):
+    """What one proposal changes."""
+
+    LENGTHS = 0
+    DIFFERENCE = 1
+    ONE_GENE = 2
+    TWO_GENES = 3
+    PART = 4
+
+
+_SHARES: Final = (0.35, 0.25, 0.2, 0.1, 0.1)
+
+
+def propose(
+    values: Array, rows: Columns, partners: Columns, unknowns: Unknowns, rng: np.random.Generator
+) -> Array:
+    """A new point for some of the chains.
+
+    Args:
+        values: All chains, shape (n, size).
+        rows: Chains to be moved, shape (m,).
+        partners: For each of them two chains that stand still meanwhile, shape (m, 2); their
+            difference is a direction.
+        unknowns: The cube.
+        rng: The population's own.
+
+    Returns:
+        Shape (m, size).
+    """
+    fresh = values[rows]
+    kinds = rng.choice(len(_SHARES), len(rows), p=_SHARES)
+    lengths = unknowns.continuous
+    if lengths.size:
+        chosen = np.flatnonzero(kinds == Move.LENGTHS)
+        steps = _random_steps(len(chosen), lengths.size, rng)
+        fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
+        chosen = np.flatnonzero(kinds == Move.DIFFERENCE)
+        ways = values[partners[chosen]][:, :, lengths]
+        steps = _factors(len(chosen), lengths.size, rng) * (ways[:, 0] - ways[:, 1])
+        steps += rng.normal(0, _JITTER, steps.shape)
+        fresh[np.ix_(chosen, lengths)] = reflected(fresh[np.ix_(chosen, lengths)] + steps)
+    for kind, count in ((Move.ONE_GENE, 1), (Move.TWO_GENES, 2)):
+        chosen = np.flatnonzero(kinds == kind)
+        for _ in range(count):
+            columns = rng.integers(unknowns.size, size=chosen.size)
+            fresh[chosen, columns] = rng.random(chosen.size)
+    chosen = np.flatnonzero(kinds == Move.PART)
+    which = rng.integers(len(unknowns.parts), size=chosen.size)
+    for part, columns in enumerate(unknowns.parts):
+        those = chosen[which == part]
+        fresh[np.ix_(those, columns)] = rng.random((those.size, columns.size))
+    return fresh
+
+
+def exchange_parts(
+    one: Array, other: Array, unknowns: Unknowns, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Pairs of points with one part of theirs exchanged, to be accepted together.
+
+    Args:
+        one: Shape (n, size).
+        other: Likewise.
+        unknowns: The cube.
+        rng: The population's own.
+    """
+    first, second = one.copy(), other.copy()
+    which = rng.integers(len(unknowns.parts), size=len(one))
+    for part, columns in enumerate(unknowns.parts):
+        cells = np.ix_(np.flatnonzero(which == part), columns)
+        first[cells], second[cells] = other[cells], one[cells]
+    return first, second
+
+
+def reflected(values: Array) -> Array:
+    """Values folded back into 0 to 1 at its ends."""
+    folded = np.mod(np.abs(values), 2.0)
+    return np.where(folded > 1, 2.0 - folded, folded)
+
+
+def _random_steps(count: int, lengths: int, rng: np.random.Generator) -> Array:
+    share = np.where(rng.random((count, 1)) < _ALL_LENGTHS, 1.0, _SOME)
+    moved = rng.random((count, lengths)) < share
+    moved[np.arange(count), rng.integers(lengths, size=count)] = True
+    scale = np.exp(rng.uniform(math.log(_SMALLEST), math.log(_LARGEST), (count, 1)))
+    return rng.normal(size=(count, lengths)) * scale * moved
+
+
+def _factors(count: int, lengths: int, rng: np.random.Generator) -> Array:
+    """Lengths of steps along differences (ter Braak 2006), and now and then a whole one."""
+    usual = 2.38 / math.sqrt(2 * lengths)
+    whole = rng.random((count, 1)) < 0.2
+    return np.where(whole, 1.0, usual) * np.exp(rng.uniform(-1.5, 0.2, (count, 1)))

@@ -1,0 +1,212 @@
+"""A population of chains on levels of noise: evolutionary Monte Carlo (Liang and Wong 2001).
+
+A genetic algorithm whose selection is Metropolis's. Level 0 has the posterior as its target; on the
+levels above, the noise of the readings is taken to be wider, so that a body is guided from 20° away
+(an exponent on the likelihood would leave it on the plateau of the outliers). Neighbouring levels
+exchange their chains. Of each chain the misfits are kept, so an exchange costs no simulation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, Final, Self
+
+import numpy as np
+
+from estimator.morphology import Array
+from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
+from estimator.posterior.moves import exchange_parts, propose
+from estimator.posterior.unknowns import SCALE_SPREAD, Columns, Predictor
+
+HOTTEST: Final = 25.0
+"""Factor on the noise on the hottest level."""
+
+_CROSSINGS: Final = 0.25  # per step
+_SCALE_STEP: Final = 0.3
+
+
+class Population:
+    """Chains of one population; draw from it with ``step`` once it has observed something.
+
+    Args:
+        predictor: Its own.
+        rng: Its own.
+        levels: At least 2.
+        width: Chains on a level; a multiple of 4.
+
+    Attributes:
+        values: Points of the cube, level by level, shape (levels · width, size).
+        scales: Logarithms of the factors on tilt's and clearance's noise, shape (…, 2).
+        levels: How many there are.
+        width: Chains on a level.
+    """
+
+    def __init__(
+        self, predictor: Predictor, rng: np.random.Generator, *, levels: int, width: int
+    ) -> None:
+        self._predictor = predictor
+        self._rng = rng
+        self.levels = levels
+        self.width = width
+        self._widths = np.repeat(HOTTEST ** np.linspace(0, 1, levels), width)
+        count = levels * width
+        self.values = rng.random((count, predictor.unknowns.size))
+        self.scales = rng.normal(0, SCALE_SPREAD, (count, 2))
+        self._misfits = np.zeros((count, 0, MISFITS))
+        self._fits = np.zeros((count, 0))
+
+    def observe(self, data: SensorData, noise: Noise) -> None:
+        """Takes in all that was felt so far; the chains stay where they are."""
+        self._data = data
+        self._likelihood = Likelihood(data, noise)
+        self._look(slice(None))
+
+    def restart(self, level: int) -> None:
+        """Draws the chains from a level upward from the prior; only before sampling."""
+        hot = slice(level * self.width, None)
+        self.values[hot] = self._rng.random(self.values[hot].shape)
+        self.scales[hot] = self._rng.normal(0, SCALE_SPREAD, self.scales[hot].shape)
+        self._look(hot)
+
+    def replace_coldest(self, values: Array, scales: Array) -> None:
+        """Puts other points on level 0, shape (width, size); only before sampling."""
+        cold = slice(0, self.width)
+        self.values[cold], self.scales[cold] = values, scales
+        self._look(cold)
+
+    def step(self) -> None:
+        """Moves every chain once, and exchanges levels. The joint target is left invariant."""
+        everyone = np.arange(len(self.values))
+        for half in (0, 1):
+            self._move(everyone[half::2], everyone[1 - half :: 2])
+        if self._rng.random() < _CROSSINGS:
+            self._cross()
+        self._rescale()
+        self._exchange_levels()
+
+    def posterior_fits(self, levels: int) -> Array:
+        """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,)."""
+        rows = slice(0, levels * self.width)
+        level = np.ones(len(self.values[rows]))
+        fits: Array = self._likelihood.of(self._misfits[rows], level, self.scales[rows]).sum(axis=1)
+        return fits
+
+    def state(self) -> Mapping[str, Any]:
+        """All that ``from_state`` needs, for JSON."""
+        return {
+            "levels": self.levels,
+            "values": self.values.tolist(),
+            "scales": self.scales.tolist(),
+            "random": self._rng.bit_generator.state,
+        }
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any], predictor: Predictor) -> Self:
+        """The population as it was; it has to observe again."""
+        rng = np.random.default_rng()
+        values = np.array(state["values"], dtype=float)
+        levels = int(state["levels"])
+        population = cls(predictor, rng, levels=levels, width=len(values) // levels)
+        population.values = values
+        population.scales = np.array(state["scales"], dtype=float)
+        rng.bit_generator.state = state["random"]
+        return population
+
+    def _look(self, rows: slice) -> None:
+        misfits = self._data.misfits_of(self._predictor, self.values[rows])
+        if self._misfits.shape[1] != len(self._data):
+            self._misfits = misfits
+        else:
+            self._misfits[rows] = misfits
+        self._fits = self._likelihood.of(self._misfits, self._widths, self.scales)
+
+    def _move(self, rows: Columns, still: Columns) -> None:
+        """Proposes for half of the chains, with early and exact rejection.
+
+        The acceptance number is drawn first. Interactions are tried one by one, those that the
+        chain itself fits best before the others, since there a change will hurt most; a proposal
+        is given up once even perfect fits in the rest could not be enough.
+        """
+        rng, count = self._rng, len(self._data)
+        half = self.width // 2
+        level = rows // self.width
+        first = rng.integers(half, size=rows.size)
+        second = (first + rng.integers(1, half, size=rows.size)) % half
+        partners = np.stack([still[level * half + first], still[level * half + second]], axis=1)
+        fresh = propose(self.values, rows, partners, self._predictor.unknowns, rng)
+        limits = np.log(rng.random(rows.size)) + self._fits[rows].sum(axis=1)
+        order = np.argsort(-self._fits[rows], axis=1, kind="stable")
+        widths, scales = self._widths[rows], self.scales[rows]
+        misfits = np.zeros((rows.size, count, MISFITS))
+        fits = self._likelihood.of(misfits, widths, scales)
+        bodies = self._predictor.unknowns.bodies(fresh)
+        alive, start = np.arange(rows.size), 0
+        while start < count and alive.size:
+            end = min(count, 2 * start + 1)
+            models = np.repeat(alive, end - start)
+            turns = order[alive, start:end].ravel()
+            readings = self._predictor.read(bodies, models, self._data.programs[turns])
+            misfits[models, turns] = self._data.misfits(readings, turns)
+            fits[models, turns] = self._likelihood.of(
+                misfits[models, turns][:, None], widths[models], scales[models], turns[:, None]
+            )[:, 0]
+            alive = alive[fits[alive].sum(axis=1) > limits[alive]]
+            start = end
+        taken = rows[alive]
+        self.values[taken], self._misfits[taken] = fresh[alive], misfits[alive]
+        self._fits[taken] = fits[alive]
+
+    def _cross(self) -> None:
+        """Exchanges a part between chains of one level, in pairs that accept together."""
+        rng = self._rng
+        chains = np.arange(len(self.values)).reshape(self.levels, self.width)
+        one, other = np.split(rng.permuted(chains, axis=1), 2, axis=1)
+        pair = np.concatenate([one.ravel(), other.ravel()])
+        half = len(pair) // 2
+        fresh = np.concatenate(
+            exchange_parts(
+                self.values[pair[:half]], self.values[pair[half:]], self._predictor.unknowns, rng
+            )
+        )
+        misfits = self._data.misfits_of(self._predictor, fresh)
+        fits = self._likelihood.of(misfits, self._widths[pair], self.scales[pair])
+        gain = (fits - self._fits[pair]).sum(axis=1)
+        accepted = np.tile(np.log(rng.random(half)) < gain[:half] + gain[half:], 2)
+        taken = pair[accepted]
+        self.values[taken], self._misfits[taken] = fresh[accepted], misfits[accepted]
+        self._fits[taken] = fits[accepted]
+
+    def _rescale(self) -> None:
+        """Moves the noise factors, which costs no simulation."""
+        rng, old = self._rng, self.scales
+        fresh = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
+        fits = self._likelihood.of(self._misfits, self._widths, fresh)
+        prior = (old**2 - fresh**2).sum(axis=1) / (2 * SCALE_SPREAD**2)
+        gain = (fits - self._fits).sum(axis=1) + prior
+        accepted = np.log(rng.random(len(old))) < gain
+        self.scales[accepted], self._fits[accepted] = fresh[accepted], fits[accepted]
+
+    def _exchange_levels(self) -> None:
+        rng, width = self._rng, self.width
+        for start in (0, 1):
+            lower = np.arange(start, self.levels - 1, 2)
+            cold = (lower[:, None] * width + np.arange(width)).ravel()
+            hot = rng.permuted(cold.reshape(-1, width) + width, axis=1).ravel()
+            up = self._likelihood.of(self._misfits[cold], self._widths[hot], self.scales[cold])
+            down = self._likelihood.of(self._misfits[hot], self._widths[cold], self.scales[hot])
+            gain = (up + down - self._fits[cold] - self._fits[hot]).sum(axis=1)
+            accepted = np.log(rng.random(cold.size)) < gain
+            a, b = cold[accepted], hot[accepted]
+            for array in (self.values, self.scales, self._misfits):
+                array[a], array[b] = array[b], array[a]
+            self._fits[a], self._fits[b] = down[accepted], up[accepted]
+
+
+def levels_for(interactions: int) -> int:
+    """Levels that a population needs: exchanges get rarer as interactions add up.
+
+    Two levels whose noise differs by a factor r exchange often while (log r)² times the number of
+    readings is a few; each interaction has three.
+    """
+    return max(6, math.ceil(math.log(HOTTEST) / math.sqrt(2 / (3 * interactions))) + 1)

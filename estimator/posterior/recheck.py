@@ -1,0 +1,137 @@
+"""The simulator has the last word: samples are reweighted by what it says of them.
+
+Statics finds the posterior; a simulation of some of its samples with a fine time step gives each a
+weight, its likelihood there over its likelihood in statics, under the same mixture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.special import logsumexp
+
+from estimator.morphology import Array
+from estimator.physics.base import Physics, Settings
+from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.unknowns import Predictor
+
+SAMPLES: Final = 32
+"""Samples simulated, shared out among the modes by their probability."""
+
+STEP: Final = 1 / 240  # s
+
+_RIVALS: Final = 6
+_WORTH: Final = 0.005  # probability of a mode that is simulated
+_FEWEST: Final = 3  # samples of a mode
+
+
+def fine(world: Settings) -> Settings:
+    """The same world with the fine time step."""
+    return replace(world, step=STEP, steps=round(world.steps * world.step / STEP))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recheck:
+    """What the simulator said.
+
+    Attributes:
+        posterior: The posterior with its weights.
+        effective: Effective sample size of the simulated samples.
+        simulated: How many samples were simulated.
+    """
+
+    posterior: Posterior
+    effective: float
+    simulated: int
+
+
+def recheck(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    reference: Physics,
+) -> Recheck:
+    """Reweights a posterior by a simulator.
+
+    Args:
+        posterior: Found with statics.
+        predictor: Statics.
+        data: What the robot felt.
+        noise: How far readings stray.
+        reference: The simulator.
+    """
+    unknowns = predictor.unknowns
+    keys = unknowns.keys(posterior.values)
+    values, scales, owners = [], [], []
+    modes = [mode for mode in posterior.modes[:_RIVALS] if mode.probability >= _WORTH]
+    modes = modes or list(posterior.modes[:1])
+    for index, mode in enumerate(modes):
+        rows = [row for row, key in enumerate(keys) if key == mode.attachments]
+        count = max(_FEWEST, round(SAMPLES * mode.probability))
+        chosen = rows[:: max(1, len(rows) // count)][:count]
+        values.append(posterior.values[chosen] if chosen else mode.point[None])
+        scales.append(posterior.scales[chosen] if chosen else np.zeros((1, 2)))
+        owners += [index] * max(1, len(chosen))
+    points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
+    likelihood = Likelihood(data, noise)
+    width = np.ones(len(points))
+    by_statics = likelihood.of(data.misfits_of(predictor, points), width, factors).sum(axis=1)
+    misfits = _simulated(points, predictor, data, reference)
+    simulated = likelihood.of(misfits, width, factors).sum(axis=1)
+    ratios = simulated - by_statics
+    logs = np.log([mode.probability for mode in modes])
+    logs += [
+        logsumexp(ratios[owner == index]) - np.log(np.sum(owner == index))
+        for index in range(len(modes))
+    ]
+    probabilities = np.exp(logs - logsumexp(logs)) * sum(mode.probability for mode in modes)
+    weights = np.exp(ratios - logsumexp(ratios))
+    better = [
+        replace(
+            mode, probability=float(probability), point=_best(points, simulated, owner == index)
+        )
+        for index, (mode, probability) in enumerate(zip(modes, probabilities, strict=True))
+    ]
+    others = [mode for mode in posterior.modes if mode not in modes]
+    return Recheck(
+        posterior=_reweighted(posterior, keys, modes, better, others),
+        effective=float(1 / np.sum(weights**2)),
+        simulated=len(points),
+    )
+
+
+def _best(points: Array, fits: Array, chosen: Array) -> Array:
+    rows = np.flatnonzero(chosen)
+    best: Array = points[rows[np.argmax(fits[rows])]]
+    return best
+
+
+def _reweighted(
+    posterior: Posterior,
+    keys: Sequence[tuple[int, ...]],
+    before: Sequence[Mode],
+    after: Sequence[Mode],
+    others: Sequence[Mode],
+) -> Posterior:
+    factor = {
+        one.attachments: new.probability / one.probability
+        for one, new in zip(before, after, strict=True)
+    }
+    weights = posterior.weights * np.array([factor.get(key, 1.0) for key in keys])
+    return replace(
+        posterior,
+        weights=weights / weights.sum(),
+        modes=tuple(sorted([*after, *others], key=lambda mode: -mode.probability)),
+    )
+
+
+def _simulated(points: Array, predictor: Predictor, data: SensorData, reference: Physics) -> Array:
+    bodies = predictor.unknowns.decode_all(points)
+    pairs = [(body, program) for body in bodies for program in data.programs]
+    turns = np.tile(np.arange(len(data)), len(points))
+    return data.misfits(reference.read(pairs), turns).reshape(len(points), len(data), MISFITS)

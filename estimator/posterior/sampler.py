@@ -1,0 +1,251 @@
+"""What is believed of the body after some interactions: discover, weigh, sample."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.special import logsumexp
+
+from estimator.morphology import Array
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.discovery import Bodies, Discovery
+from estimator.posterior.evidence import EvidenceEstimator, ModeEvidence
+from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.population import Population
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.slopes import best_of_each
+from estimator.posterior.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.verdict import explains
+
+_CONSIDERED: Final = 12.0  # nats below the best
+_WEIGHED: Final = 9.0
+_NEIGHBOURS: Final = 16  # of each population, as further centres of a mode
+_MOST: Final = 120  # modes whose evidence is estimated
+_AGREED: Final = 0.8  # share of the posterior that both have met
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """How much a sampler does after each interaction; all are counts.
+
+    Attributes:
+        populations: Independent ones.
+        levels: Of each.
+        width: Chains on a level.
+        steps: Of one round of the search.
+        rounds: Of the search, at most.
+        draws: For a mode's evidence, in one round of three.
+        frozen: Steps of valid sampling after the search.
+        every: Steps between two samples.
+    """
+
+    populations: int = 2
+    levels: int = 10
+    width: int = 32
+    steps: int = 100
+    rounds: int = 4
+    draws: int = 200
+    frozen: int = 20
+    every: int = 5
+
+
+class Sampler:
+    """Samples the posterior of one problem, interaction after interaction.
+
+    Args:
+        unknowns: What the posterior is over.
+        make_physics: Makes a statics back-end for each population.
+        noise: How far readings stray.
+        effort: How much to do.
+        seeds: One for each population and one for what is done in common.
+    """
+
+    def __init__(
+        self,
+        unknowns: Unknowns,
+        make_physics: Callable[[], StaticsPhysics],
+        noise: Noise,
+        effort: Effort,
+        seeds: Sequence[np.random.SeedSequence],
+    ) -> None:
+        self._noise = noise
+        self._effort = effort
+        self._predictors = [Predictor(unknowns, make_physics()) for _ in range(effort.populations)]
+        *own, common = seeds
+        pairs = [seed.spawn(2) for seed in own]
+        self._populations = [
+            Population(
+                predictor, np.random.default_rng(chains), levels=effort.levels, width=effort.width
+            )
+            for predictor, (chains, _) in zip(self._predictors, pairs, strict=True)
+        ]
+        self._searching = [np.random.default_rng(search) for _, search in pairs]
+        self._rng = np.random.default_rng(common)
+
+    @property
+    def predictor(self) -> Predictor:
+        """Predicts readings, for what comes after the sampling."""
+        return self._predictors[0]
+
+    @property
+    def simulations(self) -> int:
+        """How many interactions were simulated so far."""
+        return sum(predictor.simulations for predictor in self._predictors)
+
+    def prior(self) -> Posterior:
+        """What is believed before the first interaction."""
+        return self._from_chains(
+            np.concatenate([one.values for one in self._populations]),
+            np.concatenate([one.scales for one in self._populations]),
+        )
+
+    def learn(self, data: SensorData) -> Posterior:
+        """What is believed after the interactions so far.
+
+        The search goes on, in rounds, until the populations agree and the readings are explained;
+        the rounds it may take grow with the interactions, since few readings leave many bodies.
+
+        Args:
+            data: All of them.
+        """
+        searches = [
+            Discovery(population, predictor, data, self._noise, rng)
+            for population, predictor, rng in zip(
+                self._populations, self._predictors, self._searching, strict=True
+            )
+        ]
+        predictor = self.predictor
+        likelihood = Likelihood(data, self._noise)
+        estimator = EvidenceEstimator(predictor, data, likelihood, draws=self._effort.draws)
+        rounds = min(self._effort.rounds, max(1, len(data) - 1))
+        with ThreadPoolExecutor(len(searches)) as threads:
+            for number in range(rounds):
+                discovered = list(threads.map(self._search, searches))
+                points, fits = _union(discovered, predictor.unknowns)
+                kept = fits > fits[0] - _CONSIDERED
+                points = points[kept]
+                guesses = estimator.guess(points, fits[kept])
+                order = np.argsort(-guesses, kind="stable")[:_MOST]
+                points, guesses = points[order], guesses[order]
+                shares = np.exp(guesses - logsumexp(guesses))
+                seen = _share_seen(predictor.unknowns.keys(points), shares, discovered, predictor)
+                explained = explains(points[0], predictor, data, self._noise)
+                if explained and seen >= _AGREED:
+                    break
+                if not explained and number < rounds - 1:
+                    for search in searches:
+                        search.start_anew()
+        heavy = guesses > guesses[0] - _WEIGHED
+        modes = [
+            estimator.of(point, self._neighbours(point, fits[0]), self._rng)
+            for point in points[heavy]
+        ]
+        return self._weigh(points[heavy], modes, discovered)
+
+    def _search(self, search: Discovery) -> Bodies:
+        return search.search(self._effort.steps)
+
+    def _neighbours(self, point: Array, best: float) -> Array:
+        """Chains with a point's attachments that fit nearly as well as the best body."""
+        unknowns = self.predictor.unknowns
+        key = unknowns.attachments(point[None])
+        chains = []
+        for population in self._populations:
+            cold = population.values[: 2 * population.width]
+            alike = np.all(unknowns.attachments(cold) == key, axis=1)
+            alike &= population.posterior_fits(2) > best - _CONSIDERED
+            chains.append(cold[alike][:_NEIGHBOURS])
+        return np.concatenate(chains)
+
+    def _sampled(self, steps: int) -> tuple[Array, Array]:
+        values, scales = [], []
+        for step in range(steps):
+            for population in self._populations:
+                population.step()
+            if step % self._effort.every == self._effort.every - 1:
+                for population in self._populations:
+                    cold = slice(0, population.width)
+                    values.append(population.values[cold].copy())
+                    scales.append(population.scales[cold].copy())
+        return np.concatenate(values), np.concatenate(scales)
+
+    def _from_chains(self, values: Array, scales: Array) -> Posterior:
+        unknowns = self.predictor.unknowns
+        found: dict[Attachments, list[int]] = {}
+        for row, key in enumerate(unknowns.keys(values)):
+            found.setdefault(key, []).append(row)
+        modes = sorted(
+            (
+                Mode(key, len(rows) / len(values), values[rows[0]], float(len(rows)))
+                for key, rows in found.items()
+            ),
+            key=lambda mode: -mode.probability,
+        )
+        weights = np.full(len(values), 1 / len(values))
+        return Posterior(
+            values=values, scales=scales, weights=weights, modes=tuple(modes), seen=0.0
+        )
+
+    def _weigh(
+        self, points: Array, modes: Sequence[ModeEvidence], discovered: Sequence[Bodies]
+    ) -> Posterior:
+        logs = np.array([mode.log_evidence for mode in modes])
+        shares = np.exp(logs - logsumexp(logs))
+        keys = self.predictor.unknowns.keys(points)
+        named = [
+            Mode(key, float(share), point, mode.effective)
+            for key, share, point, mode in zip(keys, shares, points, modes, strict=True)
+        ]
+        count = self._effort.width
+        for population in self._populations:
+            which = self._rng.choice(len(modes), count, p=shares)
+            drawn = [
+                (int(mode), int(self._rng.choice(len(modes[mode].weights), p=modes[mode].weights)))
+                for mode in which
+            ]
+            population.replace_coldest(
+                np.array([modes[mode].values[row] for mode, row in drawn]),
+                np.array([modes[mode].scales[row] for mode, row in drawn]),
+            )
+        values, scales = self._sampled(self._effort.frozen)
+        return Posterior(
+            values=values,
+            scales=scales,
+            weights=np.full(len(values), 1 / len(values)),
+            modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
+            seen=_share_seen(keys, shares, discovered, self.predictor),
+        )
+
+
+def _share_seen(
+    keys: Sequence[Attachments],
+    shares: Array,
+    discovered: Sequence[Bodies],
+    predictor: Predictor,
+) -> float:
+    """How much of the posterior the populations have met, by what they met in common.
+
+    As in counting animals by catching them twice: of what one population met, the share that the
+    others met too is their chance of meeting anything.
+    """
+    met = [set(predictor.unknowns.keys(one.values)) for one in discovered]
+    missed = 1.0
+    for index, own in enumerate(met):
+        others = set().union(*(one for place, one in enumerate(met) if place != index))
+        theirs = sum(share for key, share in zip(keys, shares, strict=True) if key in others)
+        both = sum(
+            share for key, share in zip(keys, shares, strict=True) if key in others and key in own
+        )
+        missed *= 1 - both / theirs if theirs > 0 else 1.0
+    return 1.0 - missed
+
+
+def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:
+    values = np.concatenate([one.values for one in discovered])
+    fits = np.concatenate([one.fits for one in discovered])
+    order = best_of_each(unknowns.keys(values), fits)
+    return values[order], fits[order]

@@ -1,0 +1,119 @@
+"""How readings change with a body's lengths, and which lengths therefore fit best.
+
+A resting pose is a smooth function of the lengths between one set of contacts and the next, so a
+few Gauss-Newton steps find the best lengths of a set of attachments. Interactions count by how
+surely they are no outliers, under noise that narrows from step to step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.morphology import Array
+from estimator.posterior.likelihood import MISFITS, Likelihood, SensorData
+from estimator.posterior.unknowns import Predictor
+
+NARROWING: Final = (4.0, 2.0, 1.0, 1.0, 1.0)
+"""Factors on the noise, one step each."""
+
+PRIOR: Final = 12.0
+"""Precision of the uniform distribution on 0 to 1."""
+
+_STEP: Final = 5e-4  # of a length's range
+_STEEPEST: Final = 60.0  # a reading that changes more (rad or m per range) has jumped
+_FARTHEST: Final = 0.25  # of a length's range, in one step
+_SHORTER: Final = 0.3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slopes:
+    """Misfits of n points, and what information their readings hold about the lengths.
+
+    Attributes:
+        misfits: Shape (n, k, 5).
+        precision: Of the lengths, in units of their ranges, shape (n, d, d): the curvature of the
+            log-likelihood, the prior's included.
+        climb: Its gradient, shape (n, d).
+    """
+
+    misfits: Array
+    precision: Array
+    climb: Array
+
+
+class Lengths:
+    """Finds the lengths that fit best.
+
+    Args:
+        predictor: Computes readings.
+        data: What the robot felt.
+        likelihood: Of ``data``.
+    """
+
+    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood):
+        self._predictor = predictor
+        self._data = data
+        self._likelihood = likelihood
+
+    def fits(self, values: Array, width: float = 1.0) -> Array:
+        """Log-likelihood of n points under noise of the announced size times ``width``."""
+        misfits = self._data.misfits_of(self._predictor, values)
+        return self._of(misfits, width)
+
+    def polished(self, values: Array) -> tuple[Array, Array]:
+        """The points with better lengths, and their log-likelihoods."""
+        values = values.copy()
+        columns = self._predictor.unknowns.continuous
+        for width in NARROWING:
+            slopes = self.slopes(values, width)
+            step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
+            size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
+            step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
+            best = self._of(slopes.misfits, width)
+            start = values.copy()
+            for share in (1.0, _SHORTER):
+                trial = start.copy()
+                trial[:, columns] = np.clip(start[:, columns] + share * step, 0.0, 1.0)
+                fits = self.fits(trial, width)
+                better = fits > best
+                values[better], best = trial[better], np.maximum(best, fits)
+        return values, self.fits(values)
+
+    def slopes(self, values: Array, width: float = 1.0) -> Slopes:
+        """Precision and gradient of the log-likelihood by differences, shape (n, size) in."""
+        columns = self._predictor.unknowns.continuous
+        count, lengths, turns = len(values), columns.size, len(self._data)
+        sign = np.where(values[:, columns] + _STEP > 1, -_STEP, _STEP)
+        moved = np.repeat(values[:, None], lengths + 1, axis=1)
+        for index, column in enumerate(columns):
+            moved[:, index + 1, column] += sign[:, index]
+        flat = moved.reshape(count * (lengths + 1), -1)
+        readings = self._predictor.read_all(flat, self._data.programs)
+        which = np.tile(np.arange(turns), len(flat))
+        residuals = self._data.residuals(readings, which).reshape(count, lengths + 1, turns, 3)
+        own = np.arange(len(which)).reshape(count, lengths + 1, turns)[:, 0].ravel()
+        misfits = self._data.misfits(readings[own], which[own]).reshape(count, turns, MISFITS)
+        change = (residuals[:, 1:] - residuals[:, :1]) / sign[:, :, None, None]
+        weight = self._likelihood.inlier_share(misfits, width)[..., None]
+        weight = weight / (width * self._likelihood.sigmas) ** 2
+        weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _STEEPEST, 0.0, weight)
+        precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
+        climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals[:, 0], optimize=True)
+        return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
+
+    def _of(self, misfits: Array, width: float) -> Array:
+        widths, scales = np.full(len(misfits), width), np.zeros((len(misfits), 2))
+        fits: Array = self._likelihood.of(misfits, widths, scales).sum(axis=1)
+        return fits
+
+
+def best_of_each(keys: Sequence[tuple[int, ...]], fits: Array) -> list[int]:
+    """Of points with equal keys the one that fits best; indices, best first."""
+    best: dict[tuple[int, ...], int] = {}
+    for index in np.argsort(-fits, kind="stable").tolist():
+        best.setdefault(keys[index], index)
+    return list(best.values())

@@ -1,0 +1,106 @@
+"""What a posterior is over: points of the unit cube, each with the body that it stands for."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.genome import Genome
+from estimator.morphology import Array, Morphology
+from estimator.physics.base import Readings
+from estimator.physics.bodies import Bodies
+from estimator.physics.statics import StaticsPhysics
+
+Columns = NDArray[np.intp]
+Attachments = tuple[int, ...]
+"""The choices of one body, in the order of its genes: parent, side and hinge, part by part."""
+
+SCALE_SPREAD: Final = 0.5
+"""Standard deviation of the prior of each noise factor's logarithm."""
+
+
+class Unknowns:
+    """The unit cube of one problem: its uniform measure is the prior.
+
+    Args:
+        genome: The code between genes and bodies.
+
+    Attributes:
+        size: Dimensions.
+        continuous: Columns of the lengths.
+        choices: Columns of what is chosen from a few values.
+        parts: Columns that belong to one part, for each part that has any.
+    """
+
+    def __init__(self, genome: Genome):
+        self._genome = genome
+        genes = genome.genes
+        self.size = len(genes)
+        self.continuous: Columns = _where([gene.trait == "length" for gene in genes])
+        self.choices: Columns = _where([gene.choices > 1 for gene in genes])
+        self.parts: tuple[Columns, ...] = tuple(
+            _where([gene.part == part for gene in genes])
+            for part in sorted({gene.part for gene in genes})
+        )
+        self._counts = np.array([genes[column].choices for column in self.choices], dtype=np.int64)
+
+    def bodies(self, values: Array) -> Bodies:
+        """The bodies of n points, shape (n, size)."""
+        return self._genome.bodies(values)
+
+    def decode_all(self, values: Array) -> list[Morphology]:
+        """The same, as objects."""
+        return self._genome.decode_all(values)
+
+    def attachments(self, values: Array) -> NDArray[np.int64]:
+        """What n points choose, shape (n, choices)."""
+        chosen = (values[:, self.choices] * self._counts).astype(np.int64)
+        return np.minimum(chosen, self._counts - 1)
+
+    def keys(self, values: Array) -> list[Attachments]:
+        """The same as tuples, to be compared and counted."""
+        return [tuple(row) for row in self.attachments(values).tolist()]
+
+
+class Predictor:
+    """Predicts what points of the cube feel in some motor programs.
+
+    Args:
+        unknowns: The cube.
+        physics: Statics; its own, so that populations can work side by side.
+    """
+
+    def __init__(self, unknowns: Unknowns, physics: StaticsPhysics):
+        self.unknowns = unknowns
+        self._physics = physics
+
+    @property
+    def simulations(self) -> int:
+        """How many interactions were simulated so far."""
+        return self._physics.simulations
+
+    def read(self, bodies: Bodies, rows: Columns, programs: Array) -> Readings:
+        """What some of the bodies feel, each in the program of its row.
+
+        Args:
+            bodies: From ``Unknowns.bodies``.
+            rows: Which of them, shape (m,).
+            programs: rad, shape (m, motors).
+        """
+        return self._physics.read_bodies(bodies[rows], programs)
+
+    def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
+        """Path margins of the same, rad, shape (m,)."""
+        return self._physics.path_margins_of_bodies(bodies[rows], programs)
+
+    def read_all(self, values: Array, programs: Array) -> Readings:
+        """What each of n points feels in each of k programs: n · k rows, programs fastest."""
+        count = len(programs)
+        rows = np.repeat(np.arange(len(values)), count)
+        return self.read(self.unknowns.bodies(values), rows, np.tile(programs, (len(values), 1)))
+
+
+def _where(chosen: list[bool]) -> Columns:
+    return np.flatnonzero(np.array(chosen, dtype=bool))

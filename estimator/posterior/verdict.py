@@ -1,0 +1,135 @@
+"""Does any body that the problem allows explain the readings?
+
+An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
+best body's path there is sure. One such interaction in a run happens by accident; two of them, or
+a noise factor that surely lies above 2, say that the problem does not describe the robot.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.morphology import Array
+from estimator.posterior.likelihood import WRONG, Likelihood, Noise, SensorData
+from estimator.posterior.posterior import Posterior
+from estimator.posterior.unknowns import Predictor
+
+SURE_PATH: Final = math.radians(1.0)
+"""A body answers for an interaction where its path margin is larger, rad."""
+
+ACCIDENTS: Final = 1
+"""Unexplained interactions that happen to a body that the problem describes."""
+
+TOO_NOISY: Final = 2.0
+"""Factor on a sensor's announced noise that no sound sensor needs."""
+
+_SURELY: Final = 0.95
+_STRIKING: Final = 3.0  # standard deviations
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unexplained:
+    """One interaction that no body of the problem explains.
+
+    Attributes:
+        interaction: Its index.
+        sensors: Modalities whose readings lie far from the best body's.
+    """
+
+    interaction: int
+    sensors: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitVerdict:
+    """Whether the problem describes the robot.
+
+    Attributes:
+        unexplained: Interactions that the best body leaves unexplained.
+        noisy: Modalities whose noise factor surely lies above ``TOO_NOISY``.
+    """
+
+    unexplained: tuple[Unexplained, ...]
+    noisy: tuple[str, ...]
+
+    @property
+    def explained(self) -> bool:
+        """Whether some body of the problem explains the readings, as far as can be told."""
+        return len(self.unexplained) <= ACCIDENTS and not self.noisy
+
+
+def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
+    """The verdict on fit.
+
+    Args:
+        posterior: What is believed.
+        predictor: Computes readings and path margins.
+        data: What the robot felt.
+        noise: How far readings stray.
+    """
+    best = posterior.modes[0].point[None]
+    likelihood = Likelihood(data, noise)
+    misfits = data.misfits_of(predictor, posterior.values)
+    outliers = likelihood.inlier_share(misfits, scales=posterior.scales).mean(axis=0) < 0.5
+    margins = _margins(best, predictor, data)
+    strays = deviations(best, predictor, data, noise)
+    unexplained = tuple(
+        Unexplained(
+            interaction=index,
+            sensors=tuple(name for name, stray in strays.items() if abs(stray[index]) > _STRIKING),
+        )
+        for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
+    )
+    share = np.mean(posterior.scales > math.log(TOO_NOISY), axis=0)
+    noisy = tuple(
+        name for name, one in zip(("tilt", "clearance"), share, strict=True) if one > _SURELY
+    )
+    return FitVerdict(unexplained=unexplained, noisy=noisy)
+
+
+def explains(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> bool:
+    """Whether a body, shape (size,), leaves no more interactions unexplained than accidents do."""
+    one = point[None]
+    outliers = Likelihood(data, noise).inlier_share(data.misfits_of(predictor, one))[0] < 0.5
+    if np.count_nonzero(outliers) <= ACCIDENTS:
+        return True
+    sure = _margins(one, predictor, data) > SURE_PATH
+    return int(np.count_nonzero(outliers & sure)) <= ACCIDENTS
+
+
+def deviations(
+    point: Array, predictor: Predictor, data: SensorData, noise: Noise
+) -> dict[str, Array]:
+    """Felt minus predicted in units of the noise, by modality, shape (k,) each.
+
+    Touch counts the bits that differ, each as many standard deviations as it is unlikely. Of the
+    two tilts the larger deviation counts. 0 where nothing was read.
+
+    Args:
+        point: A body, shape (1, size).
+        predictor: Computes readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+    """
+    readings = predictor.read_all(point, data.programs)
+    turns = np.arange(len(data))
+    residuals = data.residuals(readings, turns)
+    misfits = data.misfits(readings, turns)
+    tilt = residuals[:, :2] / noise.tilt
+    widest = np.argmax(np.abs(tilt), axis=1)
+    per_bit = math.sqrt(-2 * math.log(noise.touch))
+    return {
+        "touch": misfits[:, WRONG] * per_bit,
+        "tilt": tilt[turns, widest],
+        "clearance": residuals[:, 2] / noise.clearance,
+    }
+
+
+def _margins(point: Array, predictor: Predictor, data: SensorData) -> Array:
+    bodies = predictor.unknowns.bodies(point)
+    rows = np.zeros(len(data), dtype=np.intp)
+    return predictor.margins(bodies, rows, data.programs)

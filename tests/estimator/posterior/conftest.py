@@ -1,0 +1,125 @@
+"""A small problem whose posterior can be computed without any sampler, and what a robot felt."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.genome import Genome
+from estimator.morphology import Array, Base
+from estimator.observation import Observation
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.likelihood import Noise, SensorData
+from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.problem import Problem
+
+MODALITIES = ("touch", "tilt", "clearance")
+CAP = 0.2
+NOISE = Noise(tilt=0.0065, clearance=0.0013)
+TWO_UNKNOWN_ROWS = """
+name = "two rows"
+description = "Two legs of which nothing is known, beside two that are known."
+density = 1000.0
+motors = { driven = [1, 2, 3, 4], range_deg = [-30.0, 30.0], slew_deg_per_s = 60.0 }
+search = { population = 8, generations = 2, interactions = 2 }
+
+[[parts]]
+name = "leg 1"
+parent = 0
+side = "unknown"
+hinge = "unknown"
+length = [0.02, 0.40]
+radius = 0.006
+motor = 1
+sensor = 1
+
+[[parts]]
+name = "leg 2"
+parent = "unknown"
+side = "unknown"
+hinge = "unknown"
+length = [0.02, 0.40]
+radius = 0.006
+motor = 2
+sensor = 2
+""" + "".join(
+    f"""
+[[parts]]
+name = "leg {number}"
+parent = 0
+side = "{side}"
+hinge = "up"
+length = 0.2
+radius = 0.006
+motor = {number}
+sensor = {number}
+"""
+    for number, side in ((3, "right"), (4, "back"))
+)
+
+
+def _predictor(length: str) -> Predictor:
+    problem = Problem.parse(TWO_UNKNOWN_ROWS.replace("[0.02, 0.40]", length), "two rows")
+    genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    return Predictor(Unknowns(genome), StaticsPhysics())
+
+
+@pytest.fixture
+def predictor() -> Predictor:
+    return _predictor("[0.02, 0.40]")
+
+
+@pytest.fixture
+def unknowns(predictor: Predictor) -> Unknowns:
+    return predictor.unknowns
+
+
+@pytest.fixture
+def narrow() -> Predictor:
+    """The same with lengths in a narrow range, so that a coarse grid takes them all in."""
+    return _predictor("[0.12, 0.18]")
+
+
+@pytest.fixture
+def short() -> Predictor:
+    """The same with known lengths, so that there are 1,152 bodies in all."""
+    return _predictor("0.15")
+
+
+def draw(
+    predictor: Predictor,
+    point: Array,
+    programs: Array,
+    rng: np.random.Generator,
+    *,
+    scales: tuple[float, float] | Array = (0.0, 0.0),
+    outlier: float = NOISE.outlier,
+) -> SensorData:
+    """Readings from the model's own likelihood, outliers and wrong bits included."""
+    wide = np.exp(np.asarray(scales))
+    readings = predictor.read_all(point[None], programs)
+    observations = []
+    for row, program in enumerate(programs):
+        tilt = readings.tilt[row] + rng.normal(0, NOISE.tilt * wide[0], 2)
+        height = min(readings.clearance[row] + rng.normal(0, NOISE.clearance * wide[1]), CAP)
+        doubtful = readings.touch_doubtful[row]
+        wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, NOISE.touch)
+        touch = readings.touch[row] != wrong
+        if rng.random() < outlier or readings.undecided[row]:
+            tilt = rng.uniform(-np.pi / 2, np.pi / 2, 2)
+            height = CAP if rng.random() < 0.1 else float(rng.uniform(0, CAP))
+            touch = rng.random(touch.size) < 0.5
+        observations.append(
+            Observation(
+                angles=tuple(program.tolist()),
+                touch=tuple(bool(bit) for bit in touch),
+                tilt=(float(tilt[0]), float(tilt[1])),
+                clearance=float(height),
+                clearance_saturated=bool(height >= CAP),
+            )
+        )
+    return SensorData.of(observations, MODALITIES, CAP)
+
+
+def programs(count: int, seed: int = 0) -> Array:
+    return np.radians(np.random.default_rng(seed).uniform(-30, 30, (count, 4)))

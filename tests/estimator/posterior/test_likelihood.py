@@ -1,0 +1,96 @@
+import math
+
+import numpy as np
+import pytest
+
+from estimator.morphology import Array
+from estimator.observation import Observation
+from estimator.physics.base import Readings
+from estimator.posterior.likelihood import MISFITS, SILENT, Likelihood, Noise, SensorData
+
+CAP = 0.2
+NOISE = Noise(tilt=0.01, clearance=0.004)
+NOTHING: dict[str, object] = {"angles": (0.0,)}
+
+
+def one_reading(clearance: float = 0.1, *, saturated: bool = False) -> Readings:
+    readings = Readings.empty(1, 2)
+    readings.valid[:] = True
+    readings.touch[0] = True, False
+    readings.tilt[0] = 0.2, -0.1
+    readings.clearance[0] = CAP if saturated else clearance
+    readings.saturated[0] = saturated
+    return readings
+
+
+def densities(observations: list[Observation], readings: Readings, width: float = 1.0) -> Array:
+    data = SensorData.of(observations, ("touch", "tilt", "clearance"), CAP)
+    turns = np.arange(len(observations))
+    misfits = data.misfits(readings[np.zeros(len(turns), dtype=np.intp)], turns)[None]
+    fits = Likelihood(data, NOISE).of(misfits, np.array([width]), np.zeros((1, 2)))
+    values: Array = np.exp(fits[0])
+    return values
+
+
+@pytest.mark.parametrize("width", [1.0, 5.0])
+@pytest.mark.parametrize("clearance", [0.02, 0.1, 0.199])
+def test_clearance_adds_up_to_one_with_what_lies_beyond_the_range(
+    clearance: float, width: float
+) -> None:
+    below = np.linspace(-0.1, CAP, 30_001)
+    seen = [
+        Observation(angles=(0.0,), touch=(None, None), clearance=float(height)) for height in below
+    ]
+    beyond = Observation(angles=(0.0,), touch=(None, None), clearance=CAP, clearance_saturated=True)
+    inside = densities(seen, one_reading(clearance), width)
+    p0 = NOISE.outlier * 0.9 / CAP
+    inside = np.where(below < 0, inside - p0, inside)  # p0 lies within the range alone
+    total = np.trapezoid(inside, below) + densities([beyond], one_reading(clearance), width)[0]
+    assert total == pytest.approx(1.0, abs=2e-3)
+
+
+def test_tilts_and_bits_add_up_to_one() -> None:
+    grid = np.linspace(-math.pi / 2, math.pi / 2, 1201)
+    step = grid[1] - grid[0]
+    total = 0.0
+    for bits in ((False, False), (False, True), (True, False), (True, True)):
+        one = [Observation(angles=(0.0,), touch=bits, tilt=(float(x), None)) for x in grid.tolist()]
+        total += densities(one, one_reading()).sum() * step
+    assert total == pytest.approx(1.0, abs=2e-3)
+
+
+def test_one_interaction_costs_no_more_than_an_outlier() -> None:
+    far = Observation(angles=(0.0,), touch=(False, True), tilt=(-1.2, 1.2), clearance=0.0)
+    anywhere = NOISE.outlier * 0.25 / math.pi**2 * 0.9 / CAP
+    assert densities([far], one_reading())[0] == pytest.approx(anywhere, rel=1e-6)
+
+
+def test_a_pose_that_the_model_cannot_foretell_leaves_only_the_outlier() -> None:
+    data = SensorData.of(
+        [Observation(angles=(0.0,), touch=(True, False), tilt=(0.2, -0.1), clearance=0.1)],
+        ("touch", "tilt", "clearance"),
+        CAP,
+    )
+    misfits = np.zeros((1, 1, MISFITS))
+    misfits[..., SILENT] = 1
+    found = Likelihood(data, NOISE).of(misfits, np.ones(1), np.zeros((1, 2)))
+    anywhere = NOISE.outlier * 0.25 / math.pi**2 * 0.9 / CAP
+    assert math.exp(found[0, 0]) == pytest.approx(anywhere)
+
+
+def test_modalities_that_do_not_count_change_nothing() -> None:
+    near = Observation(angles=(0.0,), touch=(True, False), tilt=(0.2, -0.1), clearance=0.1)
+    far = Observation(angles=(0.0,), touch=(False, True), tilt=(0.2, -0.1), clearance=0.19)
+    fits = []
+    for seen in (near, far):
+        data = SensorData.of([seen], ("tilt",), CAP)
+        misfits = data.misfits(one_reading(), np.zeros(1, dtype=np.intp))[None]
+        fits.append(Likelihood(data, NOISE).of(misfits, np.ones(1), np.zeros((1, 2)))[0, 0])
+    assert fits[0] == fits[1]
+
+
+def test_a_model_beyond_the_range_is_certain_of_a_reading_at_its_end() -> None:
+    beyond = Observation(angles=(0.0,), touch=(None, None), clearance=CAP, clearance_saturated=True)
+    expected = 1 - NOISE.outlier + NOISE.outlier * 0.1
+    found = densities([beyond], one_reading(saturated=True))[0]
+    assert found == pytest.approx(expected)

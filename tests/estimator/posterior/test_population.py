@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import json
+from collections import Counter, defaultdict
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from estimator.observation import Observation
+from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.population import HOTTEST, Population, levels_for
+from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
+from tests.estimator.posterior.conftest import CAP, MODALITIES, NOISE, draw, programs
+from tests.estimator.posterior.enumeration import distance, enumerated
+
+WIDE = Noise(tilt=0.12, clearance=0.03)
+
+
+def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -> None:
+    nothing = Observation(angles=(0.1, 0.2, 0.0, 0.0), touch=(None,) * 4)
+    blind = SensorData.of([nothing], MODALITIES, CAP)
+    population = Population(predictor, np.random.default_rng(1), levels=4, width=32)
+    population.observe(blind, NOISE)
+    values, scales = [], []
+    for _ in range(12):
+        for _ in range(15):
+            population.step()
+        values.append(population.values.copy())
+        scales.append(population.scales.copy())
+    pooled = np.concatenate(values)
+    for column in range(pooled.shape[1]):
+        assert stats.kstest(pooled[:, column], "uniform").pvalue > 1e-4
+    assert float(np.std(np.concatenate(scales))) == pytest.approx(SCALE_SPREAD, rel=0.1)
+
+
+def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
+    """Geweke: bodies from the prior, readings from the model, some steps: still the prior.
+
+    Every chain begins with an exact draw from its level's target, by enumeration, so any bias comes
+    from the steps.
+    """
+    moved = programs(2, seed=8)
+    replications, chains, scales = 80, [], []
+    for seed in range(replications):
+        rng = np.random.default_rng(seed)
+        population = Population(short, rng, levels=3, width=4)
+        data = draw(short, population.values[0], moved, rng, scales=population.scales[0])
+        start_exactly(population, short, data, rng)
+        population.observe(data, NOISE)
+        for _ in range(4):
+            population.step()
+        chains.append(short.unknowns.keys(population.values[:1])[0])
+        scales.append(population.scales[0])
+    for column, count in enumerate((4, 6, 2, 4, 6)):
+        seen = np.bincount([key[column] for key in chains], minlength=count)
+        assert stats.chisquare(seen).pvalue > 1e-3
+    for column in range(2):
+        factors = np.array(scales)[:, column]
+        assert stats.kstest(factors, "norm", args=(0, SCALE_SPREAD)).pvalue > 1e-3
+
+
+def start_exactly(
+    population: Population, predictor: Predictor, data: SensorData, rng: np.random.Generator
+) -> None:
+    """Draws every chain but the first, which the readings came from, from its own target."""
+    counts = np.array((4, 6, 2, 4, 6))
+    keys = np.array(list(np.ndindex(*counts)))
+    every = (keys + 0.5) / counts
+    misfits = data.misfits_of(predictor, every)
+    likelihood = Likelihood(data, NOISE)
+    widths = np.repeat(HOTTEST ** np.linspace(0, 1, population.levels), population.width)
+    for chain in range(1, len(population.values)):
+        factors = rng.normal(0, SCALE_SPREAD, (25, 2))
+        fits = [
+            likelihood.of(
+                misfits, np.full(len(every), widths[chain]), np.tile(factor, (len(every), 1))
+            ).sum(axis=1)
+            for factor in factors
+        ]
+        logs = np.array(fits)
+        which = int(np.argmax(logs.ravel() + rng.gumbel(size=logs.size)))
+        factor, body = divmod(which, len(every))
+        population.scales[chain] = factors[factor]
+        population.values[chain] = (keys[body] + rng.random(counts.size)) / counts
+
+
+def test_chains_agree_with_enumeration(narrow: Predictor) -> None:
+    point = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+    data = draw(narrow, point, programs(2, seed=3), np.random.default_rng(6))
+    exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6), grid=6)
+    population = Population(narrow, np.random.default_rng(2), levels=4, width=64)
+    population.observe(data, WIDE)
+    counts: Counter[Attachments] = Counter()
+    for step in range(600):
+        population.step()
+        if step >= 150:
+            counts.update(key[:2] for key in narrow.unknowns.keys(population.values[:64]))
+    sampled = {key: count / counts.total() for key, count in counts.items()}
+    marginal: defaultdict[Attachments, float] = defaultdict(float)
+    for key, share in exact.items():
+        marginal[key[:2]] += share
+    assert distance(sampled, marginal) < 0.06
+
+
+def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predictor) -> None:
+    data = draw(predictor, np.full(7, 0.4), programs(2), np.random.default_rng(1))
+    population = Population(predictor, np.random.default_rng(3), levels=4, width=8)
+    population.observe(data, NOISE)
+    population.step()
+    copy = Population.from_state(json.loads(json.dumps(population.state())), predictor)
+    copy.observe(data, NOISE)
+    for one in (population, copy):
+        one.step()
+    assert np.array_equal(copy.values, population.values)
+    assert np.array_equal(copy.scales, population.scales)
+
+
+def test_levels_grow_with_the_readings() -> None:
+    assert levels_for(1) < levels_for(6) < levels_for(16)

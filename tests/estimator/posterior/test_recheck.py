@@ -1,0 +1,71 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.morphology import Morphology, Part
+from estimator.physics.base import Settings
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.likelihood import SensorData
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.recheck import fine, recheck
+from estimator.posterior.unknowns import Predictor
+from tests.estimator.posterior.conftest import NOISE, draw, programs
+
+RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+WRONG = np.array([0.9, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+
+
+def test_the_fine_world_lasts_as_long() -> None:
+    world = Settings()
+    assert fine(world).step == 1 / 240
+    assert fine(world).steps * fine(world).step == pytest.approx(world.steps * world.step)
+
+
+def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predictor) -> None:
+    data = draw(predictor, RIGHT, programs(3, seed=9), np.random.default_rng(2))
+    keys = predictor.unknowns.keys(np.stack([RIGHT, WRONG]))
+    values = np.repeat(np.stack([RIGHT, WRONG]), 10, axis=0)
+    before = Posterior(
+        values=values,
+        scales=np.zeros((20, 2)),
+        weights=np.full(20, 0.05),
+        modes=(Mode(keys[0], 0.5, RIGHT, 10.0), Mode(keys[1], 0.5, WRONG, 10.0)),
+        seen=1.0,
+    )
+    simulated = recheck(before, predictor, data, NOISE, _Swapped(predictor, data))
+    assert simulated.simulated == 20
+    assert simulated.posterior.modes[0].attachments == keys[1]
+    assert simulated.posterior.modes[0].probability > 0.99
+    assert simulated.posterior.weights[10:].sum() > 0.99
+
+
+class _Swapped(StaticsPhysics):
+    """A simulator in which every body whose first leg sits on the left sits at the back instead."""
+
+    def __init__(self, predictor: Predictor, data: SensorData) -> None:
+        super().__init__()
+
+    def read(self, pairs):  # type: ignore[no-untyped-def]
+        swap = {0: 3, 3: 0}
+        return super().read(
+            [
+                (
+                    Morphology(
+                        base=body.base,
+                        density=body.density,
+                        parts=(
+                            Part(
+                                **{
+                                    **vars(body.parts[0]),
+                                    "side": swap.get(body.parts[0].side, body.parts[0].side),
+                                }
+                            ),
+                            *body.parts[1:],
+                        ),
+                    ),
+                    program,
+                )
+                for body, program in pairs
+            ]
+        )

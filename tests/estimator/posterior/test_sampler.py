@@ -1,0 +1,72 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.evidence import EvidenceEstimator
+from estimator.posterior.likelihood import Likelihood, Noise
+from estimator.posterior.sampler import Effort, Sampler
+from estimator.posterior.slopes import Lengths
+from estimator.posterior.unknowns import Predictor
+from tests.estimator.posterior.conftest import NOISE, draw, programs
+from tests.estimator.posterior.enumeration import distance, enumerated
+
+WIDE = Noise(tilt=0.12, clearance=0.03)
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+SMALL = Effort(levels=4, width=16, steps=30, rounds=1, draws=60)
+
+
+def sampler(predictor: Predictor, noise: Noise, effort: Effort = SMALL, seed: int = 1) -> Sampler:
+    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
+    return Sampler(predictor.unknowns, StaticsPhysics, noise, effort, seeds)
+
+
+def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
+    data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
+    exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6), grid=6)
+    posterior = sampler(
+        narrow, WIDE, Effort(levels=4, width=16, steps=40, rounds=1, draws=150)
+    ).learn(data)
+    sampled = {mode.attachments: mode.probability for mode in posterior.modes}
+    assert distance(sampled, exact) < 0.05
+
+
+def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
+    posterior = sampler(predictor, NOISE).learn(data)
+    assert posterior.modes[0].attachments == predictor.unknowns.keys(POINT[None])[0]
+    assert posterior.modes[0].probability > 0.9
+    assert posterior.seen > 0.9
+    for column in predictor.unknowns.continuous:
+        low, high = np.quantile(posterior.values[:, column], (0.005, 0.995))
+        assert low - 0.002 < POINT[column] < high + 0.002
+        assert high - low < 0.9  # the prior's is 0.99
+
+
+def test_the_same_seeds_give_the_same_posterior(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
+    first, second = (sampler(predictor, NOISE).learn(data) for _ in range(2))
+    assert np.array_equal(first.values, second.values)
+    assert [mode.probability for mode in first.modes] == [mode.probability for mode in second.modes]
+
+
+def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
+    data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
+    likelihood = Likelihood(data, WIDE)
+    estimator = EvidenceEstimator(narrow, data, likelihood, draws=400)
+    values, _ = Lengths(narrow, data, likelihood).polished(POINT[None])
+    mode = estimator.of(values[0], values, np.random.default_rng(1))
+    grid = (np.arange(20) + 0.5) / 20
+    points = np.repeat(POINT[None], 400, axis=0)
+    points[:, narrow.unknowns.continuous] = np.array(np.meshgrid(grid, grid)).reshape(2, -1).T
+    misfits = data.misfits_of(narrow, points)
+    nodes, weights = np.polynomial.hermite_e.hermegauss(9)
+    total = 0.0
+    for one, share in zip(nodes, weights, strict=True):
+        for two, part in zip(nodes, weights, strict=True):
+            factors = np.tile([0.5 * one, 0.5 * two], (400, 1))
+            fits = likelihood.of(misfits, np.ones(400), factors).sum(axis=1)
+            total += share * part / (2 * np.pi) * float(np.mean(np.exp(fits)))
+    assert mode.log_evidence == pytest.approx(np.log(total), abs=0.1)
+    assert mode.effective > 100

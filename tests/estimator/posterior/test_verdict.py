@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.unknowns import Predictor
+from estimator.posterior.verdict import deviations, explains, judge
+from tests.estimator.posterior.conftest import NOISE, draw, programs
+
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+MOVED = programs(6, seed=4)
+
+
+def certain(scale: float = 0.0) -> Posterior:
+    values = np.tile(POINT, (30, 1))
+    return Posterior(
+        values=values,
+        scales=np.full((30, 2), scale),
+        weights=np.full(30, 1 / 30),
+        modes=(Mode((), 1.0, POINT, 30.0),),
+        seen=1.0,
+    )
+
+
+def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    verdict = judge(certain(), predictor, data, NOISE)
+    assert verdict.explained
+    assert explains(POINT, predictor, data, NOISE)
+
+
+def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
+    predictor: Predictor,
+) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    for turn in (1, 4):
+        data.tilt[turn] += 0.3
+    verdict = judge(certain(), predictor, data, NOISE)
+    assert not verdict.explained
+    assert [(item.interaction, item.sensors) for item in verdict.unexplained] == [
+        (1, ("tilt",)),
+        (4, ("tilt",)),
+    ]
+    assert not explains(POINT, predictor, data, NOISE)
+
+
+def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    data.tilt[2] += 0.3
+    verdict = judge(certain(), predictor, data, NOISE)
+    assert [item.interaction for item in verdict.unexplained] == [2]
+    assert verdict.explained
+
+
+def test_a_sensor_that_is_surely_noisier_than_announced_is_named(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    verdict = judge(certain(scale=1.0), predictor, data, NOISE)
+    assert verdict.noisy == ("tilt", "clearance")
+    assert not verdict.explained
+
+
+def test_deviations_are_in_units_of_the_noise(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    before = deviations(POINT[None], predictor, data, NOISE)
+    data.clearance[0] += 5 * NOISE.clearance
+    data.tilt[1, 0] += 40 * NOISE.tilt
+    after = deviations(POINT[None], predictor, data, NOISE)
+    assert after["clearance"][0] - before["clearance"][0] == pytest.approx(5)
+    assert abs(after["tilt"][1]) > 30
