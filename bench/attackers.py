@@ -27,14 +27,19 @@ Attack = Callable[[str, str], Iterator[None]]
 
 
 def identities(uri: str, telemetry: str) -> Iterator[None]:
-    """Claims what ZeroMQ would call the next peers, and connects as one."""
+    """Claims what ZeroMQ would call the next peers, and then lets it name some."""
     del telemetry
-    held: deque[RawPeer] = deque(maxlen=100)
-    for identity in itertools.cycle(guessed_identities()):
-        for claim in (identity, b""):
+    named = 0
+    while True:
+        held: list[RawPeer] = []
+        claims = [*guessed_identities(sockets=10, first=named, connections=10), *(10 * [b""])]
+        for identity in claims:
             with _unless_cut():
-                held.append(RawPeer(uri, identity=claim))
-                yield
+                held.append(RawPeer(uri, identity=identity))
+            named += not identity
+            yield
+        for peer in held:
+            peer.close()
 
 
 def parts(uri: str, telemetry: str) -> Iterator[None]:

@@ -66,7 +66,7 @@ def frame(body: bytes, flags: int = 0) -> bytes:
     return bytes([flags, len(body)]) + body
 
 
-def guessed_identities(sockets: int = 12, connections: int = 40) -> Iterator[bytes]:
+def guessed_identities(*, sockets: int, connections: int, first: int = 0) -> Iterator[bytes]:
     """What ZeroMQ would call the next peers of a process that never called ``srand``.
 
     A ROUTER counts its peers from a number of two calls of ``rand``.
@@ -74,14 +74,14 @@ def guessed_identities(sockets: int = 12, connections: int = 40) -> Iterator[byt
     Args:
         sockets: For how many numbers drawn before it.
         connections: For how many peers each.
+        first: How many peers have been named before.
     """
     libc = ctypes.CDLL(None)
     libc.srand(1)
     for _ in range(sockets):
         low, high = libc.rand(), libc.rand()
-        first = (low | high << 31) & 0xFFFFFFFF
-        for number in range(connections):
-            yield b"\0" + struct.pack(">I", (first + number) & 0xFFFFFFFF)
+        for number in range(first, first + connections):
+            yield b"\0" + struct.pack(">I", ((low | high << 31) + number) & 0xFFFFFFFF)
 
 
 def _property(name: bytes, value: bytes) -> bytes:

@@ -114,10 +114,8 @@ class Connection:
         """Sends a message; drops it where the peer does not read."""
         if self.closed:
             return
-        try:
+        with suppress(zmq.Again):  # it will ask again
             self._wire.send_multipart([*self._identity, *parts], zmq.NOBLOCK)
-        except zmq.Again:
-            return  # it will ask again
         self._on_signal(self)  # sending may have used up the signal of a message that came
 
     def close(self, linger: int = 0) -> None:
