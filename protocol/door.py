@@ -154,9 +154,7 @@ class Door:
         """Hangs up on a peer that misbehaves."""
         connection = self._connections[peer]
         self._close(connection)
-        self._cut += 1
-        if self._cut & (self._cut - 1) == 0:  # at 1, 2, 4, …: a flood cannot fill the log
-            self._log.warning("cut off %s: %s (%d so far)", connection.peer, why, self._cut)
+        self._report(connection.peer, why)
 
     def close(self, linger: int) -> None:
         """Ends all connections; what was sent has ``linger`` ms to leave."""
@@ -175,7 +173,7 @@ class Door:
         del mask
         for _ in range(_ACCEPTED):
             try:
-                tcp, _ = self._listener.accept()
+                tcp, address = self._listener.accept()
             except BlockingIOError:
                 return
             except OSError as error:
@@ -185,17 +183,15 @@ class Door:
             if len(self) >= self._most:
                 self._close(self._weakest())
             try:
-                self._open(tcp)
-            except (OSError, zmq.ZMQError) as error:
+                self._open(tcp, f"{address[0]}:{address[1]}")
+            except (OSError, zmq.ZMQError) as error:  # it is gone already, or there is no room
                 tcp.close()
-                self._log.warning("a connection cannot be served: %s", error)
+                self._report(address[0], str(error))
 
-    def _open(self, tcp: socket.socket) -> None:
+    def _open(self, tcp: socket.socket, peer: str) -> None:
         tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         tcp.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, _IDLE)
-        host, port = tcp.getpeername()[:2]
-        peer = f"{host}:{port}"
         wire = serving(self._context, self._kind, self._pair, peer)
         try:
             pipe = _piped(wire)
@@ -227,6 +223,11 @@ class Door:
         elif connection.held > _FEW and sum(one.held for one in self._connections.values()) > TOTAL:
             most = max(self._connections.values(), key=lambda one: one.held)
             self.cut(most.number, f"over {TOTAL} bytes of unfinished messages of all connections")
+
+    def _report(self, peer: str, why: str) -> None:
+        self._cut += 1
+        if self._cut & (self._cut - 1) == 0:  # at 1, 2, 4, …: a flood cannot fill the log
+            self._log.warning("cut off %s: %s (%d so far)", peer, why, self._cut)
 
     def _weakest(self) -> Connection:
         """Who goes when there are too many.
@@ -284,10 +285,10 @@ def _bound(place: Endpoint) -> socket.socket:
         except BaseException:
             made.close()
             raise
-    except OSError as error:
+    except (OSError, UnicodeError) as error:  # the latter of a host's name that cannot be one
+        why = getattr(error, "strerror", None) or "there is no such host"
         raise EndpointError(
-            f"Cannot serve at {place}: {error.strerror}. Stop what uses it, or choose another "
-            "address."
+            f"Cannot serve at {place}: {why}. Stop what uses it, or choose another address."
         ) from None
     return made
 

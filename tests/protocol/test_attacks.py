@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import struct
 import subprocess
 import sys
 import time
@@ -15,6 +17,7 @@ import zmq
 from bench.raw_peer import GREETING, MORE, RawPeer, frame, guessed_identities
 from protocol.client import RobotClient
 from protocol.codec import MAX_FRAME, MAX_MESSAGE, decode, encode
+from protocol.endpoints import Endpoint
 from protocol.framing import FrameCounter
 from protocol.keys import KeyDirectory
 from protocol.publisher import MAX_SUBSCRIBED
@@ -248,6 +251,20 @@ def test_who_says_much_does_not_starve_beside_many_who_ask_again_and_again(
     for peer in asking * 3:
         assert answered(peer)
     assert until(lambda: server.garbage == 50)
+
+
+def test_who_is_gone_before_the_door_opens_fills_no_log(
+    serve: Serve, robot: FakeRobot, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = serve(robot)
+    place = Endpoint.parse(server.endpoint)
+    for _ in range(50):
+        gone = socket.create_connection((place.host, place.port), timeout=5)
+        gone.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        gone.close()  # with a reset
+    with RobotClient(server.endpoint) as client:
+        assert client.stop().state == "stopped"
+    assert len(caplog.records) < 10
 
 
 # --- framing --------------------------------------------------------------------------------------
