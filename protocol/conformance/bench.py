@@ -130,16 +130,18 @@ class Party:
 
     def wait_for(self, request_id: int) -> tuple[list[Map], Map]:
         """The replies to a motion of this client that was sent, with heartbeats in between."""
-        end = time.monotonic() + self._bench.settings.motion
+        begun = beaten = time.monotonic()
         between: list[Map] = []
-        while time.monotonic() < end:
-            found = self.line.answer(request_id, patience=_BEAT)
-            if found is None:
+        while (now := time.monotonic()) < begun + self._bench.settings.motion:
+            if now >= beaten + _BEAT:  # however much the robot tells, we are heard of
                 self.status()
-            elif found["type"] in ("accepted", "progress"):
-                between.append(found)
-            else:
+                beaten = now
+            found = self.line.answer(request_id, patience=beaten + _BEAT - now)
+            if found is None:
+                continue
+            if found["type"] not in ("accepted", "progress"):
                 return between, found
+            between.append(found)
         raise Unanswered(f"A motion did not end within {self._bench.settings.motion:g} s.")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -140,6 +141,14 @@ def test_silence_in_mid_motion(in_real_time: Controller, monkeypatch: pytest.Mon
         monkeypatch.setattr(Controller, "silence", lambda *_: None)
         (found,) = broken(run(settings, only=["5.6"]))
     assert "A motion went on through " in found
+
+
+def test_the_suite_is_no_silent_controller_while_a_motion_tells_of_itself(
+    in_real_time: Controller,
+) -> None:
+    with serving(in_real_time, clock=lambda: time.monotonic() * 7) as uri:
+        results = run(Settings(uri=uri, move=True), only=["7.2"])  # builds on a perform
+    assert broken(results) == []
 
 
 @pytest.mark.parametrize("silent", [False, True])
