@@ -77,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--far",
         action="store_true",
-        help="with --move, also what moves a joint to the ends of its range",
+        help="with --move, also what moves joints to the ends of their ranges",
     )
     parser.add_argument(
         "--other-keys", metavar="DIR", help="key directory of another client, for what needs two"

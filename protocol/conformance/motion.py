@@ -29,15 +29,16 @@ def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, f
 
 def _performed(bench: Bench, party: Party, share: float) -> tuple[dict[str, float], Map]:
     targets = small_targets(bench.capabilities(), share)
-    return targets, _felt(party, targets)
+    return targets, observed(party, targets)
 
 
-def _felt(party: Party, targets: Mapping[str, float]) -> Map:
+def observed(party: Party, targets: Mapping[str, float]) -> Map:
+    """The observation of a motion."""
     request = party.request("perform", targets=targets)
     party.line.send(request)
-    _, felt = party.wait_for(request["id"])
-    expect(felt["type"] == "observation", f"A perform ended with {said(felt)}.")
-    return felt
+    _, end = party.wait_for(request["id"])
+    expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
+    return end
 
 
 def _rest(bench: Bench, party: Party) -> None:
@@ -118,7 +119,7 @@ def joints_at_the_end(bench: Bench) -> None:
         joint = capabilities.joints[0]
         for end in ("upper", "lower"):
             targets = small_targets(capabilities, 0.0) | {joint.name: getattr(joint, end)}
-            found = _felt(party, targets)["saturated_joints"]
+            found = observed(party, targets)["saturated_joints"]
             expect(
                 found == [joint.name],
                 f"With {joint.name} alone at its {end} limit, the saturated joints are {found}.",
