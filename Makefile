@@ -20,8 +20,9 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY) ## A simulated robot is identified over the wire, and the result is scored
 	PATH="$(abspath $(BIN)):$$PATH" docs/demo.sh demo
 
-test: $(READY) ## Run all tests
-	$(BIN)/python -m pytest
+TEST_JOBS ?= 2
+test: $(READY) ## Run all tests, TEST_JOBS=2 side by side
+	$(BIN)/python -m pytest --numprocesses $(TEST_JOBS) --dist worksteal
 
 check: $(READY) ## Lint, format, types and import arrows
 	$(BIN)/ruff check .
