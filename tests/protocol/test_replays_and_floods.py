@@ -58,7 +58,7 @@ def replay(endpoint: str, record: list[bytes]) -> bytes:
     """Sends recorded pieces again, as slowly as they came; what the other side says to that."""
     place = Endpoint.parse(endpoint)
     answer = b""
-    with socket.create_connection((place.host, place.port), timeout=0.1) as thief:
+    with socket.create_connection((place.host, place.port), timeout=0.5) as thief:
         for piece in record:
             try:
                 thief.sendall(piece)
