@@ -52,7 +52,7 @@ soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about
 	$(BIN)/python -m bench.soak --hours 24
 
 latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes
-	$(BIN)/python -m bench.round_trip
+	$(BIN)/python -m bench.latency
 
 attacks: $(READY) ## Memory of robotd, and how long a stop waits, while it is attacked; three minutes
 	$(BIN)/python -m bench.attacks

@@ -15,8 +15,8 @@ from contextlib import suppress
 from typing import Final
 
 from bench.raw_peer import MORE, RawPeer, frame, guessed_identities
-from protocol.codec import MAX_FRAME, MAX_MESSAGE, encode
-from protocol.endpoints import Endpoint
+from protocol.sockets.endpoints import Endpoint
+from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, encode
 
 MEGABYTE: Final = bytes(1_000_000)
 EMPTY_MAPS: Final = b"\x81\xa1a" + b"\xdc\x00\x40" + 64 * (b"\xdc\x03\xf8" + b"\x80" * 1016)

@@ -19,8 +19,8 @@ from dataclasses import dataclass, field
 import psutil
 
 from bench.attackers import ATTACKS
-from bench.round_trip import percentile
-from protocol.client import RobotClient
+from bench.latency.__main__ import percentile
+from protocol.transport.client import RobotClient
 
 SECONDS = 15.0
 PAUSE = 0.02  # s between two stops

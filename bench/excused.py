@@ -19,13 +19,13 @@ from typing import Final
 
 import numpy as np
 
-from estimator.error import interaction_errors
-from estimator.genome import Genome
-from estimator.morphology import Array
+from estimator.body.morphology import Array
+from estimator.identification.run import problem_of, world_of
+from estimator.identification.subjective_error import interaction_errors
 from estimator.physics.base import Flags
 from estimator.physics.statics import StaticsPhysics
-from estimator.run import problem_of, world_of
-from estimator.store import RunStore
+from estimator.problem.genome import Genome
+from estimator.storage.store import RunStore
 
 NEIGHBOURS: Final = 30
 NEAR: Final = 1e-3

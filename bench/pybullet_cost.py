@@ -14,20 +14,20 @@ from functools import partial
 
 import numpy as np
 
-from estimator.backends import REFERENCE, foresight_of
-from estimator.genome import Genome
-from estimator.modelling import Modeller
-from estimator.observation import Observation
+from estimator.identification.modelling import Modeller
+from estimator.physics.backends import REFERENCE, foresight_of
 from estimator.physics.base import Pair, Physics, Settings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.problem import Problem
-from estimator.records import Counters
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
 from estimator.search.deterministic_crowding import DeterministicCrowding
-from robot.daemon import describe
-from sim_robot.body import default_body_path, load_body
-from sim_robot.noise import NoiseLevels
-from sim_robot.wiring import configure
+from estimator.storage.records import Counters
+from robot.service.daemon import describe
+from sim_robot.simulator.wiring import configure
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
 
 GENERATIONS = 40  # the paper's, with
 FEW = 50  # models: the share of children that win is that of a whole run

@@ -13,12 +13,12 @@ from contextlib import contextmanager
 
 import psutil
 
-from protocol.client import RobotClient
-from protocol.messages import Perform
-from protocol.robot import Finished
-from sim_robot.body import default_body_path, load_body
-from sim_robot.daemon import simulated_robot
-from sim_robot.noise import NoiseLevels
+from protocol.rules.robot_interface import Finished
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Perform
+from sim_robot.simulator.daemon import simulated_robot
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
 
 IDLE_SECONDS = 20.0
 INTERACTIONS = 40

@@ -24,14 +24,14 @@ import numpy as np
 from bench.engines.bodies import draw
 from bench.engines.mujoco_engine import MuJoCoPhysics
 from bench.pybullet_cost import workload as topological_workload
-from estimator.modelling import Modeller
-from estimator.morphology import BASE, Morphology
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import BASE, Morphology
+from estimator.identification.modelling import Modeller
 from estimator.physics.base import Pair, Physics, Settings
-from estimator.physics.bodies import Bodies
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
-from estimator.records import Counters
 from estimator.search.deterministic_crowding import DeterministicCrowding
+from estimator.storage.records import Counters
 
 KINDS: Final = (("quadruped", "parametric"), ("8-part trees", "topological-24"))
 SEED: Final = 7

@@ -3,25 +3,31 @@
 ============================ ====================================================================
 For                          Use
 ============================ ====================================================================
-a run from start to end      ``run.identify`` and ``run.resume``, with an ``Order``; they return a
-                             ``report.result.Result``
-a run on disk                ``store.RunStore``: settings, interactions, generations, checkpoint
+a run from start to end      ``identification.run``: ``identify`` and ``resume``, with an
+                             ``Order``
+a run on disk                ``storage.store.RunStore``: settings, interactions, generations
+a run in numbers             ``report.result.Result``
 where readings come from     ``robot_link.open_robot``: a robot, a table by hand, a recorded run
-what is to be found          ``problem.Problem``, a TOML file; ``genome.Genome``: genes to bodies
-a body                       ``morphology.Morphology`` and ``part_frames``, its kinematics;
-                             ``limbs.limbs``: what moves as one piece
+what is to be found          ``problem.problem.Problem``, a TOML file; ``problem.genome.Genome``:
+                             genes to bodies
+a body                       ``body.morphology.Morphology`` and ``part_frames``, its kinematics;
+                             ``body.limbs.limbs``: what moves as one piece
 what a body feels at rest    ``physics.base.Physics``: ``physics.pybullet.PyBulletPhysics``,
-                             ``physics.statics.StaticsPhysics``; ``backends``: by name, in
-                             processes (``physics.pool``) or on a cluster (``physics.dask``)
-how badly it fits            ``error``: the paper's subjective error; ``fit``: of many models
+                             ``physics.statics.StaticsPhysics``; ``physics.backends``: by name,
+                             in processes or on a cluster
+how badly it fits            ``identification.subjective_error``: the paper's; ``fit``: of many
 the search                   ``search.deterministic_crowding.DeterministicCrowding``, ask and tell
-how good a run is            ``score.score``: beside the true body (objective error);
-                             ``validate.validate``: on fresh motor programs (prediction error)
-whether a robot is fit       ``doctor.examine``
+how good a run is            ``evaluation.score.score``: beside the true body (objective error);
+                             ``evaluation.validate.validate``: on fresh motor programs
+                             (prediction error)
+whether a robot is fit       ``cli.doctor.examine``
 the paper's figures          ``reproduction``
+what computed it             ``versions``
 what can go wrong            ``errors``; all derive from ``protocol.errors.BodyschemaError``
 ============================ ====================================================================
 
-``cli`` is the command line over all of this. Only ``score``, ``configurations`` and
-``reproduction`` look at a true body (``truth``); nothing that searches can.
+From the top down: ``cli``, ``reproduction``, ``report``, ``evaluation``, ``identification``,
+``posterior``, ``robot_link``, ``storage``, ``problem``, ``physics``, ``search``, ``parallel``,
+``readings``, ``body``. A room imports only from those below it. Only ``evaluation`` and
+``reproduction`` look at a true body (``evaluation.truth``); nothing that searches can.
 """

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import sys
 
-from estimator.interrupts import interrupts_deferred
+from estimator.parallel.interrupts import interrupts_deferred
 
 _INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
 
@@ -17,7 +17,7 @@ def main() -> None:
     """Runs a subcommand; exits with 1 and a sentence when it is interrupted."""
     try:
         with interrupts_deferred():
-            cli = importlib.import_module("estimator.cli")
+            cli = importlib.import_module("estimator.cli.commands")
         cli.app(prog_name="estimator")
     except ModuleNotFoundError as error:
         print(

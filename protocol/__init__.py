@@ -5,24 +5,24 @@ For                     Use
 ======================= =========================================================================
 controlling a robot     ``RobotClient``: acquire, perform, read, hold, relax, stop, clear, release
 listening to a robot    ``TelemetrySubscriber``
-serving a robot         ``Server`` around anything that is a ``protocol.robot.Robot``
-keys and roles          ``protocol.keys``: ``KeyDirectory``; ``protocol.roles``: who may do what
-nobody answers: why?    ``protocol.probe``: ``probe``
+serving a robot         ``Server`` around anything that is a ``rules.robot_interface.Robot``
+keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.roles``: who may do what
+nobody answers: why?    ``transport.connection_probe``: ``probe``
 trying any robot        ``python -m protocol.conformance URI``: which clauses of the page hold
-what can go wrong       ``protocol.errors``: ``RobotError``, ``RobotUnreachableError``,
+what can go wrong       ``errors``: ``RobotError``, ``RobotUnreachableError``,
                         ``RobotRestartedError``, ``KeysError``, and the table ``ERROR_CODES``
-messages                ``protocol.messages``, ``protocol.capabilities``
-frames                  ``protocol.codec``: ``encode``, ``decode``
-states of a robot       ``protocol.transitions``: ``TRANSITIONS``
-what a reading means    ``protocol.readings``: tilt, clearance, touch
+messages                ``wire.messages``, ``wire.capabilities``
+frames                  ``wire.codec``: ``encode``, ``decode``
+states of a robot       ``rules.transitions``: ``TRANSITIONS``
+what a reading means    ``wire.readings``: tilt, clearance, touch
 ======================= =========================================================================
 
-The rules live in three modules without sockets, threads or clocks: ``core`` (the server's side),
-``dialogue`` (the client's side) and ``outcomes`` (why a robot never moves twice for one request).
+From the top down: ``conformance`` (does any robot speak the protocol?), ``transport`` (server,
+client, telemetry), ``sockets`` (TCP and ZeroMQ), ``security`` (keys), ``rules`` (both sides' cores,
+without sockets, threads or clocks) and ``wire`` (messages and frames). A room imports only from
+those below it.
 """
 
-from protocol.capabilities import Capabilities, Joint, Sensor
-from protocol.client import RobotClient
 from protocol.errors import (
     BodyschemaError,
     EndpointError,
@@ -32,11 +32,13 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
-from protocol.keys import KeyDirectory
-from protocol.messages import Observation, Ok, Progress, Status, Telemetry
-from protocol.server import Server
-from protocol.states import State
-from protocol.telemetry import TelemetrySubscriber
+from protocol.security.keys import KeyDirectory
+from protocol.transport.client import RobotClient
+from protocol.transport.server import Server
+from protocol.transport.telemetry import TelemetrySubscriber
+from protocol.wire.capabilities import Capabilities, Joint, Sensor
+from protocol.wire.messages import Observation, Ok, Progress, Status, Telemetry
+from protocol.wire.states import State
 
 __all__ = [
     "BodyschemaError",

@@ -9,10 +9,10 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from protocol.client import RobotClient
 from protocol.errors import BodyschemaError
-from protocol.printable import printable
-from protocol.states import State
+from protocol.text.printable import printable
+from protocol.transport.client import RobotClient
+from protocol.wire.states import State
 
 COMMANDS = ("status", "stop", "clear", "hold", "relax")
 

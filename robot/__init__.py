@@ -1,1 +1,19 @@
-"""The daemon of the robot."""
+"""The daemon of the robot: ``robotd``.
+
+======================= =========================================================================
+Room                    What is in it
+======================= =========================================================================
+``cli``                 the command line, a module per subcommand
+``service``             puts a robot together from its configuration, and serves it
+``diagnosis``           ``robotd doctor``: looks at each device, joint and sensor
+``calibration``         ``robotd calibrate``: the guided session
+``control``             the control loop and the choreography of an interaction
+``configuration``       ``robot.toml`` and ``calibration.toml``
+``sensing``             volts and millimetres become tilt, touch and clearance
+``drivers``             the electronics
+``host``                the computer that it runs on: clocks, log, service manager
+``errors``              what can go wrong
+======================= =========================================================================
+
+A room imports only from those below it, and from ``protocol``; nothing here imports numpy.
+"""

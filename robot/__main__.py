@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from robot.starting import start
+from robot.cli.startup import start
 
 
 def main() -> int:
     """Runs a subcommand; returns its exit code."""
-    return start("robotd", "robot.cli")
+    return start("robotd", "robot.cli.command_line")
 
 
 if __name__ == "__main__":

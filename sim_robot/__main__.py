@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 
-from robot.starting import start
+from robot.cli.startup import start
 
 
 def main() -> int:
     """Runs the command; returns its exit code."""
-    return start("sim-robotd", "sim_robot.cli", extra="sim")
+    return start("sim-robotd", "sim_robot.cli.command_line", extra="sim")
 
 
 if __name__ == "__main__":

@@ -8,15 +8,15 @@ from typing import Final
 
 import numpy as np
 
-from estimator.genome import Genome
-from estimator.morphology import Morphology
+from estimator.body.morphology import Morphology
 from estimator.physics.base import Pair
-from estimator.problem import Problem
-from protocol.capabilities import Capabilities
-from robot.daemon import describe
-from sim_robot.body import default_body_path, load_body
-from sim_robot.noise import NoiseLevels
-from sim_robot.wiring import configure
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from protocol.wire.capabilities import Capabilities
+from robot.service.daemon import describe
+from sim_robot.simulator.wiring import configure
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
 
 PROBLEMS: Final = ("parametric", "topological", "topological-20", "topological-24")
 NUDGE: Final = np.radians(0.1)

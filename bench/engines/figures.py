@@ -10,7 +10,7 @@ import numpy as np
 
 from bench.engines.runs import CEILINGS, RIVALS
 from bench.engines.simulate import Simulated
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.physics.base import Flags, Readings
 
 CLOSE: Final = 0.5

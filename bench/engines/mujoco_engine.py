@@ -21,8 +21,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from estimator.body.morphology import (
+    BASE,
+    HINGE_AXES,
+    SIDE_YAWS,
+    Array,
+    Morphology,
+    Part,
+    attachment,
+)
 from estimator.errors import PhysicsError
-from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Array, Morphology, Part, attachment
 from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
 
 _STIFFNESS: Final = 5000.0  # N·m/rad

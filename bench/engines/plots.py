@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from bench.engines.figures import CLOSE, COVERED, Compared, differences, risk_coverage
 from bench.engines.runs import RUNS
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.report.plots import COLOURS
 
 _DPI: Final = 110

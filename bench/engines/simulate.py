@@ -16,9 +16,9 @@ import numpy as np
 
 from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
-from estimator.child_process import end_with_parent, interrupts_blocked, silence_stdout
+from estimator.parallel.child_process import end_with_parent, interrupts_blocked, silence_stdout
 from estimator.physics.base import Pair, Readings
-from estimator.physics.quiet import quiet
+from estimator.physics.native_output import quiet
 
 PIECE: Final = 20
 """Bodies simulated at a time, in all runs: some seconds of work."""

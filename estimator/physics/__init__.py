@@ -4,11 +4,12 @@
 ``base.Physics``                     what every back-end can do; the search knows no more
 ``base.Readings``                    what the bodies feel at rest, as arrays
 ``base.Settings``                    the world that bodies are simulated in
+``backends``                         the back-ends by name, and the ways to run them
 ``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process
 ``statics.StaticsPhysics``           computes the resting pose, in threads of this process
 ``pool.PhysicsPool``                 runs a back-end in worker processes
 ``dask.DaskPhysics``                 runs a back-end on the workers of a Dask cluster
-``bodies.Bodies``                    many bodies as arrays, for ``StaticsPhysics``
+``native_output``                    keeps what an engine prints from C out of ours
 ``kernel``                           the compiled part of ``StaticsPhysics``
 ==================================== ==========================================================
 """

@@ -19,8 +19,8 @@ from typing import Final, Protocol, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
-from estimator.morphology import Array, Morphology
 
 GRAVITY: Final = 9.81  # m/s²
 

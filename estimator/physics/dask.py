@@ -10,7 +10,7 @@ import pickle
 from collections.abc import Sequence
 from typing import Final, TypeAlias
 
-from estimator.cluster import Cluster
+from estimator.parallel.cluster import Cluster
 from estimator.physics.base import BackEnd, Pair, Physics, Readings, sensor_count
 from estimator.physics.pool import MakePhysics, cut
 

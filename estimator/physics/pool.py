@@ -13,8 +13,8 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Final, TypeAlias
 
-from estimator.child_process import end_with_parent, interrupts_blocked, silence_stdout
 from estimator.errors import PhysicsError, WorkerError
+from estimator.parallel.child_process import end_with_parent, interrupts_blocked, silence_stdout
 from estimator.physics.base import BackEnd, Pair, Physics, Readings, sensor_count
 
 CHUNK: Final = 25

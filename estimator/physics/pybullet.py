@@ -29,10 +29,10 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
+from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
 from estimator.errors import PhysicsError
-from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
 from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, Settings, sensor_count
-from estimator.physics.quiet import quiet
+from estimator.physics.native_output import quiet
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
 _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included

@@ -28,11 +28,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
-from estimator.interrupts import interrupts_deferred
-from estimator.morphology import Array
+from estimator.parallel.interrupts import interrupts_deferred
 from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
-from estimator.physics.bodies import Bodies
 
 PACE: Final = math.radians(1.5)
 """Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,

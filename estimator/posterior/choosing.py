@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.information import Forecast, InformationGain
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.unknowns import Columns, Predictor

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.population import Population
 from estimator.posterior.slopes import Lengths, best_of_each

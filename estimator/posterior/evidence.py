@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from scipy.special import gammaln, logsumexp
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.likelihood import Likelihood, SensorData
 from estimator.posterior.slopes import Lengths
 from estimator.posterior.unknowns import SCALE_SPREAD, Predictor

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.physics.base import Flags
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.physics.base import Flags, Readings
 from estimator.posterior.gain_kernel import gains
 from estimator.posterior.likelihood import Noise

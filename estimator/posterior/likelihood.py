@@ -24,11 +24,11 @@ from typing import Final
 import numpy as np
 from scipy.special import expit, log_ndtr
 
-from estimator.morphology import Array
-from estimator.observation import Observation
+from estimator.body.morphology import Array
 from estimator.physics.base import Flags, Readings
 from estimator.posterior.unknowns import Columns, Predictor
-from protocol.capabilities import Capabilities
+from estimator.readings.observation import Observation
+from protocol.wire.capabilities import Capabilities
 
 TILT: Final = 0  # sum of the squared tilt residuals, rad²
 CLEARANCE: Final = 1  # observed minus predicted, m

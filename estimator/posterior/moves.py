@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.unknowns import Columns, Unknowns
 
 _SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform

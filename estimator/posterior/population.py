@@ -14,7 +14,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.posterior.moves import exchange_parts, propose
 from estimator.posterior.unknowns import SCALE_SPREAD, Columns, Predictor

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.unknowns import Attachments
 
 

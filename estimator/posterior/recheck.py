@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 from scipy.special import logsumexp
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.physics.base import Physics, Settings
 from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.posterior.posterior import Mode, Posterior

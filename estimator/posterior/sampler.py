@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.special import logsumexp
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.discovery import Bodies, Discovery
 from estimator.posterior.evidence import EvidenceEstimator, ModeEvidence

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.likelihood import MISFITS, Likelihood, SensorData
 from estimator.posterior.unknowns import Predictor
 

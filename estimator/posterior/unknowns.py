@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.genome import Genome
-from estimator.morphology import Array, Morphology
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import Readings
-from estimator.physics.bodies import Bodies
 from estimator.physics.statics import StaticsPhysics
+from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from estimator.genome import Genome
-from estimator.limbs import driven_limbs
-from estimator.records import Generation
-from protocol.printable import printable
+from estimator.body.limbs import driven_limbs
+from estimator.problem.genome import Genome
+from estimator.storage.records import Generation
+from protocol.text.printable import printable
 
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 """The paper's arrows: left, forward, right and back leg."""

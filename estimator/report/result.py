@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from estimator.final_population import FinalPopulation
-from estimator.finish import pairs_turned
-from estimator.genome import Genome
-from estimator.limbs import driven_limbs, leg_lengths
-from estimator.morphology import BASE, HINGES, SIDES, Morphology, Part
-from estimator.observation import Observation, touched
-from estimator.problem import Problem
-from estimator.records import Counters, Finish
-from estimator.store import RunStore
+from estimator.body.limbs import driven_limbs, leg_lengths
+from estimator.body.morphology import BASE, HINGES, SIDES, Morphology, Part
+from estimator.identification.final_population import FinalPopulation
+from estimator.identification.reference_check import pairs_turned
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation, touched
+from estimator.storage.records import Counters, Finish
+from estimator.storage.store import RunStore
 from estimator.versions import versions
-from protocol.capabilities import Capabilities
+from protocol.wire.capabilities import Capabilities
 
 BEST_MODELS = 10
 

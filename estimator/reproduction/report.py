@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from estimator.backends import REFERENCE
-from estimator.report.files import replace
-from estimator.report.tables import number
-from estimator.reproduction.claims_table import ClaimsTable
-from estimator.reproduction.figure import Drawn
-from estimator.reproduction.ledger import Session
-from estimator.reproduction.outputs import write_csv
-from estimator.reproduction.overall import in_words
-from estimator.reproduction.plan import (
+from estimator.physics.backends import REFERENCE
+from estimator.report.run_files import replace
+from estimator.report.terminal_tables import number
+from estimator.reproduction.claims.claims_table import ClaimsTable
+from estimator.reproduction.figures.figure import Drawn
+from estimator.reproduction.output_files import write_csv
+from estimator.reproduction.runs.ledger import Session
+from estimator.reproduction.runs.plan import (
     PARAMETRIC,
     PARAMETRIC_RUNS,
     TOPOLOGICAL,
@@ -22,7 +21,8 @@ from estimator.reproduction.plan import (
     TOPOLOGICAL_RUNS,
     Budget,
 )
-from estimator.reproduction.summary import Summary
+from estimator.reproduction.runs.progress import in_words
+from estimator.reproduction.runs.run_summary import Summary
 
 REPORT: Final = "report.md"
 HEADER: Final = (

@@ -6,20 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from estimator.backends import check_name
-from estimator.cluster import Cluster
 from estimator.errors import EstimatorError, RunDirectoryError
-from estimator.listener import Listener
-from estimator.report.files import replace
-from estimator.reproduction import figure2, figure3, figure4, figure5, figure6
-from estimator.reproduction.claims import Samples
-from estimator.reproduction.claims_table import ClaimsTable
-from estimator.reproduction.figure import Drawn
-from estimator.reproduction.finished import Shelf
-from estimator.reproduction.ledger import Ledger
-from estimator.reproduction.on_cluster import ClusterWorkers
-from estimator.reproduction.overall import Overall
-from estimator.reproduction.plan import (
+from estimator.identification.listener import Listener
+from estimator.parallel.cluster import Cluster
+from estimator.physics.backends import check_name
+from estimator.report.run_files import replace
+from estimator.reproduction.claims.claims_table import ClaimsTable
+from estimator.reproduction.claims.paper_claims import Samples
+from estimator.reproduction.claims.statistics import Share
+from estimator.reproduction.figures import figure2, figure3, figure4, figure5, figure6
+from estimator.reproduction.figures.figure import Drawn
+from estimator.reproduction.report import write_report
+from estimator.reproduction.runs.finished_run import Shelf
+from estimator.reproduction.runs.ledger import Ledger
+from estimator.reproduction.runs.plan import (
     FIGURES,
     SEEDS,
     Budget,
@@ -27,12 +27,12 @@ from estimator.reproduction.plan import (
     planned_runs,
     work_of,
 )
-from estimator.reproduction.report import write_report
-from estimator.reproduction.robot_process import print_body
-from estimator.reproduction.single_run import TRUTH, is_finished, work_done
-from estimator.reproduction.statistics import Share
-from estimator.reproduction.summary import summarise
-from estimator.reproduction.workers import Ended, Said, Worked, Workers
+from estimator.reproduction.runs.progress import Overall
+from estimator.reproduction.runs.robot_process import print_body
+from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Workers
+from estimator.reproduction.runs.run_summary import summarise
+from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
+from estimator.reproduction.runs.single_run import TRUTH, is_finished, work_done
 
 
 @dataclass(frozen=True, kw_only=True)

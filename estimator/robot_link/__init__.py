@@ -5,6 +5,8 @@
 ``file:READINGS.csv``   readings that a person wrote down (``by_hand``)
 ``replay:DIR``          the readings of a recorded run (``replay``)
 ======================= ===================================================================
+
+``base`` is the interface.
 """
 
 from __future__ import annotations
@@ -13,12 +15,12 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 
 from estimator.errors import EstimatorError
-from estimator.plausible import implausible_body
+from estimator.readings.plausibility import implausible_body
 from estimator.robot_link.base import RobotLink
 from estimator.robot_link.by_hand import open_by_hand
 from estimator.robot_link.replay import open_replay
 from estimator.robot_link.wire import WireLink
-from protocol.capabilities import Capabilities
+from protocol.wire.capabilities import Capabilities
 
 
 def open_robot(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from estimator.observation import Observation, Program
-from estimator.records import Ticket
-from protocol.capabilities import Capabilities
+from estimator.readings.observation import Observation, Program
+from estimator.storage.records import Ticket
+from protocol.wire.capabilities import Capabilities
 
 OnProgress = Callable[[str, float], None]
 """Called with the phase of a motion and the share of it that is done, 0 to 1."""

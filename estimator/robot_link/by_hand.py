@@ -1,7 +1,7 @@
 """Readings that a person wrote down: ``readings.csv`` with ``robot.json`` beside it.
 
-``readings.csv`` is described in ``estimator.readings_csv``. ``robot.json`` says what a robot would
-say about itself; every run writes one, and by hand three keys are enough::
+``readings.csv`` is described in ``estimator.readings.readings_csv``. ``robot.json`` says what a
+robot would say about itself; every run writes one, and by hand three keys are enough::
 
     {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6, "clearance_upper": 0.2}
 
@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.errors import ReadingsError
-from estimator.observation import Observation
-from estimator.plausible import impossible_reading
-from estimator.readings_csv import ANGLE, Table, read
+from estimator.readings.observation import Observation
+from estimator.readings.plausibility import impossible_reading
+from estimator.readings.readings_csv import ANGLE, Table, read
 from estimator.robot_link.replay import Record
-from protocol.capabilities import Capabilities
 from protocol.errors import LocalProtocolError
+from protocol.wire.capabilities import Capabilities
 
 ROBOT_FILE: Final = "robot.json"
 _SLEW: Final = math.radians(60.0)  # the paper's servos

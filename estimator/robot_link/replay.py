@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from estimator.errors import RunDirectoryError
-from estimator.observation import Observation, Program
-from estimator.records import Ticket
+from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import OnProgress
-from estimator.store import RunStore
-from protocol.capabilities import Capabilities
+from estimator.storage.records import Ticket
+from estimator.storage.store import RunStore
+from protocol.wire.capabilities import Capabilities
 
 
 class Record:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from estimator.observation import Observation, Program, by_joint_name
-from estimator.plausible import impossible_reading
-from estimator.records import Ticket
+from estimator.readings.observation import Observation, Program, by_joint_name
+from estimator.readings.plausibility import impossible_reading
 from estimator.robot_link.base import OnProgress
-from protocol import messages
-from protocol.capabilities import Capabilities
-from protocol.client import RobotClient
+from estimator.storage.records import Ticket
 from protocol.errors import RobotError, RobotRestartedError
+from protocol.transport.client import RobotClient
+from protocol.wire import messages
+from protocol.wire.capabilities import Capabilities
 
 PATIENCE: Final = 10.0
 """Seconds without a word from the robot after which a run stops."""

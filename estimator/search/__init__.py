@@ -3,5 +3,6 @@
 =================================================== ===========================================
 ``deterministic_crowding.DeterministicCrowding``    the paper's genetic algorithm
 ``operators``                                       crossover, mutation, distance; by name
+``randomness``                                      a run's seed, in independent streams
 =================================================== ===========================================
 """

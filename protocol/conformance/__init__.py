@@ -3,15 +3,14 @@
 ======================= =========================================================================
 Module                  What is in it
 ======================= =========================================================================
-``registry``            ``Check``, the decorator that makes one
-``expectations``        what a check raises: ``Broken`` and ``Untried``
+``suite``               runs the checks, and says which clauses hold
+``checks``              the checks, a module per subject
 ``settings``            what the suite may do, and how long it waits
-``line``, ``bench``     raw connections, clients in a session, and what all checks share
-``trace``               frames for people
-``basics``              the checks on which the others build
-``transport`` … \
-``waiting``             the checks, by subject
-``suite``               runs them, and says which clauses hold
+``registry``            ``Check``, and the decorator that makes one of a function
+``robot_on_trial``      clients in a session, and a robot to be left as it was
+``raw_connection``      a connection that sends anything
+``frame_trace``         frames for people: in hex, and what they say
+``expectations``        what a check raises: ``Broken`` and ``Untried``
 ======================= =========================================================================
 
 The suite knows the robot only by its wire. It trusts nothing: a check sends what no client of ours

@@ -13,8 +13,8 @@ from functools import partial
 from protocol.conformance.settings import Settings
 from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, run
 from protocol.errors import BodyschemaError
-from protocol.keys import ClientKeys, KeyDirectory
-from protocol.printable import printable
+from protocol.security.keys import ClientKeys, KeyDirectory
+from protocol.text.printable import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

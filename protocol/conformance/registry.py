@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, TypeAlias
 
-from protocol.conformance.bench import Bench
+from protocol.conformance.robot_on_trial import Bench
 
 Run: TypeAlias = Callable[[Bench], None]
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from protocol.keys import ClientKeys
+from protocol.security.keys import ClientKeys
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,26 +11,26 @@ from importlib import resources
 from types import MappingProxyType
 from typing import Final
 
-from protocol.conformance.bench import Bench
 from protocol.conformance.expectations import Broken, Untried
 from protocol.conformance.registry import CHECKS, Check, Need
+from protocol.conformance.robot_on_trial import Bench
 from protocol.conformance.settings import Settings
 from protocol.errors import RobotUnreachableError
-from protocol.probe import probe
+from protocol.transport.connection_probe import probe
 
 for _module in (
     "basics",
-    "transport",
+    "connections",
     "frames",
     "sessions",
-    "ids",
+    "request_ids",
     "control",
     "floods",
     "readings",
     "motion",
-    "waiting",
+    "long_silences",
 ):
-    importlib.import_module(f"protocol.conformance.{_module}")  # each registers its checks
+    importlib.import_module(f"protocol.conformance.checks.{_module}")  # each registers its checks
 
 NOT_CHECKED: Final = MappingProxyType(
     {

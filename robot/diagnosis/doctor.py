@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 
-from robot.clock import Clock
-from robot.config import RobotConfig
+from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, Verdict, failed, look, ok
 from robot.diagnosis.sensors import (
     check_accelerometer,
@@ -20,7 +19,8 @@ from robot.diagnosis.servos import check_board, check_joints, move_joints
 from robot.drivers.sv203 import SV203
 from robot.drivers.vl6180x import VL6180X
 from robot.errors import DeviceError, DeviceMissingError
-from robot.sensing import AnalogueBoard
+from robot.host.clock import Clock
+from robot.sensing.sensors import AnalogueBoard
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,15 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from robot.clock import Clock
-from robot.config import RobotConfig
+from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
 from robot.drivers.dmm32 import RANGES
 from robot.errors import DeviceDataError, DeviceError
-from robot.plausible import STUCK_AFTER, ChannelWatch
-from robot.sampling import spread
-from robot.sensing import PLAUSIBLE_G, AnalogueInput, BellySensor, RangeFinder
-from robot.touch import TouchGauge
+from robot.host.clock import Clock
+from robot.sensing.plausibility import STUCK_AFTER, ChannelWatch
+from robot.sensing.raw_samples import spread
+from robot.sensing.sensors import PLAUSIBLE_G, AnalogueInput, BellySensor, RangeFinder
+from robot.sensing.touch import TouchGauge
 
 FAST_SCANS: Final = 200
 SCANS: Final = 5 * STUCK_AFTER

@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, Protocol
 
-from robot.calibrating.joints import Mover
-from robot.calibration import DrivenJoint
-from robot.clock import Clock
+from robot.calibration.joints import Mover
+from robot.configuration.joint_calibration import DrivenJoint
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
+from robot.drivers.servo_bus import ServoBus
 from robot.errors import DeviceError
-from robot.servo_bus import ServoBus
+from robot.host.clock import Clock
 
 QUERIES: Final = 24
 NEUTRAL: Final = 128

@@ -1,6 +1,7 @@
 """Drivers of the robot's electronics.
 
 =================  ===============================================================================
+``servo_bus``      What the choreography needs of a servo board, whatever its driver
 ``sv203``          Pontech SV203 servo board (plain, B, C) on a serial line: ``open_serial``,
                    ``SV203``
 ``dmm32``          Diamond Systems DMM-32-AT, 32X-AT and 32DX-AT analogue inputs: ``DMM32``

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
-from robot.clock import Clock
 from robot.drivers.portio import PortIO
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
+from robot.host.clock import Clock
 
 CHANNELS: Final = range(32)
 BASES: Final = (0x100, 0x140, 0x180, 0x200, 0x280, 0x300, 0x340, 0x380)

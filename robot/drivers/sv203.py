@@ -30,7 +30,6 @@ from typing import Final
 
 import serial
 
-from robot.clock import Clock
 from robot.errors import (
     CommandError,
     DeviceDataError,
@@ -38,6 +37,7 @@ from robot.errors import (
     DeviceMissingError,
     DeviceTimeoutError,
 )
+from robot.host.clock import Clock
 
 OUTPUTS: Final = range(1, 9)
 COUNTS: Final = range(1, 256)

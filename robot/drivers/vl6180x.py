@@ -15,9 +15,9 @@ from typing import Final
 
 from smbus2 import i2c_msg
 
-from robot.clock import Clock
 from robot.drivers.i2c import I2CBus
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
+from robot.host.clock import Clock
 
 _MODEL_ID: Final = 0x000
 _INTERRUPT_CLEAR: Final = 0x015

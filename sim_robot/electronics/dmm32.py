@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import ClassVar, Final
 
-from robot.clock import Clock
-from sim_robot.electronics.faults import FaultSwitch
+from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import FaultSwitch
 
 WINDOW: Final = 16
 ACCESS_TIME: Final = 1e-6

@@ -18,7 +18,7 @@ from contextlib import suppress
 from types import MappingProxyType
 from typing import ClassVar, Final
 
-from sim_robot.electronics.faults import FaultSwitch
+from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.sv203_board import Board
 
 _CHUNK: Final = 4096

@@ -17,8 +17,8 @@ from typing import ClassVar, Final
 
 from smbus2 import i2c_msg
 
-from robot.clock import Clock
-from sim_robot.electronics.faults import FaultSwitch
+from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import FaultSwitch
 
 TRANSFER_TIME: Final = 100e-6
 

@@ -17,8 +17,8 @@ from bench.engines.mujoco_engine import MuJoCoPhysics
 from bench.engines.page import publish
 from bench.engines.runs import CEILINGS, RIVALS, RUNS
 from bench.statics_cost import count_operations
+from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import EstimatorError
-from estimator.morphology import BASE, Base, Morphology, Part
 from estimator.physics.base import Readings, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics

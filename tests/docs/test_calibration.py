@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from robot.calibration_file import read_calibration
-from robot.cli import main
-from robot.clock import SteppedClock
-from robot.config import load_config
+from robot.cli.command_line import main
+from robot.configuration.calibration_file import read_calibration
+from robot.configuration.robot_config import load_config
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
-from sim_robot.still import StillWorld, example_config
+from sim_robot.simulator.still_robot import StillWorld, example_config
 
 PAGE = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text(encoding="utf-8")
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml")).read_text(encoding="utf-8")
@@ -54,8 +54,8 @@ def newcomer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Newcom
     distance = VL6180XEmulator(lambda: world.distance_mm, clock)
     found = Newcomer(world)
     for module in ("calibrate", "doctor"):
-        monkeypatch.setattr(f"robot.commands.{module}.WallClock", lambda: clock)
-    for module in ("robot.devices", "robot.commands.doctor"):
+        monkeypatch.setattr(f"robot.cli.{module}.WallClock", lambda: clock)
+    for module in ("robot.service.devices", "robot.cli.doctor"):
         monkeypatch.setattr(f"{module}.open_ports", lambda config: daq)
         monkeypatch.setattr(f"{module}.open_bus", lambda config: distance)
     monkeypatch.setattr("builtins.input", found)

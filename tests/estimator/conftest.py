@@ -6,7 +6,7 @@ from typing import TypeAlias
 import numpy as np
 import pytest
 
-from estimator.morphology import BASE, Base, Morphology, Part
+from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 

@@ -9,18 +9,18 @@ from pathlib import Path
 
 import numpy as np
 
-from estimator.genome import Genome
-from estimator.morphology import Morphology
-from estimator.observation import in_motor_order
+from estimator.body.morphology import Morphology
+from estimator.identification.run import Order
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.problem import Problem
-from estimator.run import Order
-from protocol.capabilities import Capabilities, Joint, Sensor
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import in_motor_order
 from protocol.errors import RobotError
-from protocol.messages import ErrorReply, Observation, Ok, Perform
-from protocol.robot import Finished, RobotEvent, RobotRequest, Snapshot
-from protocol.server import Server
-from protocol.states import State
+from protocol.rules.robot_interface import Finished, RobotEvent, RobotRequest, Snapshot
+from protocol.transport.server import Server
+from protocol.wire.capabilities import Capabilities, Joint, Sensor
+from protocol.wire.messages import ErrorReply, Observation, Ok, Perform
+from protocol.wire.states import State
 
 JOINTS = ("left", "front", "right", "back")
 TRUE_LENGTHS = (0.17, 0.15, 0.18, 0.16)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from estimator.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
+from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
 
 _INERTIA = '<inertia ixx="0.01" iyy="0.01" izz="0.01"/>'
 _LIMIT = '<limit lower="-3" upper="3" effort="10" velocity="1"/>'

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from sim_robot.faults import KNOWN
+from sim_robot.faults.fault_panel import KNOWN
 from tests.faults.devices import DEVICES
 from tests.faults.matrix import NETWORK, PROCESSES, Row
 
@@ -51,9 +51,9 @@ GRAMMAR = """
 
     sim-robotd --fault daq.stuck_channel=3@2i+10s
     sim-robotd --control ipc:///tmp/faults
-    python -m sim_robot.control ipc:///tmp/faults inject servo_board.unplugged
-    python -m sim_robot.control ipc:///tmp/faults mend
-    python -m sim_robot.control ipc:///tmp/faults report
+    python -m sim_robot.faults.control_socket ipc:///tmp/faults inject servo_board.unplugged
+    python -m sim_robot.faults.control_socket ipc:///tmp/faults mend
+    python -m sim_robot.faults.control_socket ipc:///tmp/faults report
 
 A fault is written `DEVICE.FAULT[=N][@START][+DURATION]`. START is `3i`, in the zero pose of the
 third interaction, or `12.5s`, at that robot time; without it the fault begins at once. DURATION is

@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Final
 
-from protocol.client import RobotClient
 from protocol.errors import BodyschemaError, RobotError
-from protocol.messages import Observation, Status
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Observation, Status
 from sim_robot.electronics.sv203 import SV203Emulator
-from sim_robot.still import example_config
+from sim_robot.simulator.still_robot import example_config
 from tests.faults.matrix import PROCESSES
 from tests.processes.simulator import Simulator, simulator
 
-DAEMON: Final = "bench.outboard"
+DAEMON: Final = "bench.latency.outboard"
 FAR: Final = -90.0
 ZERO: Final = tuple(joint.quantise(0.0) for joint in example_config("").joints)
 """The counts of the zero pose."""

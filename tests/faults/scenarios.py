@@ -17,10 +17,10 @@ from typing import Final
 
 import pytest
 
-from protocol.client import RobotClient
 from protocol.errors import RobotError, RobotRestartedError
-from protocol.messages import Observation
-from sim_robot.proxy import TcpProxy, lasting_port
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Observation
+from sim_robot.faults.network_proxy import TcpProxy, lasting_port
 from tests.faults.matrix import PROCESSES
 from tests.faults.motions import (
     DAEMON,
@@ -87,7 +87,7 @@ def cable_pulled() -> None:
 
 CONTROLLER: Final = """
 import sys
-from protocol.client import RobotClient
+from protocol.transport.client import RobotClient
 client = RobotClient(sys.argv[1])
 client.acquire()
 client.perform({joint.name: 0.0 for joint in client.capabilities.joints} | {"hip_left": -1.5})
@@ -232,11 +232,11 @@ def disk_full() -> None:
 WORKSTATION: Final = """
 import resource, sys
 from pathlib import Path
-from estimator.acting import carry_out
-from estimator.listener import Listener
-from estimator.records import Interaction, RunSettings
+from estimator.identification.acting import carry_out
+from estimator.identification.listener import Listener
+from estimator.storage.records import Interaction, RunSettings
 from estimator.robot_link.wire import WireLink
-from estimator.store import RunStore, first_id
+from estimator.storage.store import RunStore, first_id
 uri, folder = sys.argv[1:]
 link = WireLink(uri, client_id="workstation", first_id=first_id(0))
 settings = RunSettings(

@@ -9,8 +9,8 @@ from contextlib import suppress
 
 import pytest
 
-from protocol.client import RobotClient
 from protocol.errors import RobotError
+from protocol.transport.client import RobotClient
 from tests.processes.simulator import simulator
 
 

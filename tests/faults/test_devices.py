@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import pytest
 from _pytest.mark import ParameterSet
 
-from protocol.client import RobotClient
 from protocol.errors import RobotError
-from protocol.messages import Observation
-from sim_robot.control import FaultClient
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Observation
+from sim_robot.faults.control_socket import FaultClient
 from tests.faults.devices import DEVICES
 from tests.faults.matrix import DeviceRow
 from tests.processes.simulator import simulator

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_robot.faults import KNOWN, FaultSpec
+from sim_robot.faults.fault_panel import KNOWN, FaultSpec
 from tests.faults.devices import DEVICES
 from tests.faults.document import PAGE, page
 

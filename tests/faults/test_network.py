@@ -7,11 +7,11 @@ import random
 
 import pytest
 
-from protocol.client import RobotClient
 from protocol.errors import RobotUnreachableError
-from protocol.messages import Observation
-from sim_robot.control import FaultClient
-from sim_robot.proxy import MessageProxy
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Observation
+from sim_robot.faults.control_socket import FaultClient
+from sim_robot.faults.network_proxy import MessageProxy
 from tests.faults.matrix import NETWORK, WeatherRow
 from tests.processes.simulator import simulator
 

@@ -16,12 +16,14 @@ import math
 from collections.abc import Hashable, Iterable
 from typing import Any, Final
 
-from protocol.actions import Action, Send, Silence, Submit
-from protocol.capabilities import Capabilities, Joint, Sensor
-from protocol.codec import decode, encode
-from protocol.core import NEEDS_LEASE, ServerCore
 from protocol.errors import RobotError
-from protocol.messages import (
+from protocol.rules.robot_interface import Finished, Progressed, RobotRequest, Snapshot
+from protocol.rules.server_actions import Action, Send, Silence, Submit
+from protocol.rules.server_core import NEEDS_LEASE, ServerCore
+from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
+from protocol.wire.capabilities import Capabilities, Joint, Sensor
+from protocol.wire.codec import decode, encode
+from protocol.wire.messages import (
     ErrorReply,
     Observation,
     Ok,
@@ -31,9 +33,7 @@ from protocol.messages import (
     parse_reply,
     parse_telemetry,
 )
-from protocol.robot import Finished, Progressed, RobotRequest, Snapshot
-from protocol.states import State
-from protocol.transitions import REFUSALS, TRANSITIONS, Event
+from protocol.wire.states import State
 from tests.fuzz import reference
 
 JOINTS: Final = ("a", "b")

@@ -12,13 +12,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from protocol import codec, core
-from protocol.actions import Send
-from protocol.codec import decode
-from protocol.core import ServerCore
 from protocol.errors import RemoteProtocolError
-from protocol.lease import Lease
-from protocol.outcomes import Client
+from protocol.rules import server_core
+from protocol.rules.at_most_once import Client
+from protocol.rules.lease import Lease
+from protocol.rules.server_actions import Send
+from protocol.rules.server_core import ServerCore
+from protocol.wire import codec
+from protocol.wire.codec import decode
 from tests.fuzz import reference
 from tests.fuzz.steps import play
 from tests.fuzz.subject import CLIENTS, Subject
@@ -94,7 +95,7 @@ def _no_lease(patch: pytest.MonkeyPatch) -> None:
 
 
 def _any_target(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(core, "check_targets", lambda joints, targets: None)
+    patch.setattr(server_core, "check_targets", lambda joints, targets: None)
 
 
 def _crash(patch: pytest.MonkeyPatch) -> None:

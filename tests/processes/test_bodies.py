@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from estimator.listener import Listener
+from estimator.evaluation.score import Score, score
+from estimator.evaluation.validate import validate
+from estimator.identification.listener import Listener
+from estimator.identification.run import Order, identify, problem_of, reconnect
 from estimator.physics.base import Physics, Settings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.files import write_report
-from estimator.run import Order, identify, problem_of, reconnect
-from estimator.score import Score, score
-from estimator.store import RunStore
-from estimator.validate import validate
-from sim_robot.body import body_path
+from estimator.report.run_files import write_report
+from estimator.storage.store import RunStore
+from sim_robot.world.body import body_path
 from tests.processes.simulator import simulator
 
 
@@ -70,7 +70,7 @@ CASES = (
 def test_any_body_is_identified_validated_and_scored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, case: Case
 ) -> None:
-    monkeypatch.setattr("estimator.validate.RANDOM_MODELS", 4)
+    monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
     found = whole_path(tmp_path, case.body, case.problem)
     assert found.true_lengths_m == pytest.approx(case.lengths, abs=1e-6)
     assert found.configurations_total == case.configurations

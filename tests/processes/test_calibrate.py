@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from protocol.client import RobotClient
-from protocol.messages import Observation
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Observation
 from tests.processes.simulator import simulator
 
 

@@ -11,10 +11,10 @@ import pytest
 
 from estimator.robot_link import open_robot
 from protocol.__main__ import main as protocol_main
-from protocol.client import RobotClient
-from protocol.endpoints import Endpoint
 from protocol.errors import RobotUnreachableError
-from protocol.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.sockets.endpoints import Endpoint
+from protocol.transport.client import RobotClient
 from tests.processes.simulator import simulator
 
 

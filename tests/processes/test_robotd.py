@@ -16,8 +16,8 @@ from typing import IO
 
 import pytest
 
-from protocol.client import RobotClient
 from protocol.errors import RobotError
+from protocol.transport.client import RobotClient
 
 COMMAND = (sys.executable, "-m", "robot", "run", "--dry", "--bind")
 

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 
 import pytest
 
-from protocol.client import RobotClient
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
-from protocol.messages import Observation, Progress
-from sim_robot.proxy import lasting_port
+from protocol.transport.client import RobotClient
+from protocol.wire.messages import Observation, Progress
+from sim_robot.faults.network_proxy import lasting_port
 from tests.processes.simulator import simulator
 
 
@@ -109,7 +109,7 @@ def test_nothing_listens() -> None:
 
 CONTROLLER = """
 import math, sys
-from protocol.client import RobotClient
+from protocol.transport.client import RobotClient
 client = RobotClient(sys.argv[1])
 client.acquire()
 targets = {joint.name: 0.0 for joint in client.capabilities.joints}

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bench.soak import growth, soak
-from bench.vitals import Sample
+from bench.soak.__main__ import growth, soak
+from bench.soak.vitals import Sample
 
 
 def sample(memory: float) -> Sample:

@@ -12,16 +12,16 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from protocol.capabilities import Capabilities, Joint, Sensor
 from protocol.errors import RobotError
-from protocol.keys import ROBOT, KeyDirectory, Known, read_public
-from protocol.messages import Clear, ErrorReply, Observation, Ok, Perform, Read, Stop
-from protocol.robot import Finished, Progressed, RobotEvent, RobotRequest, Snapshot
-from protocol.server import Server
-from protocol.states import State
-from robot.controller import Controller
-from sim_robot.still import still_robot
-from tests.protocol.core_bench import Bench
+from protocol.rules.robot_interface import Finished, Progressed, RobotEvent, RobotRequest, Snapshot
+from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.transport.server import Server
+from protocol.wire.capabilities import Capabilities, Joint, Sensor
+from protocol.wire.messages import Clear, ErrorReply, Observation, Ok, Perform, Read, Stop
+from protocol.wire.states import State
+from robot.control.controller import Controller
+from sim_robot.simulator.still_robot import still_robot
+from tests.protocol.rules.core_bench import Bench
 from tests.robot.stepped import SteppedClock
 
 

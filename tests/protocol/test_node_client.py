@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from protocol.messages import Perform
-from protocol.robot import RobotRequest
-from protocol.states import State
+from protocol.rules.robot_interface import RobotRequest
+from protocol.wire.messages import Perform
+from protocol.wire.states import State
 from tests.protocol.conftest import FakeRobot
 
 if TYPE_CHECKING:

@@ -10,15 +10,15 @@ from typing import Any
 
 import pytest
 
-from protocol.capabilities import Capabilities
-from protocol.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
-from protocol.core import MAX_READS
 from protocol.errors import ERROR_CODES
-from protocol.lease import EXPIRY, SILENCE
-from protocol.messages import REPLIES, REQUESTS, Request, Telemetry
-from protocol.roles import MAY
-from protocol.states import State
-from protocol.transitions import REFUSALS, TRANSITIONS, Event
+from protocol.rules.lease import EXPIRY, SILENCE
+from protocol.rules.roles import MAY
+from protocol.rules.server_core import MAX_READS
+from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
+from protocol.wire.capabilities import Capabilities
+from protocol.wire.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
+from protocol.wire.messages import REPLIES, REQUESTS, Request, Telemetry
+from protocol.wire.states import State
 
 SPEC = resources.files("protocol").joinpath("SPEC.md").read_text("utf-8")
 VECTORS: list[dict[str, Any]] = json.loads(

@@ -7,9 +7,9 @@ import threading
 from dataclasses import dataclass, field
 from typing import Any
 
-from protocol.messages import Clear, Hold, Observation, Ok, Perform, Read, Relax, Stop
-from protocol.robot import FinalReply, Finished, RobotEvent
-from sim_robot.still import StillRobot
+from protocol.rules.robot_interface import FinalReply, Finished, RobotEvent
+from protocol.wire.messages import Clear, Hold, Observation, Ok, Perform, Read, Relax, Stop
+from sim_robot.simulator.still_robot import StillRobot
 
 
 class SteppedClock:

@@ -19,12 +19,12 @@ DEBIAN_12 = ("pyzmq==24.0.1", "msgpack==1.0.3", "pyserial==3.5", "smbus2==0.4.2"
 SCRIPT = """
 import logging, sys, threading
 from importlib import resources
-from protocol.client import RobotClient
-from protocol.keys import ROBOT, KeyDirectory, Known, read_public
-from protocol.server import Server
-from protocol.telemetry import TelemetrySubscriber
-from robot.clock import WallClock
-from sim_robot.still import still_robot
+from protocol.transport.client import RobotClient
+from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.transport.server import Server
+from protocol.transport.telemetry import TelemetrySubscriber
+from robot.host.clock import WallClock
+from sim_robot.simulator.still_robot import still_robot
 
 ours, theirs = KeyDirectory("robot-keys"), KeyDirectory("client-keys")
 name, robot_key = read_public(ours.create("robot"))

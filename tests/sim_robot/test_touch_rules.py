@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sim_robot.body import default_body_path, load_body
+from sim_robot.world.body import default_body_path, load_body
 from tests.sim_robot.touch_rules import DOUBTFUL, feet
 
 

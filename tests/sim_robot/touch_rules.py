@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_robot.body import Body, load_body, shipped_bodies
-from sim_robot.world import World
+from sim_robot.world.body import Body, load_body, shipped_bodies
+from sim_robot.world.simulation import World
 
 LOADED = 0.1  # N: above it, a gauge says touch
 TOUCHING = 1e-3  # m: below it, a model does

@@ -6,9 +6,9 @@ import math
 from pathlib import Path
 from typing import Any, Final
 
-from estimator.morphology import Array
+from estimator.body.arrays import Integers
+from estimator.body.morphology import Array
 from estimator.physics.base import Flags
-from estimator.physics.bodies import Integers
 from estimator.physics.kernel.compiling import entrance, stamp
 from estimator.physics.kernel.contact import depth
 from estimator.physics.kernel.links import STEPS, assemble

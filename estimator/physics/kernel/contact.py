@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from estimator.morphology import Array
-from estimator.physics.bodies import Integers
+from estimator.body.arrays import Integers
+from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, compiled_for_vectors
 
 TOUCHING: Final = 1e-7

@@ -25,8 +25,8 @@ from typing import Final
 
 import numpy as np
 
-from estimator.morphology import Array
-from estimator.physics.bodies import Integers
+from estimator.body.arrays import Integers
+from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled
 
 PARENT: Final = 0  # link it sits on

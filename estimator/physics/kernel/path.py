@@ -15,8 +15,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimator.morphology import Array
-from estimator.physics.bodies import Integers
+from estimator.body.arrays import Integers
+from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import allocating, compiled
 from estimator.physics.kernel.contact import BALANCED, TOUCHING, balanced, touching
 from estimator.physics.kernel.links import (

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimator.body.morphology import Morphology
 from estimator.errors import PhysicsError, WorkerError
-from estimator.morphology import Morphology
 from estimator.physics.base import Pair, Readings, Settings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
@@ -92,7 +92,7 @@ PROGRAM = """
 import os
 from functools import partial
 import numpy as np
-from estimator.morphology import Base, Morphology
+from estimator.body.morphology import Base, Morphology
 from estimator.physics.base import Settings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
 from estimator.errors import PhysicsError
-from estimator.genome import Genome
-from estimator.morphology import BASE, Array, Base, Morphology, Part, part_frames
 from estimator.physics.base import Pair, Readings, Settings
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.problem import Problem
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
@@ -345,7 +345,7 @@ def test_nothing_and_no_parts_can_be_read(physics: PyBulletPhysics) -> None:
 def test_pybullets_chatter_stays_out_of_our_output() -> None:
     program = """
 import numpy as np
-from estimator.morphology import Base, Morphology
+from estimator.body.morphology import Base, Morphology
 from estimator.physics.pybullet import PyBulletPhysics
 body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
 with PyBulletPhysics() as physics:

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, PhysicsError
-from estimator.morphology import BASE, Array, Base, Morphology, Part
 from estimator.physics.base import Pair, Readings, Settings
-from estimator.physics.bodies import Bodies
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 
@@ -364,7 +364,7 @@ def test_nothing_and_no_parts_can_be_read(statics: StaticsPhysics) -> None:
 def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:
     program = """
 import numpy as np
-from estimator.morphology import Base, Morphology
+from estimator.body.morphology import Base, Morphology
 from estimator.physics.statics import StaticsPhysics
 body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
 print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])

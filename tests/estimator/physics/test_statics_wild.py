@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimator.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
 from estimator.physics.base import Pair, Readings, Settings
 from estimator.physics.statics import StaticsPhysics
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.genome import Genome
-from estimator.morphology import Array, Base
-from estimator.observation import Observation
+from estimator.body.morphology import Array, Base
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.likelihood import Noise, SensorData
 from estimator.posterior.unknowns import Predictor, Unknowns
-from estimator.problem import Problem
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
 
 MODALITIES = ("touch", "tilt", "clearance")
 CAP = 0.2

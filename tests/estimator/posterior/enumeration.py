@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 from scipy.special import logsumexp
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
 

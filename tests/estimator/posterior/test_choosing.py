@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.choosing import Chooser
 from estimator.posterior.information import InformationGain
 from estimator.posterior.posterior import Mode, Posterior

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from estimator.morphology import Array
+from estimator.body.morphology import Array
 from estimator.posterior.information import Forecast, InformationGain
 from estimator.posterior.likelihood import Noise
 

@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 
-from estimator.morphology import Array
-from estimator.observation import Observation
+from estimator.body.morphology import Array
 from estimator.physics.base import Readings
 from estimator.posterior.likelihood import MISFITS, SILENT, Likelihood, Noise, SensorData
+from estimator.readings.observation import Observation
 
 CAP = 0.2
 NOISE = Noise(tilt=0.01, clearance=0.004)

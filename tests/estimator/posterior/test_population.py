@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.observation import Observation
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.population import HOTTEST, Population, levels_for
 from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
+from estimator.readings.observation import Observation
 from tests.estimator.posterior.conftest import CAP, MODALITIES, NOISE, draw, programs
 from tests.estimator.posterior.enumeration import distance, enumerated
 

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.morphology import Morphology, Part
+from estimator.body.morphology import Morphology, Part
 from estimator.physics.base import Settings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.likelihood import SensorData

@@ -7,10 +7,10 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from estimator.genome import Genome
-from estimator.problem import Problem
-from estimator.records import Counters, Generation
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
 from estimator.report.plots import MARKERS, draw_lengths, plot_errors, plot_lengths
+from estimator.storage.records import Counters, Generation
 from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities, make_problem
 
 PNG = b"\x89PNG"

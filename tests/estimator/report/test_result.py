@@ -3,11 +3,11 @@ from pathlib import Path
 
 import pytest
 
-from estimator.observation import Observation
-from estimator.report.files import write_report
+from estimator.readings.observation import Observation
 from estimator.report.result import Result, summarise
+from estimator.report.run_files import write_report
+from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import JOINTS
-from tests.estimator.test_score import make_run
 
 
 def test_a_run_in_numbers(tmp_path: Path) -> None:

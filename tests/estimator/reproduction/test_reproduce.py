@@ -17,14 +17,14 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from estimator.cli import app
-from estimator.database import DATABASE
+from estimator.cli.commands import app
 from estimator.errors import EstimatorError, RunDirectoryError
-from estimator.listener import Listener
-from estimator.reproduction.plan import FIGURES, PlannedRun, planned_runs, typical_runs
+from estimator.identification.listener import Listener
 from estimator.reproduction.reproduce import Outcome, Request, figures_of, reproduce
-from estimator.reproduction.single_run import SCORE
-from estimator.reproduction.workers import Ended, Worked, Workers
+from estimator.reproduction.runs.plan import FIGURES, PlannedRun, planned_runs, typical_runs
+from estimator.reproduction.runs.run_processes import Ended, Worked, Workers
+from estimator.reproduction.runs.single_run import SCORE
+from estimator.storage.database import DATABASE
 from tests.estimator.reproduction.conftest import TINY
 
 BUDGET = ("--interactions", "2", "--population", "4", "--generations", "1", "--physics", "statics")

@@ -3,11 +3,11 @@ from dataclasses import replace
 import pytest
 
 from estimator.errors import EstimatorError
-from estimator.records import Ticket
 from estimator.robot_link import open_robot
 from estimator.robot_link.wire import WireLink
+from estimator.storage.records import Ticket
 from protocol.errors import BodyschemaError, RobotError, RobotRestartedError
-from protocol.messages import Observation, Perform
+from protocol.wire.messages import Observation, Perform
 from tests.estimator.model_robot import ModelRobot, serving
 
 PROGRAM = (0.3, -0.2, 0.1, 0.4)

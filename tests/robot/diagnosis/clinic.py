@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robot.clock import SteppedClock
-from robot.config import RobotConfig
-from robot.devices import open_line, start_adc, start_distance, start_servos
+from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.doctor import Access, Doctor
 from robot.diagnosis.findings import Finding, Verdict
-from sim_robot.still import StillRobot
+from robot.host.clock import SteppedClock
+from robot.service.devices import open_line, start_adc, start_distance, start_servos
+from sim_robot.simulator.still_robot import StillRobot
 
 
 @dataclass

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.clock import SteppedClock
-from sim_robot.still import still_robot
+from robot.host.clock import SteppedClock
+from sim_robot.simulator.still_robot import still_robot
 from tests.robot.diagnosis.clinic import Clinic
 
 

@@ -8,12 +8,12 @@ import re
 import pytest
 import serial
 
-from robot.devices import open_line
 from robot.diagnosis.doctor import Access, Doctor
 from robot.diagnosis.findings import Verdict
-from sim_robot.body import default_body_path, load_body
-from sim_robot.daemon import emulation
-from sim_robot.noise import NoiseLevels
+from robot.service.devices import open_line
+from sim_robot.simulator.daemon import emulation
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
 from tests.robot.diagnosis.clinic import Clinic
 
 ALL = {

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from robot.calibration import JointScale
+from robot.configuration.joint_calibration import JointScale
 from robot.diagnosis.findings import Finding, Verdict
 from robot.diagnosis.servos import QUERIES, check_joints, move_joints
-from tests.robot.calibrating.desk import Board
+from tests.robot.calibration.desk import Board
 from tests.robot.diagnosis.clinic import Clinic
 
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.clock import SteppedClock
 from robot.drivers.sv203 import SV203, open_serial
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.drivers.lines import Wire
 

@@ -9,8 +9,8 @@ from typing import cast
 
 import serial
 
-from robot.clock import SteppedClock
 from robot.drivers.sv203 import SV203
+from robot.host.clock import SteppedClock
 
 
 class Wire:

@@ -15,11 +15,11 @@ from typing import Any
 
 import pytest
 
-from robot.clock import WallClock
-from robot.devices import open_ports, start_adc
 from robot.drivers.comedi import ComediInput, ComediRange, load_library
 from robot.errors import CommandError, DeviceMissingError, DeviceTimeoutError
-from sim_robot.still import example_config
+from robot.host.clock import WallClock
+from robot.service.devices import open_ports, start_adc
+from sim_robot.simulator.still_robot import example_config
 
 POINTER_BITS = 8 * ctypes.sizeof(c_void_p)
 DEVICE = (1 << (POINTER_BITS - 2)) + 4096

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.clock import SteppedClock
 from robot.drivers.dmm32 import BASES, DMM32, RANGES
 from robot.errors import (
     CommandError,
@@ -16,6 +15,7 @@ from robot.errors import (
     DeviceMissingError,
     DeviceTimeoutError,
 )
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 
 

@@ -10,9 +10,9 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.clock import SteppedClock
 from robot.drivers.sv203 import OUTPUTS, SV203, open_serial
 from robot.errors import CommandError, DeviceDataError
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.drivers.lines import Line
 

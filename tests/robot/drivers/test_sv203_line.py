@@ -12,9 +12,9 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.clock import SteppedClock
 from robot.drivers.sv203 import OUTPUTS, SV203, open_serial
 from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.drivers.lines import Line, Wire, on_line
 

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from smbus2 import i2c_msg
 
-from robot.clock import SteppedClock
 from robot.drivers.vl6180x import VL6180X
 from robot.errors import (
     CommandError,
@@ -16,6 +15,7 @@ from robot.errors import (
     DeviceMissingError,
     DeviceTimeoutError,
 )
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.clock import SteppedClock
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 
 BASE = 0x300

@@ -7,8 +7,8 @@ import errno
 import pytest
 from smbus2 import i2c_msg
 
-from robot.clock import SteppedClock
 from robot.drivers.vl6180x import VL6180X
+from robot.host.clock import SteppedClock
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 
 ADDRESS = 0x29

@@ -1,0 +1,77 @@
+"""``robotd`` in real time on still electronics, with its servo board in another process.
+
+So the board outlives the daemon: ``python -m bench.latency.outboard --bind URI --port
+SERIAL_PORT``. With ``--times FILE`` it leaves behind when it wrote what to the line, for the jitter
+of the control loop: a pseudo-terminal passes bytes on when the kernel finds the time, so its far
+end cannot tell.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import serial
+
+from protocol.transport.server import Server
+from robot.drivers.sv203 import open_serial
+from robot.host.clock import WallClock
+from robot.host.logs import set_up_logging
+from robot.service.daemon import HOUSEKEEPING, build_controller, serve
+from robot.service.devices import Electronics, start_devices
+from sim_robot.electronics.dmm32 import DMM32Emulator
+from sim_robot.electronics.vl6180x import VL6180XEmulator
+from sim_robot.simulator.still_robot import StillWorld, example_config
+
+
+def main() -> None:
+    """Serves until SIGTERM."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--bind", required=True)
+    parser.add_argument("--port", required=True, help="serial port of the servo board")
+    parser.add_argument("--speed", type=float, default=60.0, help="of the joints, degrees/s")
+    parser.add_argument("--telemetry-rate", type=float, default=2.0, help="publications/s")
+    parser.add_argument("--times", type=Path, help="write the lines there at the end, as JSON")
+    options = parser.parse_args()
+    set_up_logging()
+    log = logging.getLogger("robotd")
+    clock = WallClock()
+    config = replace(example_config(options.port), speed=math.radians(options.speed))
+    world = StillWorld.around(config)
+    line = open_serial(options.port)
+    times = watch_writes(line)
+    electronics = Electronics(
+        serial=line,
+        ports=DMM32Emulator(world.input, clock),
+        i2c=VL6180XEmulator(lambda: world.distance_mm, clock),
+    )
+    devices = start_devices(config, electronics, clock)
+    controller = build_controller(
+        config, devices, clock=clock, attendant=None, housekeeping=HOUSEKEEPING, log=log
+    )
+    server = Server(controller, bind=options.bind, telemetry_rate=options.telemetry_rate, log=log)
+    serve(controller, server, log)
+    if options.times is not None:
+        options.times.write_text(json.dumps(times), encoding="utf-8")
+
+
+def watch_writes(line: serial.Serial) -> list[tuple[float, str]]:
+    """When each line is handed to the kernel, s, and what it says; grows as it goes."""
+    found: list[tuple[float, str]] = []
+    write = line.write
+
+    def watched(data: bytes) -> int | None:
+        found.append((time.perf_counter(), data.decode("ascii")))
+        return write(data)
+
+    line.write = watched  # type: ignore[method-assign, assignment]
+    return found
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""Hours of random commands, faults and clients against a real ``sim-robotd``, in virtual time.
+
+``python -m bench.soak --hours 24`` fails unless every request had one true outcome and memory,
+descriptors and latency stayed flat. The seed decides what is tried; threads decide what meets what.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from statistics import median
+
+from bench.daemons import daemon
+from bench.soak.crowd import Broken, Crowd
+from bench.soak.vitals import Sample
+
+DEATHS = 3  # of controllers
+
+
+def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:
+    """How much the median of the last third lies above that of the second third."""
+    third = len(samples) // 3
+    return median(map(of, samples[2 * third :])) - median(map(of, samples[third : 2 * third]))
+
+
+@contextmanager
+def soak(seed: int) -> Iterator[Crowd]:
+    """A crowd that has not begun, at a robot of its own."""
+    options = ("--seed", str(seed), "--control", "tcp://127.0.0.1:*")
+    with daemon("sim_robot", *options) as robot:
+        yield Crowd(robot, seed)
+
+
+def main() -> int:
+    """Runs the soak and prints what was measured; 1 if anything was wrong."""
+    parser = argparse.ArgumentParser(prog="python -m bench.soak", description=__doc__)
+    parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (default 24)")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    print("| virtual h | memory MB | descriptors | threads | latency p50 ms | p99 ms |")
+    print("| --- | --- | --- | --- | --- | --- |", flush=True)
+
+    def tell(sample: Sample) -> None:
+        print(
+            f"| {sample.hours:.1f} | {sample.memory:.1f} | {sample.descriptors} "
+            f"| {sample.threads} | {sample.latency:.2f} | {sample.worst:.2f} |",
+            flush=True,
+        )
+
+    start = time.monotonic()
+    with soak(options.seed) as found:
+        try:
+            found.run(options.hours, every=options.hours / 24, deaths=DEATHS, tell=tell)
+        except Broken as error:
+            print(f"broken: {error}", file=sys.stderr)
+            return 1
+    counted = ", ".join(f"{number} {name}" for name, number in sorted(found.counts.items()))
+    memory = growth(found.samples, lambda sample: sample.memory)
+    descriptors = growth(found.samples, lambda sample: sample.descriptors)
+    latency = growth(found.samples, lambda sample: sample.latency)
+    print(f"\n{counted}; {time.monotonic() - start:.0f} s of real time\n")
+    print(
+        f"Last third against second: memory {memory:+.2f} MB, descriptors {descriptors:+.0f}, "
+        f"median latency {latency:+.2f} ms"
+    )
+    flat = memory < 2 and descriptors <= 2 and latency < 1
+    print("flat" if flat else "NOT FLAT")
+    return 0 if flat else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

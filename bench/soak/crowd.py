@@ -1,0 +1,327 @@
+"""Everybody who is at the robot in a soak: what they do, and what must never come of it."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+
+from bench.daemons import Daemon
+from bench.soak.vitals import Sample, take_sample
+from protocol.errors import RobotError, RobotUnreachableError
+from protocol.transport.client import RobotClient
+from protocol.transport.telemetry import TelemetrySubscriber
+from protocol.wire.messages import Observation
+from sim_robot.faults.control_socket import FaultClient
+from sim_robot.faults.network_proxy import MessageProxy, TcpProxy, Weather
+from sim_robot.simulator.wiring import configure
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
+
+VIEWERS = 4
+WEATHER = Weather(loss=0.05, duplication=0.2, jitter=0.02)
+BROWN_OUT = "servo_board.brown_out"
+NEUTRAL = 128  # count of every servo after it
+FAULTS = (
+    "servo_board.unplugged",
+    "servo_board.drop=43",
+    "servo_board.corrupt=47",
+    "servo_board.garbage=5",
+    "servo_board.mute",
+    BROWN_OUT,
+    "servos.dead=3",
+    "servos.swapped=2",
+    "daq.absent",
+    "daq.stuck_wait",
+    "daq.stuck_busy",
+    "daq.overflow",
+    "daq.lost_sample",
+    "daq.stuck_channel=1",
+    "daq.railed_channel=4",
+    "distance.nak",
+    "distance.hang",
+    "distance.busy",
+    "distance.frozen",
+    "distance.reset",
+    "clock.jump=10",
+    "clock.jump=-10",
+)
+
+
+class Broken(Exception):  # noqa: N818 - a finding
+    """Something that must never happen has happened."""
+
+
+class Crowd:
+    """Everybody who is at the robot.
+
+    Args:
+        robot: The daemon.
+        seed: Decides what is tried.
+    """
+
+    def __init__(self, robot: Daemon, seed: int):
+        self.counts: Counter[str] = Counter()
+        self.samples: list[Sample] = []
+        self._robot = robot
+        self._random = random.Random(seed)
+        config = configure(load_body(default_body_path()), port="", levels=NoiseLevels())
+        self._scales = {joint.name: joint.scale for joint in config.joints}
+        self._last: Observation | None = None
+        self._generation = 0
+
+    def run(
+        self, hours: float, *, every: float, deaths: int, tell: Callable[[Sample], None]
+    ) -> None:
+        """Goes on for a while.
+
+        Args:
+            hours: How long, in virtual time.
+            every: Virtual hours from one sample to the next.
+            deaths: How often a controller is lost, which takes 30 s of real time each.
+            tell: Hears of each sample.
+
+        Raises:
+            Broken: A check failed.
+        """
+        with ExitStack() as stack:
+            self._faults = stack.enter_context(FaultClient(self._robot.control))
+            self._viewers = [
+                stack.enter_context(RobotClient(self._robot.uri)) for _ in range(VIEWERS)
+            ]
+            telemetry = self._viewers[0].telemetry_endpoint
+            for _ in range(VIEWERS):
+                stack.enter_context(TelemetrySubscriber(telemetry))
+            self._enter()
+            stack.callback(self._leave)
+            due = 0.0
+            death = hours / (deaths + 1)
+            while (now := self._hours()) < hours:
+                if now >= due:
+                    self.samples.append(take_sample(self._robot.process, self._viewers[0], now))
+                    tell(self.samples[-1])
+                    due = now + every
+                if now >= death:
+                    death += hours / (deaths + 1)
+                    self._die()
+                self._act()
+            self.samples.append(take_sample(self._robot.process, self._viewers[0], now))
+            tell(self.samples[-1])
+
+    # --- actions ----------------------------------------------------------------------------------
+
+    def _act(self) -> None:
+        actions: Sequence[tuple[Callable[[], None], float]] = (
+            (self._perform, 70),
+            (self._perform_again, 4),
+            (self._read, 4),
+            (self._stop, 4),
+            (self._interrupt, 4),
+            (self._relax, 3),
+            (self._nonsense, 4),
+            (self._fail, 4),
+            (self._change, 2),
+            (self._bad_network, 0.2),
+        )
+        action = self._random.choices(
+            [action for action, _ in actions], [weight for _, weight in actions]
+        )[0]
+        self.counts[action.__name__.lstrip("_")] += 1
+        action()
+
+    def _targets(self) -> dict[str, float]:
+        joints = self._client.capabilities.joints
+        return {
+            joint.name: self._random.uniform(max(-0.6, joint.lower), min(0.6, joint.upper))
+            for joint in joints
+        }
+
+    def _perform(self) -> None:
+        self._take(self._once(self._targets(), self._client.reserve_id()))
+
+    def _perform_again(self) -> None:
+        """The same request under the same id: the same answer, and nothing moves."""
+        number, targets = self._client.reserve_id(), self._targets()
+        first = self._once(targets, number)
+        self._take(first)
+        before = self._faults.report()["interactions"]
+        self._demand(self._client.perform(targets, request_id=number) == first, "not the first")
+        self._demand(self._faults.report()["interactions"] == before, "carried out twice")
+
+    def _read(self) -> None:
+        self._take(self._random.choice([self._client, *self._viewers]).read())
+
+    def _stop(self) -> None:
+        self._random.choice(self._viewers).stop()
+        self._refused("stopped", lambda: self._client.perform(self._targets()))
+        self._client.clear()
+
+    def _interrupt(self) -> None:
+        """A stop, a hold or a relax meets a motion somewhere."""
+        ends: list[Observation | RobotError] = []
+        targets = self._targets()
+
+        def move() -> None:
+            try:
+                ends.append(self._client.perform(targets))
+            except RobotError as error:
+                ends.append(error)
+
+        kind = self._random.choice(("stop", "hold", "relax"))
+        thread = threading.Thread(target=move)
+        thread.start()
+        time.sleep(self._random.uniform(0, 0.05))
+        getattr(self._client, kind)()
+        thread.join()
+        (end,) = ends
+        if isinstance(end, Observation):
+            self._take(end, stiff=kind != "relax")
+        else:
+            expected = (f"aborted_{kind}", "stopped", "wrong_state")
+            self._demand(end.code in expected, f"{kind} ended a motion with {end}")
+            self.counts["interrupted"] += 1
+        self._client.clear()
+        self._client.hold()
+
+    def _relax(self) -> None:
+        self._client.relax()
+        self._demand(set(self._faults.report()["pulses"]) == {0}, "not limp")
+        self._take(self._client.read(), stiff=False)
+        self._refused("wrong_state", lambda: self._client.perform(self._targets()))
+        self._client.hold()
+
+    def _nonsense(self) -> None:
+        targets = self._targets()
+        self._refused("bad_targets", lambda: self._client.perform({"wing": 0.0}))
+        self._refused("out_of_range", lambda: self._client.perform(targets | {"hip_left": 9.0}))
+        viewer = self._random.choice(self._viewers)
+        self._refused("not_controller", lambda: viewer.perform(targets))
+        self._refused("held", viewer.acquire)
+
+    def _fail(self) -> None:
+        """Something breaks, at once or within the next motion, and is mended."""
+        fault = self._random.choice(FAULTS)
+        start = self._faults.report()["robot_time"] + self._random.uniform(0, 3)
+        self._faults.inject(f"{fault}@{start:.3f}s" if self._random.random() < 0.7 else fault)
+        reset = False
+        for _ in range(2):
+            try:
+                seen = self._client.perform(self._targets())
+            except RobotError as error:
+                self._demand(error.code == "fault", f"{fault} ended with {error}")
+                self.counts["faults noticed"] += 1
+                self._refused("fault", self._client.read)
+                reset = False
+                break
+            self._demand(not reset, "a board that was reset is not noticed")
+            # After its last answer of a motion a reset cannot be noticed before the next one.
+            reset = fault == BROWN_OUT and set(self._faults.report()["pulses"]) == {NEUTRAL}
+            self._take(seen, stiff=not reset)
+        if reset:
+            self._refused("fault", lambda: self._client.perform(self._targets()))
+        self._faults.mend()
+        for viewer in self._viewers:
+            viewer.status()
+        while self._client.status().state == "fault":
+            try:
+                self._client.clear()
+            except RobotError as error:  # for instance a sample that was still stuck
+                self._demand(error.code == "fault", f"clear ended with {error}")
+        self._perform()
+
+    def _change(self) -> None:
+        """Another controller, under another name."""
+        self._client.close()
+        self._enter()
+
+    def _bad_network(self) -> None:
+        self._client.close()
+        with MessageProxy(self._robot.uri, seed=self._random.randrange(2**32)) as proxy:
+            self._enter(proxy.endpoint, timeout=1.5)
+            proxy.weather = WEATHER
+            for _ in range(3):
+                self._perform()
+            proxy.weather = Weather()
+            self._client.close()
+            self.counts["messages lost"] += proxy.fates.lost
+            self.counts["messages doubled"] += proxy.fates.doubled
+        self._enter()
+
+    def _die(self) -> None:
+        """The controller's network goes down for good; another takes over when it may."""
+        self.counts["controllers lost"] += 1
+        self._client.close()
+        with TcpProxy(self._robot.uri) as proxy:
+            self._enter(proxy.endpoint, timeout=1.0)
+            proxy.cut()
+            self._client.close()
+        with RobotClient(self._robot.uri) as heir:
+            deadline = time.monotonic() + 60
+            while True:
+                try:
+                    heir.acquire()
+                    break
+                except RobotError as error:
+                    self._demand(error.code == "held", str(error))
+                self._demand(time.monotonic() < deadline, "a dead controller is not let go")
+                time.sleep(0.5)
+        self._enter()
+
+    # --- checks -----------------------------------------------------------------------------------
+
+    def _leave(self) -> None:
+        self._client.close()
+
+    def _enter(self, uri: str | None = None, timeout: float = 10.0) -> None:
+        self._generation += 1
+        self._client = RobotClient(
+            uri or self._robot.uri, client_id=f"controller-{self._generation}", timeout=timeout
+        )
+        self._client.acquire()
+
+    def _once(self, targets: Mapping[str, float], number: int) -> Observation:
+        """One motion, however often it must be asked for; none more."""
+        before = self._faults.report()["interactions"]
+        while True:
+            try:
+                found = self._client.perform(targets, request_id=number)
+                break
+            except RobotUnreachableError:  # only on a bad network: ask again, under the same id
+                self.counts["asked again"] += 1
+        after = self._faults.report()["interactions"]
+        self._demand(after == before + 1, f"{after - before} interactions for one request")
+        return found
+
+    def _take(self, seen: Observation, *, stiff: bool = True) -> None:
+        last = self._last
+        self._last = seen
+        self.counts["observations"] += 1
+        pulses = self._faults.report()["pulses"]
+        if stiff:
+            wanted = [self._scales[name].count(angle) for name, angle in seen.angles.items()]
+            self._demand(pulses == wanted, f"commanded {wanted}, but the board has {pulses}")
+        if last is not None:
+            self._demand(seen.sequence == last.sequence + 1, "an observation lost or repeated")
+            self._demand(seen.robot_time > last.robot_time, "robot time does not grow")
+            self._demand(seen.monotonic > last.monotonic, "an observation is old")
+            self._demand(
+                (seen.tilt, seen.clearance) != (last.tilt, last.clearance), "a reading repeated"
+            )
+
+    def _refused(self, code: str, ask: Callable[[], object]) -> None:
+        try:
+            ask()
+        except RobotError as error:
+            self._demand(error.code == code, f"{code} was expected, not {error}")
+        else:
+            raise Broken(f"{code} was expected, and nothing was refused")
+
+    def _demand(self, holds: bool, sentence: str) -> None:
+        if not holds:
+            raise Broken(f"{sentence}; at {self._last}; log: {''.join(list(self._robot.log)[-5:])}")
+
+    def _hours(self) -> float:
+        return float(self._faults.report()["robot_time"]) / 3600

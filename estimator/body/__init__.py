@@ -1,0 +1,10 @@
+"""Bodies: trees of parts.
+
+======================= =========================================================================
+Module                  What is in it
+======================= =========================================================================
+``morphology``          one body, and its forward kinematics
+``arrays``              many bodies as arrays, without an object per body
+``limbs``               what moves as one piece, with its length and how it is attached
+======================= =========================================================================
+"""

@@ -1,0 +1,81 @@
+"""Bodies as limbs: what moves as one piece, with its length and how it is attached.
+
+A limb is a part with everything that is rigidly joined to it, because locked hinges let nobody feel
+where one part ends and the next begins. For a quadruped with locked knees the limbs are its legs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from estimator.body.morphology import BASE, HINGES, SIDES, Array, Morphology, part_frames, tips
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limb:
+    """One limb.
+
+    Attributes:
+        motor: The motor that turns it, or ``None`` where it is locked to the main body.
+        parent: Motor of the limb that it sits on; ``BASE``: the main body, or a limb locked to it.
+        side: Index into ``SIDES``: where it sits.
+        hinge: Index into ``HINGES``.
+        length: Its joint's axis to its far end, measured away from its parent, m.
+        sensors: The touch sensors that it carries.
+    """
+
+    motor: int | None
+    parent: int
+    side: int
+    hinge: int
+    length: float
+    sensors: tuple[int, ...] = ()
+
+    @property
+    def side_name(self) -> str:
+        """Where it sits, in words."""
+        return SIDES[self.side]
+
+    @property
+    def hinge_name(self) -> str:
+        """How a positive angle moves it, in words."""
+        return HINGES[self.hinge]
+
+
+def limbs(morphology: Morphology) -> tuple[Limb, ...]:
+    """The limbs of a body: those that a motor turns in the order of their motors, then the rest."""
+    planar = np.zeros(morphology.motors)
+    origins, rotations = part_frames(morphology, planar)
+    far = tips(morphology, planar)
+    groups = morphology.rigid_groups
+    found = []
+    for root in sorted(set(groups)):
+        members = [index for index, group in enumerate(groups) if group == root]
+        part = morphology.parts[root]
+        along = rotations[root, :, 0]
+        sensors = (morphology.parts[index].sensor for index in members)
+        parent = None if part.parent == BASE else morphology.parts[groups[part.parent]].motor
+        found.append(
+            Limb(
+                motor=part.motor,
+                parent=BASE if parent is None else parent,
+                side=part.side,
+                hinge=part.hinge,
+                length=max(float((far[index] - origins[root]) @ along) for index in members),
+                sensors=tuple(sorted(sensor for sensor in sensors if sensor is not None)),
+            )
+        )
+    return tuple(sorted(found, key=lambda limb: (limb.motor is None, limb.motor or 0)))
+
+
+def driven_limbs(body: Morphology) -> tuple[Limb, ...]:
+    """The limbs that motors turn, in motor order."""
+    return tuple(limb for limb in limbs(body) if limb.motor is not None)
+
+
+def leg_lengths(bodies: Sequence[Morphology]) -> Array:
+    """Length of each body's legs, m, shape (bodies, legs)."""
+    return np.array([[limb.length for limb in driven_limbs(body)] for body in bodies])

@@ -1,0 +1,85 @@
+"""What the command says at a terminal, and how it ends when something went wrong."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NoReturn
+
+import typer
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from estimator.errors import RunDirectoryError
+from estimator.storage.database import holds_run
+from protocol.errors import BodyschemaError
+from protocol.text.printable import printable
+
+
+class Terminal(Console):
+    """A console on which no text can do anything but be read.
+
+    Names, sentences and phases come from robots, runs and files that others made: square brackets
+    are no markup, and what is not printable is shown as an escape.
+
+    Args:
+        **options: As of ``rich.console.Console``.
+    """
+
+    def __init__(self, **options: Any):
+        super().__init__(markup=False, emoji=False, **options)
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Everything that is printed, drawn or shown live passes through here."""
+        for segment in super().render(renderable, options):
+            text = segment.text if segment.control else printable(segment.text, keep="\n")
+            yield Segment(text, segment.style, segment.control)
+
+
+out: Final = Terminal()
+err: Final = Terminal(stderr=True)
+
+
+def print_json(text: str) -> None:
+    """Prints JSON, with every character that is not printable as JSON escapes it."""
+    typer.echo(
+        "".join(
+            char if char.isprintable() or char == "\n" else json.dumps(char)[1:-1] for char in text
+        )
+    )
+
+
+@contextmanager
+def sentences(run: Path | None) -> Iterator[None]:
+    """Turns what can go wrong into a sentence and exit code 1.
+
+    Args:
+        run: The run directory, when its work can be resumed.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        fail("interrupted", run)
+    except RunDirectoryError as error:
+        fail(str(error), None)
+    except sqlite3.Error as error:
+        fail(f"the run's database cannot be written: {error}. Look whether the disk is full.", run)
+    except (BodyschemaError, OSError) as error:
+        fail(str(error), run)
+
+
+def fail(sentence: str, run: Path | None) -> NoReturn:
+    """Says what went wrong, where the run is if it can be resumed, and exits with 1."""
+    err.print(f"estimator: {sentence}", highlight=False, soft_wrap=True)
+    if run is not None and holds_run(run):
+        err.print(
+            f"The run is safe in {run}. Go on with: estimator resume {run}",
+            highlight=False,
+            soft_wrap=True,
+        )
+    raise typer.Exit(1)

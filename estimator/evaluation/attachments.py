@@ -1,0 +1,307 @@
+"""How a model's parts are attached, compared with the true body: parent, side and hinge of each.
+
+Rows are never permuted: a row of the genome is compared with what its joint carries on the robot.
+Rows whose joint nobody named have nothing to be compared with. The hinge of a locked part cannot be
+felt and is not compared.
+
+Some wrong configurations cannot be told from the true ones. They are right *up to equivalence*:
+there is a body that no sensor of the run can tell from the true one and that has them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final, TypeAlias
+
+from pydantic import BaseModel, ConfigDict
+
+from estimator.body.limbs import Limb, limbs
+from estimator.body.morphology import BASE, HINGES, SIDES, Morphology, Part
+from estimator.evaluation.equivalence import mirrored, turned
+from estimator.evaluation.truth.body import TrueLimb, true_limbs
+from estimator.evaluation.truth.robot import check_robot
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from protocol.wire.capabilities import Capabilities
+
+TRAITS: Final = ("parent", "side", "hinge")
+MAIN_BODY: Final = "main body"
+UNSAYABLE: Final = "not representable"
+_SLIGHT: Final = 1e-3  # m, by which a length may lie outside the problem's range unmentioned
+
+Cell: TypeAlias = tuple[int, str]
+"""One configuration: row of the genome, and trait."""
+
+SameAs: TypeAlias = Callable[[Morphology], Callable[[Morphology], bool]]
+"""Of a body, the test whether another can be told from it."""
+
+
+class Configuration(BaseModel):
+    """One configuration of the best model, beside the truth.
+
+    Attributes:
+        part: Name of the part in the problem.
+        trait: ``parent`` (the paper's P), ``side`` (O) or ``hinge`` (J).
+        found: On the model.
+        true: On the robot, where the problem can say it.
+        searched: Whether there was anything to be found: the problem left it open, and more than
+            one choice was possible.
+        chance: Probability that a random model has it right.
+        right: Whether the model has it right.
+        right_up_to_equivalence: Whether no sensor of the run could tell that it is wrong. A model
+            may be closer to a turned image of the robot; then what would be right of the robot as
+            it stands can be wrong.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    part: str
+    trait: str
+    found: str
+    true: str
+    searched: bool
+    chance: float
+    right: bool
+    right_up_to_equivalence: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Truth:
+    """The true body of a robot as far as a problem asks for it.
+
+    Attributes:
+        rows: For each row of the genome whose joint is known, what that joint carries; limbs go by
+            the numbers of rows.
+        legs: What each driven joint moves as one piece, by motor; limbs go by motors.
+    """
+
+    rows: Mapping[int, TrueLimb]
+    legs: Mapping[int, TrueLimb]
+
+    @classmethod
+    def read(cls, path: Path, problem: Problem, capabilities: Capabilities) -> Truth:
+        """Reads a robot's URDF.
+
+        Raises:
+            TruthError: The URDF is wrong or another robot's.
+        """
+        joints = [joint.name for joint in capabilities.joints]
+        driven = sorted(problem.motors.driven)
+        carried = {
+            row: joints[rule.joint]
+            for row, rule in enumerate(problem.parts)
+            if rule.joint is not None
+        }
+        legs = true_limbs(path, {joints[motor]: motor for motor in driven})
+        rows = true_limbs(path, {name: row for row, name in carried.items()})
+        check_robot(path, capabilities)
+        return cls(
+            rows=dict(zip(carried, rows, strict=True)), legs=dict(zip(driven, legs, strict=True))
+        )
+
+
+class Comparison:
+    """A model beside the true body.
+
+    Args:
+        problem: The run's problem.
+        genome: Its genome on the run's robot.
+        model: The model.
+        truth: The true body.
+
+    Attributes:
+        true_body: The true body as the problem can best say it: capsules, with the true lengths.
+    """
+
+    def __init__(self, problem: Problem, genome: Genome, model: Morphology, truth: Truth):
+        self._problem = problem
+        self._genome = genome
+        self._model = model
+        self._rows = truth.rows
+        self._impossible = {row: self._misfits(row, limb) for row, limb in truth.rows.items()}
+        self.true_body = self._true_body(truth.legs)
+
+    @property
+    def not_representable(self) -> tuple[str, ...]:
+        """What no genome of the problem can have right, in sentences."""
+        attached = (text for found in self._impossible.values() for text in found.values())
+        return (*attached, *self._lengths_out_of_range())
+
+    def configurations(self, same_as: SameAs | None = None) -> tuple[Configuration, ...]:
+        """All configurations, in the order of the genome.
+
+        Args:
+            same_as: Computes whether bodies can be told apart; without it nothing wrong is right up
+                to equivalence.
+        """
+        wrong = self._wrong(self.true_body)
+        inexcusable = self._inexcusable(wrong, same_as) if same_as else wrong
+        return tuple(
+            self._configuration(cell, right=cell not in wrong, excused=cell not in inexcusable)
+            for cell in self._cells()
+        )
+
+    def _cells(self) -> Iterator[Cell]:
+        for row in sorted(self._rows):
+            for trait in self._traits(row):
+                yield row, trait
+
+    def _traits(self, row: int) -> tuple[str, ...]:
+        return TRAITS if self._problem.parts[row].motor is not None else TRAITS[:2]
+
+    def _configuration(self, cell: Cell, *, right: bool, excused: bool) -> Configuration:
+        row, trait = cell
+        impossible = trait in self._impossible[row]
+        choices = [
+            gene.choices for gene in self._genome.genes if (gene.part, gene.trait) == (row, trait)
+        ]
+        chance = 1 / choices[0] if choices else float(right)
+        return Configuration(
+            part=self._problem.parts[row].name,
+            trait=trait,
+            found=self._words(trait, self._value(self._model, cell)),
+            true=UNSAYABLE if impossible else self._words(trait, self._value(self.true_body, cell)),
+            searched=chance < 1 and bool(choices),
+            chance=0.0 if impossible else chance,
+            right=right,
+            right_up_to_equivalence=excused,
+        )
+
+    def _words(self, trait: str, value: int) -> str:
+        if trait == "parent":
+            return MAIN_BODY if value == BASE else self._problem.parts[value].name
+        return (SIDES if trait == "side" else HINGES)[value]
+
+    def _value(self, body: Morphology, cell: Cell) -> int:
+        """A configuration of a body; parents in terms of the rows that can be compared."""
+        row, trait = cell
+        value: int = getattr(body.parts[row], trait)
+        while trait == "parent" and value != BASE and value not in self._rows:
+            value = body.parts[value].parent
+        return value
+
+    def _misfits(self, row: int, found: TrueLimb) -> dict[str, str]:
+        """What no genome of the problem has right about a row, by trait."""
+        misfits = {
+            trait: sentence
+            for trait, sentence in found.not_representable.items()
+            if trait in self._traits(row)
+        }
+        if found.limb.parent > row:
+            misfits["parent"] = f"{found.name} sits on a part that comes later in the problem"
+        return misfits
+
+    def _wrong(self, reference: Morphology) -> set[Cell]:
+        return {
+            (row, trait)
+            for row, trait in self._cells()
+            if trait in self._impossible[row]
+            or self._value(self._model, (row, trait)) != self._value(reference, (row, trait))
+        }
+
+    def _lengths_out_of_range(self) -> Iterator[str]:
+        if len(self._rows) < len(self._problem.parts):
+            return  # nobody knows how the true lengths are divided among the parts
+        for row, found in sorted(self._rows.items()):
+            length, (shortest, longest) = found.limb.length, self._problem.parts[row].length
+            if not shortest - _SLIGHT <= length <= longest + _SLIGHT:
+                yield (
+                    f"{found.name} carries a part of {1000 * length:.0f} mm, and the problem "
+                    f"allows {1000 * shortest:.0f} to {1000 * longest:.0f} mm"
+                )
+
+    # --- up to equivalence ------------------------------------------------------------------------
+
+    def _inexcusable(self, wrong: set[Cell], same_as: SameAs) -> set[Cell]:
+        """Cells that are wrong even up to equivalence.
+
+        Without tilt a square body feels the same however it is turned, and mirrored too. So the
+        true body's images that cannot be told from it are as good as the truth, and the one that
+        the model comes closest to counts.
+        """
+        possible = {cell for cell in wrong if cell[1] not in self._impossible[cell[0]]}
+        if not possible:
+            return wrong
+        is_truth = same_as(self.true_body)
+        least = wrong - self._excused(self.true_body, possible, is_truth)
+        for image in _images(self.true_body):
+            against = self._wrong(image)
+            if len(least) > len(wrong - possible) and image != self.true_body and is_truth(image):
+                rest = against - self._excused(image, against, same_as(image))
+                least = min(least, rest, key=len)
+        return least
+
+    def _excused(
+        self, reference: Morphology, wrong: Collection[Cell], alike: Callable[[Morphology], bool]
+    ) -> set[Cell]:
+        """Cells whose wrong values, all together, make a body that cannot be told apart."""
+        cells = [cell for cell in wrong if cell[1] not in self._impossible[cell[0]]]
+        trials = [
+            set(cells),
+            *({cell for cell in cells if cell[1] == trait} for trait in TRAITS),
+            *({cell for cell in cells if cell[0] == row} for row in sorted(self._rows)),
+            *({cell} for cell in sorted(cells)),
+        ]
+        excused: set[Cell] = set()
+        refused: list[set[Cell]] = []
+        for trial in trials:
+            together = excused | trial
+            if together == excused or together in refused:
+                continue
+            if alike(self._variant(reference, together)):
+                excused = together
+            else:
+                refused.append(together)
+        return excused
+
+    def _variant(self, reference: Morphology, kept: Collection[Cell]) -> Morphology:
+        """A body with the model's own values in some cells."""
+        parts = list(reference.parts)
+        for row, trait in kept:
+            model = self._model.parts[row]
+            if trait == "parent":
+                parts[row] = replace(parts[row], parent=model.parent)
+            elif trait == "side":
+                parts[row] = replace(parts[row], side=model.side)
+            else:
+                parts[row] = replace(parts[row], hinge=model.hinge)
+        return self._genome.assemble(parts)
+
+    # --- the truth in the problem's words ---------------------------------------------------------
+
+    def _true_body(self, legs: Mapping[int, TrueLimb]) -> Morphology:
+        parts = list(self._model.parts)
+        for row, found in self._rows.items():
+            limb = found.limb
+            parts[row] = replace(
+                parts[row],
+                parent=parts[row].parent if "parent" in self._impossible[row] else limb.parent,
+                side=limb.side,
+                hinge=limb.hinge,
+            )
+        for row, part in enumerate(parts):
+            if row in self._rows and len(self._rows) == len(parts):
+                parts[row] = replace(part, length=self._rows[row].limb.length)
+        body = self._genome.assemble(parts)
+        if len(self._rows) < len(parts):
+            body = self._genome.assemble(_scaled(body, legs))
+        return body
+
+
+def _scaled(body: Morphology, legs: Mapping[int, TrueLimb]) -> list[Part]:
+    """Parts with lengths such that each leg reaches as far as the true one, divided as it was."""
+    by_motor: dict[int | None, Limb] = {limb.motor: limb for limb in limbs(body)}
+    parts = list(body.parts)
+    for index, root in enumerate(body.rigid_groups):
+        motor = body.parts[root].motor
+        if motor is not None and motor in legs:
+            scale = legs[motor].limb.length / by_motor[motor].length
+            parts[index] = replace(parts[index], length=parts[index].length * scale)
+    return parts
+
+
+def _images(body: Morphology) -> Sequence[Morphology]:
+    """The body turned by quarter turns, and its mirror image too."""
+    return [turned(form, quarters) for form in (body, mirrored(body)) for quarters in range(4)]

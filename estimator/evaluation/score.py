@@ -1,0 +1,186 @@
+"""The objective error: how far the best model is from the true body.
+
+Only a scorer may look at the truth. Rows of driven parts are never permuted: leg k of the model is
+compared with what motor k of the robot turns.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from estimator.body.limbs import driven_limbs
+from estimator.body.morphology import Array, Morphology
+from estimator.errors import TruthError
+from estimator.evaluation.attachments import Comparison, Configuration, Truth
+from estimator.evaluation.equivalence import PROGRAMS, Reference
+from estimator.identification.final_population import FinalPopulation
+from estimator.identification.fit import fit_bodies
+from estimator.physics.base import Physics
+from estimator.physics.statics import StaticsPhysics
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation, touched
+from estimator.search.randomness import Stream, generator
+from estimator.storage.store import RunStore
+
+
+class Score(BaseModel):
+    """A run against the truth; lists are in motor order.
+
+    Attributes:
+        complete: Whether the run is; else this is the best model so far.
+        joints: Names of the joints that turn the legs.
+        true_lengths_m: Length of each leg on the robot, m.
+        lengths_m: On the best model, m.
+        leg_errors_m: Absolute errors, m.
+        leg_errors_signed_m: Estimated minus true, m; their mean is the bias.
+        mean_leg_error_m: Mean of the absolute errors, m.
+        mean_signed_leg_error_m: Mean of the signed errors, m.
+        touched: Whether each leg touched the ground in some interaction; ``None``: not sensed.
+        mean_leg_error_touched_m: Over the legs that did, m; ``None`` when there are none.
+        mean_leg_error_never_touched_m: Over the legs that never did, m.
+        configurations: Parent, side and hinge of each part beside the truth.
+        configurations_right: How many of them are right.
+        configurations_right_up_to_equivalence: The same, counting as right what no sensor of the
+            run could tell from the truth.
+        configurations_total: How many there are: three per driven part, and two per locked part
+            whose joint the problem names.
+        configurations_informative: How many of them were to be found and might have been wrong;
+            the first part, for one, has nothing to sit on but the main body.
+        configurations_informative_right: How many of those are right.
+        configurations_informative_right_up_to_equivalence: The same up to equivalence.
+        configurations_chance: How many of all a random model has right on average.
+        not_representable: What the genome cannot express, which counts as wrong.
+        true_body_errors: Subjective error in each interaction that the true body would have as a
+            model, as far as the genome can express it; ``None`` where its simulation cannot be
+            believed. Where one of them exceeds the best model's error, no search could have found
+            the truth: simulated, it comes to rest otherwise than the robot did.
+        true_body_margins_deg: Path margin of the true body in each interaction, by statics: where
+            it is small, a trifle decides where the robot comes to rest, and it need not do so
+            twice in the same place.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    complete: bool = True
+    joints: tuple[str, ...]
+    true_lengths_m: tuple[float, ...]
+    lengths_m: tuple[float, ...]
+    leg_errors_m: tuple[float, ...]
+    leg_errors_signed_m: tuple[float, ...]
+    mean_leg_error_m: float
+    mean_signed_leg_error_m: float
+    touched: tuple[bool | None, ...]
+    mean_leg_error_touched_m: float | None
+    mean_leg_error_never_touched_m: float | None
+    configurations: tuple[Configuration, ...]
+    configurations_right: int
+    configurations_right_up_to_equivalence: int
+    configurations_total: int
+    configurations_informative: int
+    configurations_informative_right: int
+    configurations_informative_right_up_to_equivalence: int
+    configurations_chance: float
+    not_representable: tuple[str, ...]
+    true_body_errors: tuple[float | None, ...]
+    true_body_margins_deg: tuple[float, ...]
+
+    @property
+    def true_body_error(self) -> float | None:
+        """Subjective error of the true body over all interactions, where all are known."""
+        known = [error for error in self.true_body_errors if error is not None]
+        return max(known) if known and len(known) == len(self.true_body_errors) else None
+
+
+def score(
+    store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysics, reference: Physics
+) -> Score:
+    """Scores the best model of a run.
+
+    Args:
+        store: The run.
+        problem: Its problem.
+        truth: The robot's URDF.
+        physics: Computes the readings by which configurations are equivalent or not, and margins.
+        reference: Predicts what the true body would feel as a model.
+
+    Raises:
+        TruthError: The URDF is wrong, is another robot's, or the run has no model yet.
+    """
+    population = FinalPopulation.of(store)
+    if not len(population):
+        raise TruthError(f"{store.directory} has no model yet, so there is nothing to score")
+    genome = Genome(problem, problem.base(store.capabilities))
+    body = genome.decode(population.genes[population.best])
+    known = Truth.read(truth, problem, store.capabilities)
+    comparison = Comparison(problem, genome, body, known)
+    configurations = comparison.configurations(_told_apart(store, problem, physics))
+    informative = [item for item in configurations if item.searched]
+    limbs, legs = driven_limbs(body), tuple(known.legs.values())
+    signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
+    seen = store.observations()
+    felt = tuple(touched(limb.sensors, seen) for limb in driven_limbs(comparison.true_body))
+    return Score(
+        complete=store.complete,
+        joints=tuple(limb.name for limb in legs),
+        true_lengths_m=tuple(limb.limb.length for limb in legs),
+        lengths_m=tuple(limb.length for limb in limbs),
+        leg_errors_m=tuple(np.abs(signed).tolist()),
+        leg_errors_signed_m=tuple(signed.tolist()),
+        mean_leg_error_m=float(np.mean(np.abs(signed))),
+        mean_signed_leg_error_m=float(np.mean(signed)),
+        touched=felt,
+        mean_leg_error_touched_m=_mean(signed, felt, which=True),
+        mean_leg_error_never_touched_m=_mean(signed, felt, which=False),
+        configurations=configurations,
+        configurations_right=sum(item.right for item in configurations),
+        configurations_right_up_to_equivalence=sum(
+            item.right_up_to_equivalence for item in configurations
+        ),
+        configurations_total=len(configurations),
+        configurations_informative=len(informative),
+        configurations_informative_right=sum(item.right for item in informative),
+        configurations_informative_right_up_to_equivalence=sum(
+            item.right_up_to_equivalence for item in informative
+        ),
+        configurations_chance=sum(item.chance for item in configurations),
+        not_representable=comparison.not_representable,
+        true_body_errors=tuple(
+            _error(comparison.true_body, item, store.settings.modalities, reference)
+            for item in seen
+        ),
+        true_body_margins_deg=_margins(comparison.true_body, seen, physics),
+    )
+
+
+def _error(
+    body: Morphology, seen: Observation, modalities: Sequence[str], physics: Physics
+) -> float | None:
+    (error,) = fit_bodies([body], [seen], modalities, physics).errors.tolist()
+    return error if math.isfinite(error) else None
+
+
+def _margins(
+    body: Morphology, seen: Sequence[Observation], physics: StaticsPhysics
+) -> tuple[float, ...]:
+    margins = physics.path_margins([(body, np.array(item.angles)) for item in seen])
+    return tuple(np.degrees(margins).tolist())
+
+
+def _told_apart(
+    store: RunStore, problem: Problem, physics: StaticsPhysics
+) -> Callable[[Morphology], Callable[[Morphology], bool]]:
+    """The test of equivalence for the run's motors and modalities."""
+    rng = generator(store.settings.seed, Stream.EQUIVALENCE)
+    programs = np.array([problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)])
+    return lambda body: Reference(body, programs, physics, store.settings.modalities).is_like
+
+
+def _mean(errors: Array, felt: Sequence[bool | None], *, which: bool) -> float | None:
+    chosen = [abs(error) for error, one in zip(errors.tolist(), felt, strict=True) if one is which]
+    return float(np.mean(chosen)) if chosen else None

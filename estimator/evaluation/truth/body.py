@@ -1,0 +1,230 @@
+"""A URDF in the words of a genome: limbs with parent, side, hinge and length.
+
+Links joined by fixed joints, and by revolute ones that nobody asks for, are one limb. A limb's
+side is the one whose place of attachment is nearest to its joint, its hinge the one whose axis is
+nearest, its length the distance from joint to far end. Where that is only the nearest and not what
+the body is, no genome can be right, and the limb says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from estimator.body.limbs import Limb
+from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, SIDES, Array, rotation
+from estimator.errors import TruthError
+from estimator.evaluation.truth.urdf import (
+    Box,
+    Collision,
+    Cylinder,
+    Origin,
+    Urdf,
+    numbers,
+    read_urdf,
+)
+
+PLACE_TOLERANCE: Final = 5e-3  # m
+ANGLE_TOLERANCE: Final = math.radians(5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrueLimb:
+    """A limb of the true body.
+
+    Attributes:
+        name: Name of its joint.
+        limb: The nearest that a genome can say; its sensors are unknown.
+        not_representable: For each trait (``side``, ``hinge``) that no genome has right, a sentence
+            that says why.
+    """
+
+    name: str
+    limb: Limb
+    not_representable: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """A frame: rotation, shape (3, 3), and place, shape (3,), in its parent's."""
+
+    turn: Array
+    place: Array
+
+    def __matmul__(self, inner: _Pose) -> _Pose:
+        return _Pose(self.turn @ inner.turn, self.place + self.turn @ inner.place)
+
+    def into(self, outer: _Pose) -> _Pose:
+        """This frame as seen from another one."""
+        return _Pose(outer.turn.T @ self.turn, outer.turn.T @ (self.place - outer.place))
+
+
+def true_limbs(path: Path, motors: Mapping[str, int]) -> tuple[TrueLimb, ...]:
+    """Reads a URDF as limbs in motor order.
+
+    Args:
+        path: The URDF file.
+        motors: Names of the joints that carry a limb, with the numbers by which the limbs are
+            known: the motors, or any other way of counting.
+
+    Raises:
+        TruthError: The file is no URDF of the supported subset, or lacks one of the joints.
+    """
+    urdf = read_urdf(path)
+    revolute = {joint.name for joint in urdf.joints if joint.type == "revolute"}
+    missing = sorted(motors.keys() - revolute)
+    if missing:
+        raise TruthError(
+            f"{path} has no revolute joint named {', '.join(missing)}: give the URDF of the robot "
+            "that the run talked to."
+        )
+    return _Reader(urdf, motors).limbs()
+
+
+class _Reader:
+    """Walks the tree once: poses of links in the planar pose, and which limb each belongs to."""
+
+    def __init__(self, urdf: Urdf, motors: Mapping[str, int]):
+        self._motors = motors
+        self._links = {link.name: link for link in urdf.links}
+        self._poses = {urdf.root: _Pose(np.eye(3), np.zeros(3))}
+        self._limb_of = {urdf.root: BASE}
+        self._root = urdf.root
+        self._driven = []
+        for joint in urdf.joints:
+            pose = self._poses[joint.parent.link] @ _pose(joint.origin)
+            self._poses[joint.child.link] = pose
+            motor = motors.get(joint.name, self._limb_of[joint.parent.link])
+            self._limb_of[joint.child.link] = motor
+            if joint.name in motors:
+                self._driven.append(joint)
+
+    def limbs(self) -> tuple[TrueLimb, ...]:
+        frames = {BASE: self._poses[self._root]}  # parents come first in document order
+        lengths: dict[int, float] = {}
+        found: dict[int, TrueLimb] = {}
+        for joint in self._driven:
+            motor = self._motors[joint.name]
+            parent = self._limb_of[joint.parent.link]
+            pose = self._poses[joint.child.link]
+            inside = pose.into(frames[parent])
+            yaw, length, slant = self._direction(motor, pose.place, frames[parent])
+            side, offset = self._side(parent, inside.place, yaw, lengths)
+            frames[motor] = _Pose(
+                frames[parent].turn @ rotation((0.0, 0.0, 1.0), SIDE_YAWS[yaw]), pose.place
+            )
+            axis = frames[motor].turn.T @ pose.turn @ _unit(numbers(joint.axis.xyz))
+            hinge, twist = _nearest(axis, np.array(HINGE_AXES))
+            lengths[motor] = length
+            limb = Limb(motor=motor, parent=parent, side=side, hinge=hinge, length=length)
+            found[motor] = TrueLimb(
+                name=joint.name,
+                limb=limb,
+                not_representable=_misfits(
+                    limb, joint.name, offset=offset, yaw=yaw, slant=slant, twist=twist
+                ),
+            )
+        return tuple(found[motor] for motor in sorted(found))
+
+    def _direction(self, motor: int, start: Array, parent: _Pose) -> tuple[int, float, float]:
+        """The side towards which a limb points, how far it reaches there, and its slant from it.
+
+        It points to the middle of its furthest shape, so that a wide foot does not turn a leg.
+        """
+        ways = np.array([parent.turn @ (math.cos(yaw), math.sin(yaw), 0.0) for yaw in SIDE_YAWS])
+        shapes = [
+            (self._poses[name] @ _pose(collision.origin), collision)
+            for name, link in self._links.items()
+            if self._limb_of[name] == motor
+            for collision in link.collisions
+        ]
+        if not shapes:
+            return 0, 0.0, 0.0
+        reach = [max(_reach(pose, shape, start, way) for pose, shape in shapes) for way in ways]
+        far = max((pose.place - start for pose, _ in shapes), key=lambda offset: offset @ offset)
+        distance = float(np.linalg.norm(far))
+        if distance <= PLACE_TOLERANCE:
+            yaw, slant = int(np.argmax(reach)), 0.0
+        else:
+            yaw, slant = _nearest(far / distance, ways)
+        return yaw, max(0.0, reach[yaw]), slant
+
+    def _side(
+        self, parent: int, place: Array, yaw: int, lengths: Mapping[int, float]
+    ) -> tuple[int, float]:
+        """The side whose place of attachment is nearest, and how far off it is, m."""
+        if parent == BASE:
+            x, y, _ = self._base_half()
+            places = np.array([(0.0, y, 0.0), (x, 0.0, 0.0), (0.0, -y, 0.0), (-x, 0.0, 0.0)])
+        else:
+            along = lengths[parent] * np.array([0.5, 1.0, 0.5, 0.0])
+            places = np.column_stack([along, np.zeros((4, 2))])
+        distances = np.linalg.norm(places - place, axis=1)
+        nearest = np.flatnonzero(distances <= distances.min() + 1e-9)
+        side = yaw if yaw in nearest else int(nearest[0])  # left and right share one place
+        return side, float(distances[side])
+
+    def _base_half(self) -> Array:
+        for collision in self._links[self._root].collisions:
+            if isinstance(collision.geometry.shape, Box):
+                return np.array(numbers(collision.geometry.shape.size)) / 2
+        raise TruthError(f"link {self._root}: the main body must have a box.")
+
+
+def _misfits(
+    limb: Limb, name: str, *, offset: float, yaw: int, slant: float, twist: float
+) -> dict[str, str]:
+    found = {}
+    if offset > PLACE_TOLERANCE:
+        found["side"] = (
+            f"{name} sits {offset * 1000:.0f} mm from the nearest place that a genome can name, "
+            f"{limb.side_name}"
+        )
+    elif slant > ANGLE_TOLERANCE:
+        found["side"] = f"{name} points {math.degrees(slant):.0f} degrees away from {SIDES[yaw]}"
+    elif yaw != limb.side:
+        found["side"] = f"{name} sits on the {limb.side_name} but points {SIDES[yaw]}"
+    if twist > ANGLE_TOLERANCE:
+        found["hinge"] = (
+            f"{name} has its axis {math.degrees(twist):.0f} degrees from that of the nearest "
+            f"hinge, {limb.hinge_name}"
+        )
+    return found
+
+
+def _pose(origin: Origin) -> _Pose:
+    roll, pitch, yaw = numbers(origin.rpy)
+    turn = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
+    return _Pose(turn @ rotation((1.0, 0.0, 0.0), roll), np.array(numbers(origin.xyz)))
+
+
+def _reach(pose: _Pose, collision: Collision, start: Array, way: Array) -> float:
+    """How far a shape extends from ``start`` in the direction ``way``, m."""
+    inside = pose.turn.T @ way
+    shape = collision.geometry.shape
+    if isinstance(shape, Box):
+        extent = float(np.abs(inside) @ np.array(numbers(shape.size))) / 2
+    elif isinstance(shape, Cylinder):
+        extent = abs(inside[2]) * shape.length / 2 + math.hypot(*inside[:2]) * shape.radius
+    else:
+        extent = shape.radius if shape else 0.0
+    return float((pose.place - start) @ way) + float(extent)
+
+
+def _unit(vector: tuple[float, float, float]) -> Array:
+    return np.array(vector) / math.hypot(*vector)
+
+
+def _nearest(direction: Array, choices: Array) -> tuple[int, float]:
+    """The choice that is nearest in direction, and the angle between, rad."""
+    index = int(np.argmax(choices @ direction))
+    return index, _angle(choices[index], direction)
+
+
+def _angle(one: Array, other: Array) -> float:
+    return math.acos(float(np.clip(one @ other, -1.0, 1.0)))

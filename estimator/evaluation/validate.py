@@ -1,0 +1,247 @@
+"""The prediction error: how well models foretell motor programs that they were never fitted to.
+
+It needs no truth, so it is the measure on a real robot. The predictions of all models are on disk
+before the first program is performed. Programs are predicted as they are commanded, so the robot's
+rounding of angles counts as prediction error too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from estimator.body.morphology import Array
+from estimator.errors import EstimatorError, InteractionError
+from estimator.identification.acting import carry_out
+from estimator.identification.final_population import FinalPopulation
+from estimator.identification.listener import Listener
+from estimator.physics.base import Physics, Readings
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation, Program
+from estimator.robot_link.base import RobotLink
+from estimator.search.randomness import Stream, generator
+from estimator.storage.records import Prediction
+from estimator.storage.store import RunStore
+
+BEST: Final = "best_model"
+POPULATION: Final = "population_median"
+RANDOM: Final = "random_models"
+RANDOM_MODELS: Final = 50
+_SAME_ANGLE: Final = math.radians(0.1)
+
+
+class Errors(BaseModel):
+    """Mean errors over the programs; ``None`` where nothing could be compared.
+
+    Attributes:
+        touch: Share of the touch sensors that were foretold wrongly.
+        tilt_deg: Mean absolute error of the two tilts, degrees.
+        clearance_mm: Mean absolute error of the clearance, mm.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    touch: float | None
+    tilt_deg: float | None
+    clearance_mm: float | None
+
+
+class Validation(BaseModel):
+    """Prediction errors on fresh motor programs.
+
+    Attributes:
+        programs: Programs performed.
+        best_model: Errors of the best model.
+        population_median: Median over the population of each model's errors.
+        random_models: The same over models drawn at random: what knowing nothing is worth.
+        invalid_predictions: Predictions of the three groups that could not be simulated and are
+            left out.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    programs: int
+    best_model: Errors
+    population_median: Errors
+    random_models: Errors
+    invalid_predictions: int
+
+
+def validate(
+    store: RunStore,
+    problem: Problem,
+    physics: Physics,
+    link: RobotLink,
+    *,
+    programs: int,
+    listener: Listener,
+) -> Validation:
+    """Predicts motor programs, performs them and compares.
+
+    A validation that was interrupted is taken up again; its predictions stand.
+
+    Raises:
+        EstimatorError: The run has no models yet.
+        InteractionError: The robot did not do its part; calling again goes on.
+    """
+    validations = store.validations()
+    unfinished = validations and any(item.observation is None for item in validations[-1])
+    if unfinished:
+        number, predictions = len(validations) - 1, validations[-1]
+        listener.say(f"Going on with the predictions made before ({len(predictions)} programs).")
+    else:
+        number = len(validations)
+        fresh = _programs(store, problem, link, programs, number)
+        listener.expect(2 * len(fresh), 0)
+        predictions = _predict(store, problem, physics, fresh, listener)
+        store.predict(predictions)
+    observations = []
+    for index, prediction in enumerate(predictions):
+        observation = prediction.observation
+        if observation is None:
+            commit = partial(store.ask_validation, number, index)
+            row = _row(link, prediction.program, index)
+            observation = carry_out(link, row, prediction, commit, listener)
+            store.observe_validation(number, index, observation)
+            listener.observed(index, observation)
+            listener.worked(1, f"performed {index + 1} of {len(predictions)}")
+        observations.append(observation)
+    return compare(predictions, observations)
+
+
+def compare(predictions: Sequence[Prediction], observations: Sequence[Observation]) -> Validation:
+    """Prediction errors of the three groups of models."""
+    groups = {
+        group: [_arrays(item.readings[group]) for item in predictions]
+        for group in (BEST, POPULATION, RANDOM)
+    }
+    return Validation(
+        programs=len(observations),
+        **{group: _median_errors(found, observations) for group, found in groups.items()},
+        invalid_predictions=sum(
+            int(np.sum(np.isnan(item["clearance"]))) for found in groups.values() for item in found
+        ),
+    )
+
+
+def _programs(
+    store: RunStore, problem: Problem, link: RobotLink, count: int, number: int
+) -> list[Program]:
+    if link.recorded is None:
+        rng = generator(store.settings.seed, Stream.VALIDATION, number)
+        drawn = [problem.random_program(rng, store.capabilities) for _ in range(count)]
+        return [tuple(program.tolist()) for program in drawn]
+    fitted = [item.program for item in store.interactions()]
+    fresh = [
+        program for program in link.recorded if not any(_alike(program, one) for one in fitted)
+    ]
+    if count > len(fresh):
+        known = len(link.recorded) - len(fresh)
+        raise InteractionError(
+            f"of the record's {len(link.recorded)} motor programs the models were fitted to "
+            f"{known}, so {len(fresh)} are fresh, not {count}: "
+            + ("ask for fewer --programs" if fresh else "take a record of others")
+        )
+    return fresh[:count]
+
+
+def _alike(one: Program, other: Program) -> bool:
+    """Whether two motor programs are the same, whatever was rounded when one was written down."""
+    return bool(np.allclose(one, other, rtol=0.0, atol=_SAME_ANGLE))
+
+
+def _row(link: RobotLink, program: Program, index: int) -> int:
+    """The number under which a link performs a predicted motor program."""
+    if link.recorded is None:
+        return index
+    if program not in link.recorded:
+        raise InteractionError(
+            "the record lacks a motor program that was predicted: take the one of the validation "
+            "that was begun"
+        )
+    return link.recorded.index(program)
+
+
+def _predict(
+    store: RunStore,
+    problem: Problem,
+    physics: Physics,
+    programs: Sequence[Program],
+    listener: Listener,
+) -> list[Prediction]:
+    population = FinalPopulation.of(store)
+    if not len(population):
+        raise EstimatorError(f"{store.directory} has no model yet: resume the run first")
+    genome = Genome(problem, problem.base(store.capabilities))
+    rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
+    drawn = rng.random((RANDOM_MODELS, genome.size))
+    best = population.genes[[population.best]]
+    groups = {BEST: best, POPULATION: population.genes, RANDOM: drawn}
+    bodies = genome.decode_all(np.concatenate(list(groups.values())))
+    found = []
+    for program in programs:
+        angles = np.array(program)
+        readings = physics.read([(body, angles) for body in bodies])
+        by_group, start = {}, 0
+        for group, genes in groups.items():
+            by_group[group] = _plain(readings[slice(start, start + len(genes))])
+            start += len(genes)
+        found.append(Prediction(program=program, readings=by_group))
+        listener.worked(1, f"predicted {len(found)} of {len(programs)}")
+    return found
+
+
+def _plain(readings: Readings) -> dict[str, Any]:
+    """Readings as lists for JSON; ``None`` where a simulation cannot be believed."""
+    columns = {
+        "touch": readings.touch,
+        "tilt": readings.tilt,
+        "clearance": readings.clearance[:, None],
+    }
+    return {
+        name: [
+            row if valid else None for row, valid in zip(rows.tolist(), readings.valid, strict=True)
+        ]
+        for name, rows in columns.items()
+    }
+
+
+def _arrays(plain: Mapping[str, Any]) -> dict[str, Array]:
+    """The same as arrays of shape (models, values); NaN for ``None``."""
+    found = {}
+    for name, rows in plain.items():
+        width = max((len(row) for row in rows if row is not None), default=1)
+        missing = [math.nan] * width
+        found[name] = np.array([missing if row is None else row for row in rows], dtype=float)
+    return found
+
+
+def _median_errors(
+    predicted: Sequence[Mapping[str, Array]], observations: Sequence[Observation]
+) -> Errors:
+    """Mean error of each model over the programs, then the median over the models."""
+    touch, tilt, clearance = [], [], []
+    for found, observation in zip(predicted, observations, strict=True):
+        wanted = observation.as_arrays()
+        touch.append(np.abs(found["touch"] - (wanted.touch if wanted.touch.size else math.nan)))
+        tilt.append(np.degrees(np.abs(found["tilt"] - wanted.tilt)))
+        clearance.append(1000 * np.abs(found["clearance"] - wanted.clearance))
+    return Errors(
+        touch=_median_of_means(touch),
+        tilt_deg=_median_of_means(tilt),
+        clearance_mm=_median_of_means(clearance),
+    )
+
+
+def _median_of_means(errors: Sequence[Array]) -> float | None:
+    """Errors per program, each of shape (models, values); NaN is left out."""
+    every = np.concatenate(errors, axis=1)
+    known = np.sum(~np.isnan(every), axis=1)
+    means = np.nansum(every, axis=1)[known > 0] / known[known > 0]
+    return float(np.median(means)) if len(means) else None

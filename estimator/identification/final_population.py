@@ -1,0 +1,84 @@
+"""The models that a run ends with, best first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.morphology import Array
+from estimator.storage.database import reading
+from estimator.storage.records import Generation
+from estimator.storage.store import RunStore
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinalPopulation:
+    """The population at a run's last checkpoint; empty before the first.
+
+    Attributes:
+        genes: Shape (n, genes).
+        errors: Subjective errors, shape (n,): by the reference back-end where it was asked.
+        searched: The same as the search saw them.
+        order: Indices, best first. Models that the reference back-end simulated come before the
+            others, in its order.
+    """
+
+    genes: Array
+    errors: Array
+    searched: Array
+    order: NDArray[np.intp]
+
+    def __len__(self) -> int:
+        return len(self.genes)
+
+    @property
+    def best(self) -> int:
+        """Index of the best model."""
+        return int(self.order[0])
+
+    @classmethod
+    def of(cls, store: RunStore) -> Self:
+        """Reads it from a run."""
+        checkpoint = store.checkpoint()
+        if checkpoint is None:
+            nothing = np.empty(0)
+            return cls(
+                genes=np.empty((0, 0)),
+                errors=nothing,
+                searched=nothing,
+                order=np.empty(0, dtype=np.intp),
+            )
+        generations, found = store.generations(), store.finish()
+        with reading(store.directory):
+            genes = np.array(checkpoint.state["population"], dtype=float)
+            searched = np.array(generations[-1].errors, dtype=float)
+            if genes.shape[:1] != searched.shape:
+                raise ValueError(f"{len(genes)} models have {len(searched)} errors")
+            errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
+            if found is not None:
+                errors[list(found.models)] = found.simulated
+                later[list(found.models)] = False
+        return cls(genes=genes, errors=errors, searched=searched, order=np.lexsort((errors, later)))
+
+
+def with_last_word(store: RunStore) -> list[Generation]:
+    """A run's generations, and after them the reference back-end's word as one more, if it had one.
+
+    The best model of the last one is the best of the run, with the error that all tables give it.
+    """
+    generations = store.generations()
+    found = store.finish()
+    if found is None or not found.models:
+        return generations
+    population, last = FinalPopulation.of(store), generations[-1]
+    word = replace(
+        last,
+        number=last.number + 1,
+        iteration=last.iteration + 1,
+        errors=found.simulated,
+        best=tuple(population.genes[population.best].tolist()),
+    )
+    return [*generations, word]

@@ -1,0 +1,86 @@
+"""Whatever searched, PyBullet has the last word: the leading models are simulated in it.
+
+Of the final population the best models that differ from each other are simulated on every motor
+program of the run. Both errors are kept, and the ranking is PyBullet's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array, Morphology
+from estimator.identification.fit import fit_bodies
+from estimator.physics.base import Physics
+from estimator.problem.genome import Genome
+from estimator.readings.observation import Observation
+from estimator.storage.records import Finish
+
+LEADERS: Final = 10
+SAME_LENGTH: Final = 0.005
+"""Models whose parts are attached alike and whose lengths differ by less, m, are one model."""
+
+
+def finish(
+    genome: Genome,
+    population: Array,
+    errors: Array,
+    *,
+    observations: Sequence[Observation],
+    modalities: Sequence[str],
+    physics: Physics,
+) -> Finish:
+    """Simulates the leading distinct models.
+
+    Args:
+        genome: The code between genes and bodies.
+        population: Genes, shape (n, genes).
+        errors: What the search found, shape (n,).
+        observations: Of every interaction of the run.
+        modalities: Modalities that the subjective error counts.
+        physics: The reference back-end.
+    """
+    leaders = leading(genome, population, errors)
+    bodies = genome.decode_all(population[leaders])
+    simulations, steps = physics.simulations, physics.steps
+    found = fit_bodies(bodies, observations, modalities, physics)
+    return Finish(
+        models=tuple(leaders),
+        searched=tuple(errors[leaders].tolist()),
+        simulated=tuple(found.errors.tolist()),
+        simulations=physics.simulations - simulations,
+        invalid=found.invalid,
+        steps=physics.steps - steps,
+    )
+
+
+def leading(genome: Genome, population: Array, errors: Array) -> list[int]:
+    """Indices of the best models, none of which is much like a better one; at most ``LEADERS``."""
+    found: list[int] = []
+    kept: list[Morphology] = []
+    for index in np.argsort(errors, kind="stable").tolist():
+        body = genome.decode(population[index])
+        if np.isfinite(errors[index]) and not any(_alike(body, other) for other in kept):
+            found.append(index)
+            kept.append(body)
+        if len(found) == LEADERS:
+            break
+    return found
+
+
+def pairs_turned(found: Finish) -> tuple[int, int]:
+    """Of how many pairs of leading models the two back-ends disagree which is better; all pairs."""
+    pairs = list(combinations(zip(found.searched, found.simulated, strict=True), 2))
+    turned = sum((one[0] < two[0]) != (one[1] < two[1]) for one, two in pairs)
+    return turned, len(pairs)
+
+
+def _alike(one: Morphology, two: Morphology) -> bool:
+    return all(
+        (a.parent, a.side, a.hinge) == (b.parent, b.side, b.hinge)
+        and abs(a.length - b.length) < SAME_LENGTH
+        for a, b in zip(one.parts, two.parts, strict=True)
+    )

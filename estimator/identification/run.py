@@ -1,0 +1,243 @@
+"""Starts runs, continues them, and connects them to robot and physics."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Collection
+from contextlib import closing
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from estimator.errors import EstimatorError, InteractionError
+from estimator.identification.exploration import rule
+from estimator.identification.listener import Listener
+from estimator.identification.loop import Identification
+from estimator.identification.reference_check import finish
+from estimator.identification.subjective_error import check_modalities
+from estimator.physics.backends import REFERENCE, OpenPhysics, check_name, foresight_of
+from estimator.physics.base import Settings
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.problem.values import complaint
+from estimator.robot_link import open_robot
+from estimator.robot_link.base import RobotLink
+from estimator.storage.records import RunSettings
+from estimator.storage.store import RunStore, first_id
+from protocol.wire.capabilities import Capabilities
+
+Summary = TypeVar("Summary")
+Report: TypeAlias = Callable[[RunStore, Problem], Summary]
+"""Writes what a run leaves beside its database, and sums the run up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Order:
+    """What a person asks of a new run; ``None`` leaves the choice to the problem or the record."""
+
+    robot: str
+    problem: str
+    seed: int
+    physics: str = "pybullet"
+    explore: str = "random"
+    modalities: tuple[str, ...] = ("touch", "tilt", "clearance")
+    interactions: int | None = None
+    population: int | None = None
+    generations: int | None = None
+    full_steps: bool = False
+    keys: Path | None = None
+
+
+def identify(
+    directory: Path,
+    order: Order,
+    open_physics: OpenPhysics,
+    listener: Listener,
+    *,
+    report: Report[Summary],
+) -> Summary:
+    """Starts a run and sees it through.
+
+    Nothing is left behind when the robot cannot be reached or does not fit the problem.
+
+    Args:
+        directory: Where the run is to be.
+        order: What is asked of it.
+        open_physics: Makes the back-end.
+        listener: Hears what happens.
+        report: Called after each iteration and at the end, for what is returned.
+
+    Raises:
+        BodyschemaError: Something prevents the run; the message says what.
+    """
+    asked = Problem.load(order.problem)
+    modalities = check_modalities(order.modalities)
+    check_name(order.physics)
+    rule(order.explore)
+    client_id = str(uuid.uuid4())
+    link = open_robot(
+        order.robot,
+        driven=_driven(asked),
+        client_id=client_id,
+        first_id=first_id(0),
+        keys=order.keys,
+    )
+    with closing(link):
+        problem = asked.for_robot(link.capabilities)
+        for sentence in problem.check_robot(link.capabilities, modalities):
+            listener.say(f"Note: {sentence}.")
+        settings = _settings(order, problem, modalities, link)
+        with RunStore.create(directory, settings, link.capabilities, client_id) as store:
+            return _work(store, problem, open_physics, lambda: link, listener, report=report)
+
+
+def resume(
+    directory: Path,
+    open_physics: OpenPhysics,
+    listener: Listener,
+    *,
+    robot: str | None = None,
+    keys: Path | None = None,
+    report: Report[Summary],
+) -> Summary:
+    """Sees an interrupted run through, as if it had not been interrupted.
+
+    Args:
+        directory: The run.
+        open_physics: Makes the back-end.
+        listener: Hears what happens.
+        robot: Where the robot is now; default: where it was.
+        keys: The key directory, where the robot asks for keys; a run does not remember it.
+        report: Called after each iteration and at the end, for what is returned.
+
+    Raises:
+        BodyschemaError: Something prevents it; the message says what.
+    """
+    with RunStore.open(directory) as store:
+        problem = problem_of(store)
+        uri = robot or store.settings.robot
+        connect = partial(reconnect, store, problem, uri, listener, keys=keys)
+        return _work(store, problem, open_physics, connect, listener, report=report)
+
+
+def problem_of(store: RunStore) -> Problem:
+    """The problem that a run was started with, written out for its robot."""
+    asked = Problem.parse(store.settings.problem_text, f"problem of {store.directory}")
+    return asked.for_robot(store.capabilities)
+
+
+def world_of(store: RunStore, problem: Problem) -> Settings:
+    """The world in which a run's models are simulated."""
+    return replace(problem.settings(store.capabilities), full_steps=store.settings.full_steps)
+
+
+def reconnect(
+    store: RunStore, problem: Problem, uri: str, listener: Listener, *, keys: Path | None = None
+) -> RobotLink:
+    """The robot of a run that exists already.
+
+    Raises:
+        InteractionError: Another robot answers there.
+        BodyschemaError: The robot cannot be reached.
+    """
+    link = open_robot(
+        uri,
+        driven=_driven(problem),
+        client_id=store.client_id,
+        first_id=store.new_connection(),
+        keys=keys,
+    )
+    was, now = store.capabilities, link.capabilities
+    if _body(was) != _body(now):
+        link.close()
+        raise InteractionError(
+            f"The robot at {uri} ({now.robot}) has other joints, sensors or another main body "
+            f"than the one of this run ({was.robot}): start a new run with it."
+        )
+    if was.config_hash != now.config_hash:
+        listener.say("Note: the robot's configuration has changed since the run was started.")
+    return link
+
+
+def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:
+    return lambda capabilities: problem.for_robot(capabilities).motors.driven
+
+
+def _body(capabilities: Capabilities) -> tuple[object, ...]:
+    """What must not change during a run; noise, software and network addresses may."""
+    return (
+        [joint.name for joint in capabilities.joints],
+        [(sensor.modality, sensor.count, sensor.upper) for sensor in capabilities.sensors],
+        capabilities.base_size,
+        capabilities.base_mass,
+    )
+
+
+def _settings(
+    order: Order, problem: Problem, modalities: tuple[str, ...], link: RobotLink
+) -> RunSettings:
+    recorded = link.recorded
+    interactions = order.interactions
+    if interactions is None:
+        interactions = problem.search.interactions if recorded is None else len(recorded)
+    elif recorded is not None and interactions > len(recorded):
+        raise EstimatorError(
+            f"{order.robot} holds {len(recorded)} interactions, not {interactions}: ask for fewer"
+        )
+    try:
+        return RunSettings(
+            robot=order.robot,
+            problem=order.problem,
+            problem_text=problem.source,
+            physics=order.physics,
+            explore=order.explore,
+            modalities=modalities,
+            seed=order.seed,
+            interactions=interactions,
+            population=order.population or problem.search.population,
+            generations=order.generations or problem.search.generations,
+            full_steps=order.full_steps,
+        )
+    except ValidationError as error:
+        raise EstimatorError(complaint(error, "such a run cannot be")) from error
+
+
+def _work(
+    store: RunStore,
+    problem: Problem,
+    open_physics: OpenPhysics,
+    connect: Callable[[], RobotLink],
+    listener: Listener,
+    *,
+    report: Report[Summary],
+) -> Summary:
+    world = world_of(store, problem)
+    physics = open_physics(store.settings.physics, world)
+    with closing(physics):
+        identification = Identification(
+            store,
+            problem,
+            physics,
+            connect,
+            listener,
+            foresight=foresight_of(store.settings.physics, world),
+        )
+        identification.run(after_iteration=lambda: report(store, problem))
+    if store.settings.physics != REFERENCE and store.finish() is None:
+        checkpoint = store.checkpoint()
+        assert checkpoint is not None
+        with closing(open_physics(REFERENCE, world)) as reference:
+            found = finish(
+                Genome(problem, problem.base(store.capabilities)),
+                np.array(checkpoint.state["population"], dtype=float),
+                np.array(store.generations()[-1].errors, dtype=float),
+                observations=store.observations(),
+                modalities=store.settings.modalities,
+                physics=reference,
+            )
+        store.save_finish(found)
+    return report(store, problem)

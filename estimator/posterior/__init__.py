@@ -1,0 +1,1 @@
+"""What is believed of the body after some interactions: samples with weights."""

@@ -1,0 +1,296 @@
+"""Problems: what is known about a robot, and what is to be found, from a TOML file.
+
+``docs/problems.md`` documents the format. Joints, parts and sensors are counted from 1 in the file
+and from 0 in code. A file may leave open how many joints the robot has; until a problem is told of
+a robot (``for_robot``) it is written out for the paper's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
+
+from estimator.body.morphology import Array, Base
+from estimator.errors import ProblemError
+from estimator.physics.base import Settings
+from estimator.problem.sections import Motors, PartRule, SearchSettings, Strict, World
+from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
+from estimator.problem.values import Density, Name, complaint
+from protocol.text.toml import TomlError, parse_toml
+from protocol.wire.capabilities import Capabilities
+
+
+class Problem(Strict):
+    """What is known about a robot, and what is to be found.
+
+    Attributes:
+        name: Short name.
+        description: One sentence for people.
+        density: Of all parts, kg/m³.
+        motors: Which joints move, and how.
+        search: How the models are optimised.
+        world: How models are simulated.
+        touch: ``outermost``: the robot's touch sensors sit on the parts that carry no other, in
+            the parts' order; where there are more sensors than such parts, the first other parts
+            have the rest. So each part has one if there are as many. ``None``: on the parts that
+            say so themselves.
+        parts: Parents before children; the order is that of the genome's rows.
+    """
+
+    name: Name
+    description: str
+    density: Density
+    motors: Motors
+    search: SearchSettings
+    world: World = World()
+    touch: Literal["outermost"] | None = None
+    parts: Annotated[tuple[PartRule, ...], Field(min_length=1)]
+    _source: str = PrivateAttr(default="")
+    _origin: str = PrivateAttr(default="")
+    _robot: Inventory = PrivateAttr(default=PAPERS_ROBOT)
+
+    @classmethod
+    def load(cls, name_or_path: str) -> Problem:
+        """Reads a problem that ships with the estimator, by name, or a file ending in ``.toml``.
+
+        Raises:
+            ProblemError: There is no such problem, or it is wrong: file, key and reason.
+        """
+        if not name_or_path.endswith(".toml"):
+            folder = resources.files("estimator") / "problem" / "library"
+            shipped = sorted(item.name.removesuffix(".toml") for item in folder.iterdir())
+            if name_or_path not in shipped:
+                raise ProblemError(
+                    f"there is no problem named {name_or_path!r}: give one of "
+                    f"{', '.join(shipped)}, or the path of a .toml file"
+                )
+            return cls.parse((folder / f"{name_or_path}.toml").read_text("utf-8"), name_or_path)
+        try:
+            return cls.parse(Path(name_or_path).read_text("utf-8"), name_or_path)
+        except OSError as error:
+            raise ProblemError(f"{name_or_path} cannot be read: {error.strerror}") from error
+        except UnicodeDecodeError as error:
+            raise ProblemError(f"{name_or_path} is no UTF-8 text: {error.reason}") from error
+
+    @classmethod
+    def parse(cls, text: str, origin: str, robot: Inventory | None = None) -> Problem:
+        """Reads a problem from TOML text.
+
+        Args:
+            text: The file's content.
+            origin: Names it in errors.
+            robot: What the problem is written out for; default: the paper's robot if it says
+                anything of that, or else the first that it names.
+
+        Raises:
+            ProblemError: The text is wrong: file, key and reason.
+        """
+        origins: list[int] = []
+        try:
+            raw = parse_toml(text)
+            robot = robot or supposed_robot(raw)
+            written, origins = write_out(raw, robot)
+            problem = cls.model_validate(written)
+        except TomlError as error:
+            raise ProblemError(f"{origin} is no valid TOML: {error}") from error
+        except ValidationError as error:
+            raise ProblemError(complaint(error, origin, origins)) from error
+        except ValueError as error:
+            raise ProblemError(f"{origin}: {error}") from error
+        problem._source, problem._origin, problem._robot = text, origin, robot
+        return problem
+
+    def for_robot(self, capabilities: Capabilities) -> Problem:
+        """The same problem, written out for a robot.
+
+        Raises:
+            ProblemError: The file says nothing of such a robot.
+        """
+        touch = capabilities.sensor("touch")
+        robot = Inventory(
+            joints=len(capabilities.joints), touch_sensors=touch.count if touch else 0
+        )
+        return self if robot == self._robot else self.parse(self._source, self._origin, robot)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        for index, part in enumerate(self.parts):
+            if part.parent is not None and part.parent >= index:
+                raise ValueError(
+                    f"parts[{index + 1}] ({part.name}): its parent {part.parent + 1} is no earlier "
+                    "part: list parents before their children"
+                )
+        names = [part.name for part in self.parts]
+        if len(set(names)) != len(names):
+            raise ValueError("parts: every part needs a name of its own")
+        moved = sorted(part.motor + 1 for part in self.parts if part.motor is not None)
+        driven = sorted(motor + 1 for motor in self.motors.driven)
+        if moved != driven or len(set(driven)) != len(driven):
+            raise ValueError(
+                f"motors.driven: each driven joint must move exactly one part, but {driven} are "
+                f"driven and parts name the motors {moved}"
+            )
+        held = [part.locked + 1 for part in self.parts if part.locked is not None]
+        if len({*held, *driven}) != len(held) + len(driven):
+            raise ValueError(
+                f"parts: each joint carries one part, but {driven} are driven and {held} locked"
+            )
+        sensors = sorted(part.sensor + 1 for part in self.parts if part.sensor is not None)
+        if sensors != list(range(1, len(sensors) + 1)):
+            raise ValueError(f"parts: sensors must be numbered 1, 2, … once each, not {sensors}")
+        if sensors and self.touch:
+            raise ValueError(
+                "touch: say where the sensors are either here or with the parts, not both"
+            )
+        if not any(
+            part.length_unknown or None in (part.parent, part.side, part.hinge)
+            for part in self.parts
+        ):
+            raise ValueError("parts: there is nothing to be found: give some length a range")
+        return self
+
+    @property
+    def source(self) -> str:
+        """The TOML text that the problem was read from, to be kept with a run."""
+        return self._source
+
+    @property
+    def sensors(self) -> int:
+        """How many touch sensors the parts carry."""
+        if self.touch == "outermost":
+            return min(self._robot.touch_sensors, len(self.parts))
+        return sum(part.sensor is not None for part in self.parts)
+
+    def base(self, capabilities: Capabilities) -> Base:
+        """The main body, which the robot makes public."""
+        x, y, z = capabilities.base_size
+        return Base(size=(x, y, z), mass=capabilities.base_mass)
+
+    def settings(self, capabilities: Capabilities) -> Settings:
+        """The world in which models of this robot are simulated."""
+        known = Settings(
+            steps=self.world.steps,
+            step=self.world.step_s,
+            friction=self.world.friction,
+            slew=math.radians(self.motors.slew_deg_per_s),
+        )
+        sensor = capabilities.sensor("clearance")
+        if sensor is None or sensor.upper is None:
+            return known
+        return replace(known, clearance_cap=sensor.upper)
+
+    def program_range(self, capabilities: Capabilities) -> Array:
+        """Lowest and highest target of each joint, rad, shape (joints, 2); 0 where not driven.
+
+        Raises:
+            ProblemError: A joint that must be driven is missing or cannot reach the range.
+        """
+        joints = capabilities.joints
+        found = np.zeros((len(joints), 2))
+        for motor in self.motors.driven:
+            if motor >= len(joints):
+                raise ProblemError(
+                    f"problem {self.name!r} drives joint {motor + 1}, but robot "
+                    f"{capabilities.robot!r} has only {len(joints)} joints: choose another problem"
+                )
+            joint = joints[motor]
+            low, high = (math.radians(end) for end in self.motors.range_deg)
+            low, high = max(low, joint.lower), min(high, joint.upper)
+            if low > high:
+                raise ProblemError(
+                    f"problem {self.name!r}: motors.range_deg lies outside the limits of joint "
+                    f"{joint.name!r}, {math.degrees(joint.lower):.1f} to "
+                    f"{math.degrees(joint.upper):.1f} degrees"
+                )
+            found[motor] = low, high
+        return found
+
+    def random_program(self, rng: np.random.Generator, capabilities: Capabilities) -> Array:
+        """A motor program drawn at random: one target per joint, rad; 0 where not driven.
+
+        Raises:
+            ProblemError: The robot cannot perform this problem's programs.
+        """
+        ends = self.program_range(capabilities)
+        driven = list(self.motors.driven)
+        program = np.zeros(len(ends))
+        program[driven] = rng.uniform(ends[driven, 0], ends[driven, 1])
+        return program
+
+    def check_robot(self, capabilities: Capabilities, modalities: Sequence[str]) -> tuple[str, ...]:
+        """Compares the problem with what the robot says about itself.
+
+        Returns:
+            Sentences that a person should see: what differs, but does not prevent a run.
+
+        Raises:
+            ProblemError: This robot cannot serve this problem.
+        """
+        if not capabilities.sensors:
+            raise ProblemError(
+                f"robot {capabilities.robot!r} has no sensors, so nothing can be learnt from it; "
+                "if it is a dry run, start robotd without --dry, or sim-robotd"
+            )
+        self._check_time(float(np.max(np.abs(self.program_range(capabilities)))))
+        for modality in modalities:
+            sensor = capabilities.sensor(modality)
+            if sensor is None:
+                raise ProblemError(
+                    f"robot {capabilities.robot!r} has no {modality} sensor: leave {modality} out "
+                    "of the modalities"
+                )
+            if modality == "touch" and sensor.count != self.sensors:
+                raise ProblemError(
+                    f"robot {capabilities.robot!r} has {sensor.count} touch sensors, but problem "
+                    f"{self.name!r} describes {self.sensors}: correct its parts, or leave touch out"
+                )
+        known = len(capabilities.joints)
+        for part in self.parts:
+            if part.joint is not None and part.joint >= known:
+                raise ProblemError(
+                    f"problem {self.name!r}: part {part.name!r} hangs on joint {part.joint + 1}, "
+                    f"but robot {capabilities.robot!r} has only {known} joints: choose another "
+                    "problem"
+                )
+        return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities))
+
+    def _check_time(self, farthest: float) -> None:
+        turn, slew = math.degrees(farthest), self.motors.slew_deg_per_s
+        lasts = self.world.steps * self.world.step_s
+        if turn > slew * lasts:
+            raise ProblemError(
+                f"problem {self.name!r}: {turn:.4g} degrees at {slew:.4g} degrees per second take "
+                f"{turn / slew:.4g} s, and a simulation lasts {lasts:.4g} s: correct motors or "
+                "world"
+            )
+
+    def _differing_speeds(self, capabilities: Capabilities) -> list[str]:
+        slew = self.motors.slew_deg_per_s
+        speeds = {
+            capabilities.joints[motor].name: math.degrees(capabilities.joints[motor].speed)
+            for motor in self.motors.driven
+        }
+        return [
+            f"joint {name} moves at {speed:.1f} degrees per second, the models at {slew:g}"
+            for name, speed in speeds.items()
+            if abs(speed - slew) > 0.01 * slew
+        ]
+
+    def _differing_radii(self, capabilities: Capabilities) -> list[str]:
+        radii = capabilities.part_radii
+        if len(radii) != len(self.parts):
+            return []  # parts are not one to a joint, so there is nothing to compare
+        return [
+            f"part {part.name} has a radius of {radius * 1e3:.1f} mm according to the robot, of "
+            f"{part.radius * 1e3:.1f} mm according to the problem: lengths will be biased"
+            for index, part in enumerate(self.parts)
+            for radius in [radii[index if part.joint is None else part.joint]]
+            if abs(part.radius - radius) > 0.1 * radius
+        ]

@@ -1,0 +1,124 @@
+"""The sections of a problem file, as declarations."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from estimator.physics.base import Settings
+from estimator.problem.values import (
+    Angles,
+    Count,
+    Hinge,
+    Length,
+    Name,
+    Number,
+    Parent,
+    Population,
+    Positive,
+    Radius,
+    Side,
+)
+from estimator.search.operators import (
+    BlendCrossover,
+    Crossover,
+    GaussianMutation,
+    Mutation,
+    Operators,
+)
+
+
+class Strict(BaseModel):
+    """Unknown keys are refused: a misspelt one would silently leave its default in force."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class PartRule(Strict):
+    """What is known about one part; ``None`` stands for what is to be found.
+
+    Attributes:
+        name: For people.
+        parent: Index of an earlier part, or ``morphology.BASE``.
+        side: Index into ``morphology.SIDES``.
+        hinge: Index into ``morphology.HINGES``.
+        length: Shortest and longest, m; equal where the length is known.
+        radius: m.
+        motor: The joint that moves it, or ``None`` where its hinge is locked.
+        locked: The joint that carries it where that stays at 0, if anybody knows: only for it can
+            a score say whether the part is attached as it is on the robot.
+        sensor: The touch sensor that it carries, or ``None``.
+    """
+
+    name: Name
+    parent: Parent
+    side: Side
+    hinge: Hinge
+    length: Length
+    radius: Radius
+    motor: Number | None = None
+    locked: Number | None = None
+    sensor: Number | None = None
+
+    @property
+    def length_unknown(self) -> bool:
+        """Whether the length is to be found."""
+        return self.length[0] < self.length[1]
+
+    @property
+    def joint(self) -> int | None:
+        """The joint that carries it, moved or not."""
+        return self.locked if self.motor is None else self.motor
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.motor is not None and self.locked is not None:
+            raise ValueError("a joint is either driven (motor) or stays at 0 (locked), not both")
+        if self.radius >= self.length[1]:
+            raise ValueError(
+                f"radius {self.radius:g} m must lie below the length, at most {self.length[1]:g} m"
+            )
+        return self
+
+
+class Motors(Strict):
+    """Which joints a motor program moves, and how.
+
+    Attributes:
+        driven: Joints that are moved; the others stay at 0.
+        range_deg: Where random targets are drawn from, degrees.
+        slew_deg_per_s: Speed of the joints, degrees per second.
+    """
+
+    driven: Annotated[tuple[Number, ...], Field(min_length=1)]
+    range_deg: Angles
+    slew_deg_per_s: Positive
+
+
+class World(Strict):
+    """How models are simulated, where the paper is silent or only implies it.
+
+    Attributes:
+        steps: Of one simulation (the paper's 300).
+        step_s: Time step, s: the paper's 300 steps spread over its 5-second interactions.
+        friction: Between body and ground.
+    """
+
+    steps: Count = Settings.steps
+    step_s: Positive = Settings.step
+    friction: Positive = Settings.friction
+
+
+class SearchSettings(Strict):
+    """How the models are optimised."""
+
+    population: Population
+    generations: Count
+    interactions: Count
+    crossover: Annotated[Crossover, Field(discriminator="kind")] = BlendCrossover()
+    mutation: Annotated[Mutation, Field(discriminator="kind")] = GaussianMutation()
+
+    def operators(self) -> Operators:
+        """The search's operators."""
+        return Operators(crossover=self.crossover, mutation=self.mutation)

@@ -1,0 +1,133 @@
+"""Writes a problem file out for a particular robot: "all joints" and "one such part per joint".
+
+What a file says of robots in general becomes what it says of one, before anything is checked:
+
+* ``motors.driven`` may be ``"all"``, or a table from numbers of joints to lists of joints, with
+  ``other`` for the rest: ``{ 8 = [1, 2, 3, 4], other = "all" }``;
+* a part with ``each = "driven"`` stands for one such part per driven joint, in their order.
+
+What is not understood here is left as it is, for the checks that follow to complain about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from protocol.wire.field_checks import MAX_ITEMS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inventory:
+    """What a problem file needs to know of a robot to be written out.
+
+    Attributes:
+        joints: How many joints it has.
+        touch_sensors: How many touch sensors.
+    """
+
+    joints: int
+    touch_sensors: int
+
+
+PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)
+
+
+def supposed_robot(raw: Mapping[str, Any]) -> Inventory:
+    """A robot that a file can be written out for before any is known: the paper's if it can be.
+
+    Where all joints are driven and each part names its own, it has as many joints as they name.
+    """
+    motors = raw.get("motors")
+    driven = motors.get("driven") if isinstance(motors, dict) else None
+    if isinstance(driven, dict):
+        if str(PAPERS_ROBOT.joints) in driven:
+            return PAPERS_ROBOT
+        if "other" not in driven:
+            known = [int(key) for key in driven if key.isdecimal()]
+            return replace(PAPERS_ROBOT, joints=known[0]) if known else PAPERS_ROBOT
+        driven = driven["other"]
+    named = _joints_named(raw.get("parts"))
+    return replace(PAPERS_ROBOT, joints=max(named)) if driven == "all" and named else PAPERS_ROBOT
+
+
+def _joints_named(rules: Any) -> list[int]:
+    """The joints that parts name; none where a part stands for one of each."""
+    parts = [rule for rule in rules if isinstance(rule, dict)] if isinstance(rules, list) else []
+    if any("each" in rule for rule in parts):
+        return []
+    numbers = [rule.get(key) for rule in parts for key in ("motor", "locked")]
+    return [item for item in numbers if isinstance(item, int) and 1 <= item <= MAX_ITEMS]
+
+
+def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any], list[int]]:
+    """The file's content for one robot.
+
+    Args:
+        raw: What TOML holds.
+        robot: The robot.
+
+    Returns:
+        The content without templates, and for each of its parts the index of the part in the file
+        that it comes from.
+
+    Raises:
+        ValueError: Key and reason.
+    """
+    written = dict(raw)
+    driven = None
+    motors = raw.get("motors")
+    if isinstance(motors, dict) and "driven" in motors:
+        driven = _driven(motors["driven"], robot.joints)
+        written["motors"] = {**motors, "driven": driven}
+    parts: list[Any] = []
+    origins: list[int] = []
+    rules = raw.get("parts")
+    for index, rule in enumerate(rules if isinstance(rules, list) else []):
+        copies = _copies(rule, driven, index) if isinstance(rule, dict) else [rule]
+        parts += copies
+        origins += [index] * len(copies)
+    if isinstance(rules, list):
+        written["parts"] = parts
+    return written, origins
+
+
+def _driven(value: Any, joints: int) -> Any:
+    if isinstance(value, dict):
+        wrong = [key for key in value if key != "other" and not key.isdecimal()]
+        if wrong:
+            raise ValueError(
+                f"motors.driven: {wrong[0]!r} must be a number of joints or 'other', as in "
+                '{ 8 = [1, 2, 3, 4], other = "all" }'
+            )
+        if str(joints) not in value and "other" not in value:
+            raise ValueError(
+                f"motors.driven: says nothing of a robot with {joints} joints: add {joints} = … "
+                "or other = …"
+            )
+        value = value.get(str(joints), value.get("other"))
+    if value == "all":
+        return list(range(1, joints + 1))
+    if isinstance(value, str):
+        raise ValueError(f'motors.driven: must be a list of joints or "all", not {value!r}')
+    return value
+
+
+def _copies(rule: dict[str, Any], driven: Any, index: int) -> list[dict[str, Any]]:
+    if "each" not in rule:
+        return [rule]
+    where = f"parts[{index + 1}]"
+    if rule["each"] != "driven":
+        raise ValueError(f'{where}.each: must be "driven", not {rule["each"]!r}')
+    given = [key for key in ("motor", "locked", "sensor") if key in rule]
+    if given:
+        raise ValueError(
+            f'{where}.{given[0]}: follows from each = "driven" and the robot; leave it out, and '
+            'say touch = "outermost" where parts feel touch'
+        )
+    common = {key: value for key, value in rule.items() if key != "each"}
+    return [
+        {**common, "name": f"{rule.get('name', 'part')} {number}", "motor": motor}
+        for number, motor in enumerate(driven if isinstance(driven, list) else [], start=1)
+    ]

@@ -1,0 +1,82 @@
+"""The derived files of a run directory; everything in them comes from the run's database."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from estimator.identification.final_population import with_last_word
+from estimator.parallel.interrupts import interrupts_deferred
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings import readings_csv
+from estimator.report.plots import plot_errors, plot_lengths
+from estimator.report.result import Result, summarise
+from estimator.storage.store import RunStore
+
+RESULT: Final = "result.json"
+READINGS: Final = "readings.csv"
+ROBOT: Final = "robot.json"
+ERRORS: Final = "plots/errors.png"
+LENGTHS: Final = "plots/lengths.png"
+LENGTHS_WITH_TRUTH: Final = "plots/lengths_with_truth.png"
+VALIDATION: Final = "validation.json"
+
+
+def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Result:
+    """Writes all derived files and returns what ``result.json`` holds.
+
+    Each file is replaced as a whole, so nobody reads half of one.
+
+    Args:
+        store: The run.
+        problem: Its problem.
+        plots: Whether to draw, which takes longer than all the rest.
+    """
+    result = summarise(store, problem)
+    write_files(store, problem, result, plots=plots)
+    return result
+
+
+def write_files(store: RunStore, problem: Problem, result: Result, *, plots: bool = True) -> None:
+    """Writes the derived files for a result that is known already; arguments as above.
+
+    Raises:
+        OSError: The directory cannot be written.
+    """
+    with interrupts_deferred():
+        _write(store, problem, result, plots=plots)
+
+
+def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
+    joints = [joint.name for joint in store.capabilities.joints]
+    replace(store.directory / RESULT, lambda path: _text(path, result.model_dump_json(indent=2)))
+    replace(
+        store.directory / READINGS,
+        lambda path: readings_csv.write(path, joints, store.observations()),
+    )
+    robot = json.dumps(store.capabilities.to_map(), indent=2)
+    replace(store.directory / ROBOT, lambda path: _text(path, robot))
+    generations = with_last_word(store)
+    if generations and plots:
+        genome = Genome(problem, problem.base(store.capabilities))
+        names = [leg.joint for leg in result.legs]
+        replace(store.directory / ERRORS, lambda path: plot_errors(path, generations))
+        replace(
+            store.directory / LENGTHS, lambda path: plot_lengths(path, generations, genome, names)
+        )
+
+
+def replace(path: Path, write: Callable[[Path], object]) -> None:
+    """Writes a file beside its place, then moves it there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.name}.new{path.suffix}")
+    write(fresh)
+    os.replace(fresh, path)
+
+
+def _text(path: Path, text: str) -> None:
+    path.write_text(text + "\n", encoding="utf-8")

@@ -1,0 +1,210 @@
+"""Results as a person reads them in a terminal: millimetres, degrees, plain warnings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from rich.console import Console, JustifyMethod
+from rich.table import Table
+from rich.text import Text
+
+from estimator.evaluation.attachments import Configuration
+from estimator.evaluation.score import Score
+from estimator.evaluation.validate import Errors, Validation
+from estimator.report.result import ModelFound, Result
+
+_NOT_FELT: Final = Text("not felt", style="dim")
+_FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
+
+
+def print_result(console: Console, result: Result) -> None:
+    """A run's outcome: what it cost, the legs, and what to be wary of."""
+    state = "complete" if result.complete else "not finished"
+    console.print(
+        Text.assemble(
+            *("Problem ", (result.problem, "bold"), f", seed {result.seed}, "),
+            f"{', '.join(result.modalities)}; {result.physics}; {state}.",
+        )
+    )
+    uncounted = f"{result.simulations_invalid:,} of them invalid"
+    if result.simulations_undecided:
+        uncounted += f", {result.simulations_undecided:,} undecided"
+    console.print(
+        f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
+        f"requested, {result.simulations_run:,} run ({uncounted}), {result.wall_seconds:.0f} s."
+    )
+    if result.best_models:
+        error = number(result.sensor_error, 3)
+        console.print(f"Sensor (subjective) error of the best model: {error}.")
+    if result.finish is not None and result.best_models:
+        end, best = result.finish, result.best_models[0]
+        console.print(
+            f"PyBullet had the last word on {end.models} leading models: of {end.pairs} pairs it "
+            f"orders {end.pairs_turned} otherwise than {result.physics}, and it "
+            f"{'prefers another' if end.best_changed else 'keeps the'} best model (whose error "
+            f"is {number(best.sensor_error, 3)}, {number(best.searched_error, 3)} by "
+            f"{result.physics})."
+        )
+    if result.legs:
+        table = _table("leg", "side", "length (mm)", "spread (mm)", "5–95 % (mm)", "touched")
+        for leg in result.legs:
+            low, high = leg.range_m
+            table.add_row(
+                leg.joint,
+                leg.side,
+                _mm(leg.length_m),
+                _mm(leg.spread_m),
+                f"{_mm(low)}–{_mm(high)}",
+                _yes(leg.touched),
+            )
+        console.print(table)
+    if result.best_models and any(not name.startswith("length") for name in result.searched):
+        _print_parts(console, result.best_models[0])
+    for warning in result.warnings:
+        console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
+
+
+def _print_parts(console: Console, model: ModelFound) -> None:
+    """How the best model's parts hang together, and how many other models think so too."""
+    table = _table("part", "sits on", "side", "positive angle", "length (mm)", "agreed (%)")
+    for part in model.parts:
+        table.add_row(
+            part.name,
+            part.parent,
+            part.side,
+            part.hinge if part.joint else _NOT_FELT,
+            _mm(part.length_m),
+            f"{100 * part.agreement:.0f}",
+        )
+    console.print(table)
+
+
+def print_score(console: Console, score: Score) -> None:
+    """The best model against the truth."""
+    if not score.complete:
+        console.print(
+            Text.assemble(
+                ("Warning:", "yellow"), " The run is not finished: the best model so far."
+            )
+        )
+    table = _table("leg", "true (mm)", "estimated (mm)", "error (mm)", "touched")
+    for row in zip(
+        score.joints,
+        map(_mm, score.true_lengths_m),
+        map(_mm, score.lengths_m),
+        (f"{error * 1000:+.1f}" for error in score.leg_errors_signed_m),
+        map(_yes, score.touched),
+        strict=True,
+    ):
+        table.add_row(*row)
+    console.print(table)
+    apart = "; ".join(
+        f"legs that {what} {_mm(error)} mm"
+        for what, error in (
+            ("touched the ground", score.mean_leg_error_touched_m),
+            ("never did", score.mean_leg_error_never_touched_m),
+        )
+        if error is not None
+    )
+    console.print(
+        f"Mean leg error {_mm(score.mean_leg_error_m)} mm (signed "
+        f"{score.mean_signed_leg_error_m * 1000:+.1f} mm){apart and '; '}{apart}."
+    )
+    console.print(_true_body(score.true_body_errors, score.true_body_margins_deg))
+    _print_configurations(console, score)
+    for sentence in score.not_representable:
+        console.print(Text.assemble(("Not representable:", "yellow"), f" {sentence}."))
+
+
+def _true_body(errors: Sequence[float | None], margins: Sequence[float]) -> str:
+    """How badly the truth fits: where worse than the best model, nothing could have found it."""
+    known = [math.inf if error is None else error for error in errors]
+    worst = max(range(len(known)), key=known.__getitem__)
+    others = known[:worst] + known[worst + 1 :]
+    rest = f", at most {max(others):.2f} in the others" if others else ""
+    forks = [str(number) for number, margin in enumerate(margins, 1) if margin < _FORK]
+    where = (
+        f" On ground inclined by {_FORK:g}° it would land elsewhere in interaction "
+        f"{', '.join(forks)}: there a trifle decides, for the robot as well."
+        if forks
+        else ""
+    )
+    return (
+        f"The true body, simulated, has a subjective error of {known[worst]:.2f} in interaction "
+        f"{worst + 1}{rest}.{where}"
+    )
+
+
+def _print_configurations(console: Console, score: Score) -> None:
+    """What of the attachments is right; each part's, where the problem left any to be found."""
+    known = "" if score.configurations_informative else " (given by the problem, not searched)"
+    console.print(
+        f"Configurations right: {score.configurations_right} of {score.configurations_total}"
+        f"{known}, {score.configurations_right_up_to_equivalence} up to equivalence."
+    )
+    if not score.configurations_informative:
+        return
+    console.print(
+        f"Of the {score.configurations_informative} that might have been wrong: "
+        f"{score.configurations_informative_right} right, "
+        f"{score.configurations_informative_right_up_to_equivalence} up to equivalence. By chance "
+        f"{score.configurations_chance:.2f} of {score.configurations_total} would be."
+    )
+    table = _table("part", "P: sits on", "O: side", "J: positive angle", justify="left")
+    parts = dict.fromkeys(item.part for item in score.configurations)
+    for part in parts:
+        cells = {item.trait: item for item in score.configurations if item.part == part}
+        table.add_row(
+            part,
+            *(
+                _verdict(cells[trait]) if trait in cells else _NOT_FELT
+                for trait in ("parent", "side", "hinge")
+            ),
+        )
+    console.print(table)
+
+
+def _verdict(found: Configuration) -> Text:
+    if found.right:
+        return Text.assemble(("■", "green"), f" {found.found}")
+    mark = ("≈", "yellow") if found.right_up_to_equivalence else ("□", "red")
+    return Text.assemble(mark, f" {found.found} ", (f"(true: {found.true})", "dim"))
+
+
+def print_validation(console: Console, validation: Validation) -> None:
+    """Prediction errors beside those of models that know nothing."""
+    table = _table("models", "touch wrong (%)", "tilt (°)", "clearance (mm)")
+    groups: Sequence[tuple[str, Errors]] = (
+        ("best model", validation.best_model),
+        ("population, median", validation.population_median),
+        ("random models, median", validation.random_models),
+    )
+    for name, errors in groups:
+        touch = None if errors.touch is None else 100 * errors.touch
+        table.add_row(name, *map(number, (touch, errors.tilt_deg, errors.clearance_mm)))
+    console.print(f"Prediction error on {validation.programs} fresh motor programs:")
+    console.print(table)
+    if validation.invalid_predictions:
+        console.print(f"{validation.invalid_predictions} predictions were invalid and left out.")
+
+
+def number(value: float | None, digits: int = 2) -> str:
+    """A number, or a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def _table(*columns: str, justify: JustifyMethod = "right") -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else justify)
+    return table
+
+
+def _mm(length: float | None) -> str:
+    return "–" if length is None else f"{length * 1000:.1f}"
+
+
+def _yes(value: bool | None) -> str:
+    return "not sensed" if value is None else "yes" if value else "never"

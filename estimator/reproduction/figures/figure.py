@@ -1,0 +1,89 @@
+"""What all figures have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from estimator.reproduction.output_files import write_csv, write_json, write_png
+from estimator.reproduction.runs.finished_run import FinishedRun
+
+Row = tuple[object, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """A figure as the report shows it.
+
+    Attributes:
+        name: Stem of its files, such as ``fig2``.
+        caption: What is to be seen.
+        sentences: What came out, in words.
+        complete: Whether there is a picture; if not, the sentences say why.
+    """
+
+    name: str
+    caption: str
+    sentences: tuple[str, ...]
+    complete: bool = True
+
+
+def write_figure(
+    root: Path,
+    name: str,
+    picture: Figure,
+    *,
+    header: tuple[str, ...],
+    rows: Sequence[Row],
+    numbers: dict[str, Any],
+) -> None:
+    """The three files of a figure."""
+    write_csv(root / f"{name}.csv", header, rows)
+    write_json(root / f"{name}.json", numbers)
+    write_png(root / f"{name}.png", picture)
+
+
+HISTORY: tuple[str, ...] = ("panel", "generation", "iteration", "quantity", "of", "value")
+"""Columns of a table of errors and lengths over generations."""
+
+
+def history_rows(found: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
+    """Every model's error, and the best model's leg lengths, of every generation.
+
+    Args:
+        found: The run.
+        panels: Names of the panel of errors and of that of lengths.
+    """
+    for item in found.generations:
+        for model, error in enumerate(item.errors, start=1):
+            known = f"{error:.6g}" if math.isfinite(error) else None
+            yield panels[0], item.number, item.iteration + 1, "subjective_error", model, known
+    for item in found.generations:
+        lengths = found.best_lengths(item).tolist()
+        for joint, length in zip(found.score.joints, lengths, strict=True):
+            value = f"{length:.6g}"
+            yield panels[1], item.number, item.iteration + 1, "leg_length_m", joint, value
+
+
+def _finite(error: float) -> float | None:
+    """An error for JSON; ``None`` for a model that could not be simulated."""
+    return error if math.isfinite(error) else None
+
+
+def history_numbers(found: FinishedRun) -> dict[str, Any]:
+    """A run at the end of each iteration."""
+    ends = found.iteration_ends
+    return {
+        "seed": found.run.seed,
+        "modalities": list(found.run.variant.modalities),
+        "joints": list(found.score.joints),
+        "true_lengths_m": list(found.score.true_lengths_m),
+        "last_generations": [item.number for item in ends],
+        "best_errors": [_finite(min(item.errors)) for item in ends],
+        "best_lengths_m": [found.best_lengths(item).tolist() for item in ends],
+    }

@@ -1,0 +1,72 @@
+"""Figure 2: two parametric runs, one that feels everything and one without clearance."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from estimator.report.plots import draw_errors, draw_lengths
+from estimator.report.terminal_tables import number
+from estimator.reproduction.figures.figure import (
+    HISTORY,
+    Drawn,
+    Row,
+    history_numbers,
+    history_rows,
+    write_figure,
+)
+from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
+from estimator.reproduction.runs.plan import Budget, typical_runs
+
+NAME = "fig2"
+PANELS = (("a", "b"), ("c", "d"))
+CAPTION = (
+    "Two runs of parametric identification. a: the subjective error of every model; touch, tilt "
+    "and clearance count. b: the leg lengths of the best model of each generation of that run "
+    "(dots: the robot's; arrows: which leg). c, d: the same of a run in which only touch and tilt "
+    "count. Dotted vertical lines: an iteration ends, and a new pose comes in."
+)
+
+
+def make(shelf: Shelf, budget: Budget) -> Drawn:
+    """Draws the figure and writes its files."""
+    found = list(shelf.read(typical_runs(budget)))
+    if len(found) < len(PANELS):
+        return Drawn(name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False)
+    picture = Figure(figsize=(11, 7.4), layout="constrained")
+    axes = picture.subplots(2, 2)
+    rows: list[Row] = []
+    for line, (run, panels) in enumerate(zip(found, PANELS, strict=True)):
+        draw_errors(axes[line, 0], run.generations)
+        draw_lengths(
+            axes[line, 1],
+            run.generations,
+            run.genome,
+            run.score.joints,
+            targets=run.score.true_lengths_m,
+            sides=run.true_sides,
+        )
+        for panel, column in zip(panels, axes[line], strict=True):
+            what = ", ".join(run.run.variant.modalities)
+            column.set_title(f"{panel}   {what}", loc="left", fontsize="medium", pad=22)
+        rows += history_rows(run, panels)
+    numbers = {
+        "caption": CAPTION,
+        "runs": {
+            "".join(panels): history_numbers(run) for run, panels in zip(found, PANELS, strict=True)
+        },
+    }
+    write_figure(shelf.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
+    return Drawn(name=NAME, caption=CAPTION, sentences=tuple(_sentence(run) for run in found))
+
+
+def _sentence(found: FinishedRun) -> str:
+    last = found.generations[-1]
+    errors = (found.best_lengths(last) - found.true_lengths) * 1000
+    legs = ", ".join(
+        f"{joint} {error:+.0f}" for joint, error in zip(found.score.joints, errors, strict=True)
+    )
+    return (
+        f"With {', '.join(found.run.variant.modalities)} (seed {found.run.seed}) the last best "
+        f"model has a subjective error of {number(found.result.sensor_error)}; its legs are "
+        f"wrong by {legs} mm."
+    )

@@ -1,0 +1,180 @@
+"""Figure 5: the robot and the best models of one run, in the same two poses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from estimator.body.morphology import Morphology
+from estimator.evaluation.truth.urdf import read_urdf
+from estimator.physics.backends import in_this_process
+from estimator.physics.base import Readings
+from estimator.readings.observation import Observation
+from estimator.report.plots import COLOURS
+from estimator.reproduction.figures.camera import reach, take_picture
+from estimator.reproduction.figures.figure import Drawn, Row, write_figure
+from estimator.reproduction.figures.figure4 import choose
+from estimator.reproduction.figures.scene import (
+    Attitude,
+    Solid,
+    at_rest,
+    model_solids,
+    robot_solids,
+)
+from estimator.reproduction.runs.finished_run import FinishedRun, Shelf, observed
+from estimator.reproduction.runs.plan import Budget
+from estimator.reproduction.runs.single_run import TRUTH
+
+NAME: Final = "fig5"
+CAPTION: Final = (
+    "The run of Figure 4. a: the robot. b, c, d: the best model after the first, the middle and "
+    "the last iteration. All in the first motor program, which the models were fitted to (above), "
+    "and in a fresh one, which they never saw (below), from the same camera; lines on the ground "
+    "are 10 cm apart. Each body is turned as its readings say, the robot's measured, the models' "
+    "simulated in PyBullet; the heading is not measured and is the same for all. Colours: the "
+    "motor that moves a part."
+)
+HEADER: Final = (
+    *("program", "panel", "body", "angles_deg", "touch"),
+    *("tilt_lr_deg", "tilt_fb_deg", "clearance_mm"),
+)
+ROWS: Final = ("first motor program", "fresh motor program")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Subject:
+    """One picture: a body in a pose."""
+
+    name: str
+    solids: list[Solid]
+    touch: tuple[bool | None, ...]
+    attitude: Attitude
+
+
+def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
+    """Draws the figure and writes its files."""
+    chosen = choose(shelf, budget, runs)
+    if chosen is None:
+        return Drawn(
+            name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
+        )
+    (found,) = shelf.read([chosen])
+    poses = [observed(item) for item in (found.interactions[0], *found.predictions[:1])]
+    subjects = [[_robot(found, shelf, pose), *_models(found, pose)] for pose in poses]
+    radius = max(reach(item.solids) for line in subjects for item in line)
+    picture = Figure(figsize=(14, 6.2), layout="constrained")
+    axes = picture.subplots(len(poses), len(subjects[0]), squeeze=False)
+    for line, (name, pose) in enumerate(zip(ROWS, poses, strict=False)):
+        for panel, column, item in zip("abcd", axes[line], subjects[line], strict=False):
+            column.imshow(take_picture(item.solids, radius))
+            column.set_xticks([])
+            column.set_yticks([])
+            column.set_xlabel(_reading(item), fontsize="small")
+            if not line:
+                column.set_title(f"{panel}   {item.name}", loc="left")
+        axes[line, 0].set_ylabel(f"{name}\n{_angles(found, pose)}")
+    patches = [
+        Patch(color=COLOURS[leg % len(COLOURS)], label=joint)
+        for leg, joint in enumerate(found.score.joints)
+    ]
+    picture.legend(handles=patches, loc="outside lower center", ncols=len(patches), frameon=False)
+    rows = [
+        _row(name, panel, item, _angles(found, pose))
+        for name, pose, line in zip(ROWS, poses, subjects, strict=False)
+        for panel, item in zip("abcd", line, strict=False)
+    ]
+    numbers: dict[str, Any] = {
+        "caption": CAPTION,
+        "seed": found.run.seed,
+        "poses": [dict(zip(HEADER, row, strict=True)) for row in rows],
+    }
+    write_figure(shelf.root, NAME, picture, header=HEADER, rows=rows, numbers=numbers)
+    return Drawn(name=NAME, caption=CAPTION, sentences=(_sentence(found, subjects),))
+
+
+def _robot(found: FinishedRun, shelf: Shelf, pose: Observation) -> _Subject:
+    joints = [joint["name"] for joint in found.result.robot["joints"]]
+    driven = {joints[motor]: motor for motor in found.problem.motors.driven}
+    angles = dict(zip(joints, pose.angles, strict=True))
+    left, ahead = pose.tilt
+    attitude = Attitude(
+        tilt=(left or 0.0, ahead or 0.0),
+        clearance=pose.clearance,
+        saturated=pose.clearance_saturated,
+    )
+    solids = robot_solids(read_urdf(shelf.root / TRUTH), angles, driven)
+    return _Subject(
+        name="robot", solids=at_rest(solids, attitude), touch=pose.touch, attitude=attitude
+    )
+
+
+def _models(found: FinishedRun, pose: Observation) -> list[_Subject]:
+    ends = found.iteration_ends
+    chosen = sorted({0, (len(ends) - 1) // 2, len(ends) - 1})
+    bodies = [found.best(ends[index]) for index in chosen]
+    angles = np.array(pose.angles)
+    with closing(in_this_process("pybullet", found.world)) as physics:
+        readings = physics.read([(body, angles) for body in bodies])
+    return [
+        _model(f"model after iteration {index + 1}", body, angles, readings, row)
+        for row, (index, body) in enumerate(zip(chosen, bodies, strict=True))
+    ]
+
+
+def _model(
+    name: str, body: Morphology, angles: Sequence[float] | Any, readings: Readings, row: int
+) -> _Subject:
+    left, ahead = readings.tilt[row].tolist()
+    attitude = Attitude(
+        tilt=(left, ahead),
+        clearance=float(readings.clearance[row]),
+        saturated=bool(readings.saturated[row]),
+    )
+    return _Subject(
+        name=name,
+        solids=at_rest(model_solids(body, angles), attitude),
+        touch=tuple(readings.touch[row].tolist()),
+        attitude=attitude,
+    )
+
+
+def _angles(found: FinishedRun, pose: Observation) -> str:
+    driven = (pose.angles[motor] for motor in sorted(found.problem.motors.driven))
+    return ", ".join(f"{math.degrees(angle):+.0f}°" for angle in driven)
+
+
+def _touched(item: _Subject) -> str:
+    return "".join("?" if bit is None else str(int(bit)) for bit in item.touch)
+
+
+def _reading(item: _Subject) -> str:
+    left, ahead = (round(math.degrees(angle), 1) + 0.0 for angle in item.attitude.tilt)
+    height = item.attitude.clearance
+    clear = "?" if height is None else f"{height * 1000:.0f} mm"
+    return f"touch {_touched(item)}, tilt {left:+.1f}°, {ahead:+.1f}°, clearance {clear}"
+
+
+def _row(name: str, panel: str, item: _Subject, angles: str) -> Row:
+    left, ahead = (round(math.degrees(angle), 3) for angle in item.attitude.tilt)
+    height = item.attitude.clearance
+    clear = None if height is None else round(height * 1000, 2)
+    return name, panel, item.name, angles, _touched(item), left, ahead, clear
+
+
+def _sentence(found: FinishedRun, subjects: Sequence[Sequence[_Subject]]) -> str:
+    parts = []
+    for name, line in zip(ROWS, subjects, strict=False):
+        robot, last = line[0].attitude.tilt, line[-1].attitude.tilt
+        miss = max(abs(math.degrees(a - b)) for a, b in zip(robot, last, strict=True))
+        parts.append(f"{miss:.1f}° in the {name}")
+    return (
+        f"Seed {found.run.seed}: the tilt of the last model differs from the robot's by at most "
+        f"{' and '.join(parts)}."
+    )

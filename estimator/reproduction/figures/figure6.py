@@ -1,0 +1,172 @@
+"""Figure 6: how many configurations the best model of each topological run has right."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from estimator.reproduction.claims.statistics import Share, share
+from estimator.reproduction.figures.figure import Drawn, Row, write_figure
+from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
+from estimator.reproduction.runs.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, Budget, topological_runs
+
+_CAPTION: Final = (
+    "Each column: how many local configurations the best model has right (black: right; white: "
+    "wrong); the best is the one with the lowest subjective error. Hatched: wrong, but no sensor "
+    "of the run could tell. Dashed line: what a model drawn at random has right on average."
+)
+HEADER: Final = (
+    *("seed", "right", "right_up_to_equivalence", "of", "informative_right", "informative"),
+    *("subjective_error", "true_bodys_subjective_error", "mean_leg_error_m"),
+    *("touch_error", "tilt_error_deg", "clearance_error_mm"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Runs with one genome.
+
+    Attributes:
+        name: Stem of the figure's files.
+        problem: Name of the problem.
+        caption: What is to be seen.
+    """
+
+    name: str
+    problem: str
+    caption: str
+
+
+FOUR_BY_FOUR: Final = Study(
+    name="fig6",
+    problem=TOPOLOGICAL,
+    caption="The topological runs; a configuration is P, O or J of one of four legs. " + _CAPTION,
+)
+EIGHT_BY_FOUR: Final = Study(
+    name="fig6-8x4",
+    problem=TOPOLOGICAL_8X4,
+    caption=(
+        "The topological runs with the genome of the paper's text, 8×4; a configuration is P or O "
+        "of one of eight parts, or J of one of the four that are driven. " + _CAPTION
+    ),
+)
+
+
+def make(
+    shelf: Shelf, budget: Budget, runs: int | None, study: Study
+) -> tuple[Drawn, Share | None]:
+    """Draws the figure of a study and writes its files; the share of runs with all right."""
+    found = list(shelf.read(topological_runs(runs, budget, study.problem)))
+    if not found:
+        missing = ("All runs are missing.",)
+        return Drawn(
+            name=study.name, caption=study.caption, sentences=missing, complete=False
+        ), None
+    chance = found[0].score.configurations_chance
+    successes = share(sum(run.successful for run in found), len(found))
+    picture = Figure(figsize=(max(6.0, 0.42 * len(found) + 2.5), 5), layout="constrained")
+    _draw(picture.subplots(), found, chance)
+    alike = sum(
+        run.score.configurations_right_up_to_equivalence == run.score.configurations_total
+        for run in found
+    )
+    hidden = sum(map(_is_hidden, found))
+    numbers: dict[str, Any] = {
+        "caption": study.caption,
+        "seeds": [run.run.seed for run in found],
+        "right": [run.score.configurations_right for run in found],
+        "right_up_to_equivalence": [
+            run.score.configurations_right_up_to_equivalence for run in found
+        ],
+        "configurations": found[0].score.configurations_total,
+        "informative_configurations": found[0].score.configurations_informative,
+        "by_chance": chance,
+        "successes": successes.successes,
+        "successes_up_to_equivalence": alike,
+        "runs": successes.trials,
+        "wilson_95": [successes.low, successes.high],
+        "truth_fits_worse_than_the_best_model": hidden,
+    }
+    write_figure(
+        shelf.root,
+        study.name,
+        picture,
+        header=HEADER,
+        rows=[_row(run) for run in found],
+        numbers=numbers,
+    )
+    total = found[0].score.configurations_total
+    sentences = (
+        f"{successes.successes} of {successes.trials} runs found all {total} configurations "
+        f"(95 % interval {successes.low:.0%} to {successes.high:.0%}), {alike} of "
+        f"{successes.trials} up to equivalence; the paper: 1 of 10, all of its 12.",
+        f"By chance {chance:.2f} of {total} would be right. "
+        f"{total - found[0].score.configurations_informative} of the {total} cannot be wrong: the "
+        "first part has nothing to sit on but the main body.",
+        f"In {hidden} of {successes.trials} runs the true body, had it been a model, fits worse "
+        "than the best one that was found. Where by much, its simulation comes to rest otherwise "
+        "in some interaction than the robot did, and the search is led away from it.",
+    )
+    return Drawn(name=study.name, caption=study.caption, sentences=sentences), successes
+
+
+def _is_hidden(run: FinishedRun) -> bool:
+    """Whether the truth fits worse than the best model."""
+    truth, best = run.score.true_body_error, run.result.sensor_error
+    return best is not None and (truth is None or truth > best)
+
+
+def _draw(axes: Axes, found: Sequence[FinishedRun], chance: float) -> None:
+    total = max(run.score.configurations_total for run in found)
+    for place, run in enumerate(found):
+        right = run.score.configurations_right
+        alike = run.score.configurations_right_up_to_equivalence
+        for cell in range(run.score.configurations_total):
+            axes.bar(
+                place,
+                1,
+                0.8,
+                bottom=cell,
+                color="black" if cell < right else "white",
+                edgecolor="0.4",
+                linewidth=0.6,
+                hatch="////" if right <= cell < alike else None,
+            )
+    axes.axhline(
+        chance,
+        color="#d55e00",
+        linestyle="--",
+        linewidth=1.6,
+        label=f"a model drawn at random: {chance:.2f} of {total}",
+    )
+    axes.set_xticks(range(len(found)), [str(run.run.seed) for run in found], rotation=90)
+    axes.set_xlim(-0.6, len(found) - 0.4)
+    axes.set_yticks(range(0, total + 1, 2))
+    axes.set_ylim(0, total)
+    axes.set_xlabel("run (seed)")
+    axes.set_ylabel("configurations right")
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def _row(found: FinishedRun) -> Row:
+    scored, errors = found.score, found.validation and found.validation.best_model
+    return (
+        found.run.seed,
+        scored.configurations_right,
+        scored.configurations_right_up_to_equivalence,
+        scored.configurations_total,
+        scored.configurations_informative_right,
+        scored.configurations_informative,
+        found.result.sensor_error,
+        scored.true_body_error,
+        scored.mean_leg_error_m,
+        errors and errors.touch,
+        errors and errors.tilt_deg,
+        errors and errors.clearance_mm,
+    )

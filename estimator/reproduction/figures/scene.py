@@ -1,0 +1,179 @@
+"""Bodies as solids in the world, at rest in a pose of which only the readings are known.
+
+Nothing is simulated here. The angles say where the parts are on the body, the tilt says which way
+is up, and whatever is lowest lies on the ground; only the heading stays open, and is chosen so that
+the body's front points along x. So a robot is shown as its own sensors describe it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from estimator.body.morphology import Array, Morphology, part_frames, rotation
+from estimator.evaluation.truth.urdf import Box, Cylinder, Origin, Sphere, Urdf, numbers
+
+Kind: TypeAlias = Literal["box", "cylinder", "sphere"]
+MAIN_BODY: Final = -1
+"""In place of a motor: the solid belongs to the main body."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solid:
+    """One shape.
+
+    Attributes:
+        kind: Of shape.
+        size: Box: its three extents; cylinder: radius and length (along z); sphere: radius; m.
+        turn: Rotation, shape (3, 3).
+        place: Of its middle, m, shape (3,).
+        limb: Motor of the limb that it belongs to, or ``MAIN_BODY``.
+    """
+
+    kind: Kind
+    size: tuple[float, ...]
+    turn: Array
+    place: Array
+    limb: int
+
+    def lowest(self, up: Array) -> float:
+        """Its least extent along a direction, m, from the origin."""
+        along = up @ self.turn
+        if self.kind == "box":
+            reach = float(np.abs(along) @ np.array(self.size)) / 2
+        elif self.kind == "cylinder":
+            radius, length = self.size
+            reach = abs(along[2]) * length / 2 + math.hypot(along[0], along[1]) * radius
+        else:
+            reach = self.size[0]
+        return float(up @ self.place) - reach
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attitude:
+    """What readings say of a pose.
+
+    Attributes:
+        tilt: Left/right and forward/back, rad.
+        clearance: m; ``None`` where it was not read.
+        saturated: Whether the ground lay beyond the sensor's range.
+    """
+
+    tilt: tuple[float, float]
+    clearance: float | None
+    saturated: bool
+
+
+def model_solids(body: Morphology, angles: Sequence[float] | Array) -> list[Solid]:
+    """A model in its own frame: capsules on a box."""
+    origins, turns = part_frames(body, angles)
+    lying = rotation((0.0, 1.0, 0.0), math.pi / 2)  # turns a cylinder from z to x
+    found = [
+        Solid(kind="box", size=body.base.size, turn=np.eye(3), place=np.zeros(3), limb=MAIN_BODY)
+    ]
+    for index, part in enumerate(body.parts):
+        motor = body.parts[body.rigid_groups[index]].motor
+        limb = MAIN_BODY if motor is None else motor
+        ends = [
+            origins[index] + turns[index][:, 0] * x for x in (part.near_centre, part.far_centre)
+        ]
+        straight = part.far_centre - part.near_centre
+        found += [
+            Solid(kind="sphere", size=(part.radius,), turn=np.eye(3), place=end, limb=limb)
+            for end in ends
+        ]
+        if straight > 0:
+            found.append(
+                Solid(
+                    kind="cylinder",
+                    size=(part.radius, straight),
+                    turn=turns[index] @ lying,
+                    place=(ends[0] + ends[1]) / 2,
+                    limb=limb,
+                )
+            )
+    return found
+
+
+def robot_solids(urdf: Urdf, angles: Mapping[str, float], motors: Mapping[str, int]) -> list[Solid]:
+    """A robot in its root link's frame.
+
+    Args:
+        urdf: Its body; parents come before children.
+        angles: Of its joints, rad, by name.
+        motors: Numbers of the joints that carry a limb, by name.
+    """
+    frames = {urdf.root: (np.eye(3), np.zeros(3))}
+    limbs = {urdf.root: MAIN_BODY}
+    for joint in urdf.joints:
+        turn, place = _inside(frames[joint.parent.link], joint.origin)
+        if joint.type == "revolute":
+            x, y, z = numbers(joint.axis.xyz)
+            norm = math.hypot(x, y, z)
+            axis = (x / norm, y / norm, z / norm)
+            turn = turn @ rotation(axis, angles.get(joint.name, 0.0))
+        frames[joint.child.link] = turn, place
+        limbs[joint.child.link] = motors.get(joint.name, limbs[joint.parent.link])
+    found = []
+    for link in urdf.links:
+        for collision in link.collisions:
+            turn, place = _inside(frames[link.name], collision.origin)
+            kind, size = _shape(collision.geometry.shape)
+            found.append(Solid(kind=kind, size=size, turn=turn, place=place, limb=limbs[link.name]))
+    return found
+
+
+def at_rest(solids: Sequence[Solid], attitude: Attitude) -> list[Solid]:
+    """The solids of a body, moved from its own frame to where its readings say it rests."""
+    up = _up(attitude, upright=True)
+    if attitude.saturated and _clearance(solids, up) < (attitude.clearance or 0.0):
+        up = _up(attitude, upright=False)
+    ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    ahead = ahead / np.linalg.norm(ahead)
+    turn = np.array([ahead, np.cross(up, ahead), up])
+    lift = np.array([0.0, 0.0, -_lowest(solids, up)])
+    return [replace(item, turn=turn @ item.turn, place=turn @ item.place + lift) for item in solids]
+
+
+def _up(attitude: Attitude, *, upright: bool) -> Array:
+    """World up in the body's frame; the tilt leaves open whether the body lies on its back."""
+    left, ahead = attitude.tilt
+    x, y = math.sin(ahead), math.sin(left)
+    z = math.sqrt(max(0.0, 1 - x * x - y * y))
+    up = np.array([x, y, z if upright else -z])
+    found: Array = up / np.linalg.norm(up)
+    return found
+
+
+def _lowest(solids: Sequence[Solid], up: Array) -> float:
+    return min(item.lowest(up) for item in solids)
+
+
+def _clearance(solids: Sequence[Solid], up: Array) -> float:
+    """Along the belly's normal from its middle to the ground, m, if the body rests with ``up``."""
+    if up[2] <= 0:
+        return math.inf
+    box = next(item for item in solids if item.limb == MAIN_BODY and item.kind == "box")
+    belly = box.place - np.array([0.0, 0.0, box.size[2] / 2])
+    return float(up @ belly - _lowest(solids, up)) / float(up[2])
+
+
+def _inside(frame: tuple[Array, Array], origin: Origin) -> tuple[Array, Array]:
+    turn, place = frame
+    roll, pitch, yaw = numbers(origin.rpy)
+    inner = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
+    inner = inner @ rotation((1.0, 0.0, 0.0), roll)
+    return turn @ inner, place + turn @ np.array(numbers(origin.xyz))
+
+
+def _shape(shape: Box | Cylinder | Sphere | None) -> tuple[Kind, tuple[float, ...]]:
+    if isinstance(shape, Box):
+        return "box", numbers(shape.size)
+    if isinstance(shape, Cylinder):
+        return "cylinder", (shape.radius, shape.length)
+    assert shape is not None
+    return "sphere", (shape.radius,)

@@ -1,0 +1,40 @@
+"""The files of one figure: picture, table and numbers, each written as a whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from estimator.report.run_files import replace
+
+_DPI: Final = 150
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A table; ``None`` becomes an empty cell."""
+
+    def write(fresh: Path) -> None:
+        with fresh.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows(rows)
+
+    replace(path, write)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Numbers for programs."""
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    replace(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+
+
+def write_png(path: Path, figure: Figure) -> None:
+    """A picture; the version of Matplotlib does not enter it."""
+    FigureCanvasAgg(figure)
+    replace(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))

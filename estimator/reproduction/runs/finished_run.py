@@ -1,0 +1,146 @@
+"""What the figures read of a finished run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Array, Morphology
+from estimator.evaluation.attachments import Comparison, Truth
+from estimator.evaluation.score import Score
+from estimator.evaluation.validate import Validation
+from estimator.identification.final_population import FinalPopulation
+from estimator.identification.run import problem_of, world_of
+from estimator.physics.base import Settings
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.report.result import Result
+from estimator.reproduction.runs.plan import PlannedRun
+from estimator.reproduction.runs.single_run import TRUTH, documents, is_finished
+from estimator.storage.records import Generation, Interaction, Prediction
+from estimator.storage.store import RunStore
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedRun:
+    """A run with its score.
+
+    Attributes:
+        run: What was planned.
+        problem: Its problem, written out for the robot.
+        genome: Decodes its models.
+        world: The world of its models.
+        truth: The robot's body, which the search never saw.
+        generations: The population after each generation. The best model of the last one is the
+            run's, in whose choice the reference back-end has the last word.
+        interactions: What was performed and felt.
+        predictions: Fresh motor programs, predicted and then performed; empty where none were.
+        result: The run in numbers.
+        score: Its final best model against the truth.
+        validation: Its prediction errors; ``None`` where nothing was predicted.
+    """
+
+    run: PlannedRun
+    problem: Problem
+    genome: Genome
+    world: Settings
+    truth: Truth
+    generations: tuple[Generation, ...]
+    interactions: tuple[Interaction, ...]
+    predictions: tuple[Prediction, ...]
+    result: Result
+    score: Score
+    validation: Validation | None
+
+    @classmethod
+    def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
+        """Reads a run that ``single_run.is_finished`` says is."""
+        found = documents(run, root)
+        assert found is not None
+        with RunStore.open(run.directory(root), to_write=False) as store:
+            problem = problem_of(store)
+            validations = store.validations()
+            return cls(
+                run=run,
+                problem=problem,
+                genome=Genome(problem, problem.base(store.capabilities)),
+                world=world_of(store, problem),
+                truth=Truth.read(root / TRUTH, problem, store.capabilities),
+                generations=_generations(store),
+                interactions=tuple(store.interactions()),
+                predictions=tuple(validations[-1]) if validations else (),
+                result=found.result,
+                score=found.score,
+                validation=found.validation,
+            )
+
+    @property
+    def iteration_ends(self) -> tuple[Generation, ...]:
+        """The last generation of each iteration."""
+        return tuple({item.iteration: item for item in self.generations}.values())
+
+    @property
+    def true_lengths(self) -> Array:
+        """Length of each leg of the robot, m, shape (legs,)."""
+        return np.array(self.score.true_lengths_m)
+
+    @property
+    def true_sides(self) -> tuple[str, ...]:
+        """Where each leg of the robot sits."""
+        return tuple(leg.limb.side_name for leg in self.truth.legs.values())
+
+    def best(self, generation: Generation) -> Morphology:
+        """The best model of a generation."""
+        return self.genome.decode(np.array(generation.best))
+
+    def best_lengths(self, generation: Generation) -> Array:
+        """Leg lengths of the best model of a generation, m, shape (legs,)."""
+        found: Array = leg_lengths([self.best(generation)])[0]
+        return found
+
+    def configurations_right(self, generation: Generation) -> tuple[bool, ...]:
+        """Which configurations the best model of a generation has right, in the genome's order."""
+        comparison = Comparison(self.problem, self.genome, self.best(generation), self.truth)
+        return tuple(item.right for item in comparison.configurations())
+
+    @property
+    def successful(self) -> bool:
+        """Whether the final best model has every configuration right."""
+        return self.score.configurations_right == self.score.configurations_total
+
+
+def _generations(store: RunStore) -> tuple[Generation, ...]:
+    *earlier, last = store.generations()
+    final = FinalPopulation.of(store)
+    return *earlier, replace(last, best=tuple(final.genes[final.best].tolist()))
+
+
+def observed(item: Interaction) -> Observation:
+    """What a performed interaction returned."""
+    assert item.observation is not None
+    return item.observation
+
+
+class Shelf:
+    """The finished runs below a reproduction's directory; others are not there.
+
+    Args:
+        root: The reproduction's directory.
+    """
+
+    def __init__(self, root: Path):
+        self.root = root
+
+    def score(self, run: PlannedRun) -> Score | None:
+        """A run's score, or ``None`` where it is not finished."""
+        found = documents(run, self.root)
+        return None if found is None else found.score
+
+    def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
+        """Reads some runs, one at a time, in the order given."""
+        return (FinishedRun.read(run, self.root) for run in runs if is_finished(run, self.root))

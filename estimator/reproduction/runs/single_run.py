@@ -1,0 +1,191 @@
+"""One run from start to end, on a robot of its own, from wherever it stands on disk.
+
+What it leaves beside the usual files of a run directory is ``validation.json``, where fresh motor
+programs were predicted, and ``score.json``, which is written last. A run that has all of them is
+finished; what another version wrote otherwise is written again.
+"""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from estimator.errors import InteractionError, RunDirectoryError
+from estimator.evaluation.score import Score, score
+from estimator.evaluation.validate import Validation, compare, validate
+from estimator.identification.listener import Listener
+from estimator.identification.run import identify, problem_of, reconnect, resume, world_of
+from estimator.physics.backends import REFERENCE, in_this_process
+from estimator.physics.statics import StaticsPhysics
+from estimator.report.result import Result
+from estimator.report.run_files import RESULT, VALIDATION, replace, write_report
+from estimator.reproduction.runs.plan import PlannedRun
+from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
+from estimator.storage.database import holds_run
+from estimator.storage.store import RunStore
+from protocol.errors import RobotUnreachableError
+
+SCORE: Final = "score.json"
+TRUTH: Final = "truth.urdf"
+_ATTEMPTS: Final = 3
+_Document = TypeVar("_Document", bound=BaseModel)
+
+_write = partial(write_report, plots=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Documents:
+    """What a finished run has written.
+
+    Attributes:
+        result: Its outcome.
+        score: Held against the truth.
+        validation: Its predictions held against the robot, where it made any.
+    """
+
+    result: Result
+    score: Score
+    validation: Validation | None
+
+
+def documents(run: PlannedRun, root: Path) -> Documents | None:
+    """What a run has written; ``None`` where it is not finished."""
+    directory = run.directory(root)
+    result, score = _read(directory / RESULT, Result), _read(directory / SCORE, Score)
+    validation = _read(directory / VALIDATION, Validation)
+    if result is None or score is None or (run.predicts and validation is None):
+        return None
+    return Documents(result=result, score=score, validation=validation)
+
+
+def is_finished(run: PlannedRun, root: Path) -> bool:
+    """Whether there is nothing left to do."""
+    return documents(run, root) is not None
+
+
+def has_begun(run: PlannedRun, root: Path) -> bool:
+    """Whether there is anything to resume."""
+    return holds_run(run.directory(root))
+
+
+def work_done(run: PlannedRun, root: Path) -> float:
+    """How much of a run's search is on disk, in simulations, as the run itself counts them."""
+    if not has_begun(run, root):
+        return 0.0
+    try:
+        store = RunStore.open(run.directory(root), to_write=False)
+    except RunDirectoryError:
+        return 0.0
+    with store:
+        length = store.settings.generations + 1
+        return store.settings.population * sum(
+            item.iteration + 1 if item.number % length else 1 for item in store.generations()
+        )
+
+
+def see_through(run: PlannedRun, root: Path, listener: Listener) -> None:
+    """Begins or resumes a run, and leaves it finished.
+
+    A robot that fails is replaced by a new one, some times.
+
+    Args:
+        run: The run.
+        root: The reproduction's directory, with the truth in it.
+        listener: Hears what happens.
+
+    Raises:
+        BodyschemaError: Something prevents it; the message says what.
+    """
+    for attempt in range(1, _ATTEMPTS + 1):
+        try:
+            with RobotProcess(run.seed) as robot:
+                _see_through(run, root, robot.uri, listener)
+            break
+        except (InteractionError, RobotUnreachableError) as error:
+            if attempt == _ATTEMPTS:
+                raise
+            listener.say(f"{run.name}: {error} A new robot is started.")
+    _score(run, root)
+
+
+def _see_through(run: PlannedRun, root: Path, uri: str, listener: Listener) -> None:
+    directory, quietly = run.directory(root), _WorkOnly(listener)
+    if has_begun(run, root):
+        with RunStore.open(directory, to_write=False) as store:
+            catch_up(store, uri)
+        resume(directory, in_this_process, quietly, robot=uri, report=_write)
+    else:
+        identify(directory, run.order(uri), in_this_process, quietly, report=_write)
+    if run.predicts and _read(directory / VALIDATION, Validation) is None:
+        _validate(run, directory, uri, listener)
+
+
+class _WorkOnly(Listener):
+    """Passes on how much is done, in simulations: what one run has to say is not news of many.
+
+    Args:
+        listener: Who is told.
+        unit: Simulations in a unit of work.
+    """
+
+    def __init__(self, listener: Listener, unit: float = 1.0):
+        self._listener = listener
+        self._unit = unit
+
+    def worked(self, work: float, what: str) -> None:
+        self._listener.worked(work * self._unit, what)
+
+
+def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) -> None:
+    with RunStore.open(directory) as store:
+        made = store.validations()
+        seen = [item.observation for item in made[-1] if item.observation] if made else []
+        if made and len(seen) == len(made[-1]):  # ended just before the file was written
+            found = compare(made[-1], seen)
+        else:
+            problem = problem_of(store)
+            world = world_of(store, problem)
+            with (
+                closing(in_this_process(store.settings.physics, world)) as physics,
+                closing(reconnect(store, problem, uri, listener)) as link,
+            ):
+                found = validate(
+                    store,
+                    problem,
+                    physics,
+                    link,
+                    programs=run.predicts,
+                    listener=_WorkOnly(listener, store.settings.population / 2),
+                )
+    _write_json(directory / VALIDATION, found)
+
+
+def _score(run: PlannedRun, root: Path) -> None:
+    directory = run.directory(root)
+    with RunStore.open(directory, to_write=False) as store:
+        problem = problem_of(store)
+        world = world_of(store, problem)
+        with (
+            StaticsPhysics(world) as physics,
+            closing(in_this_process(REFERENCE, world)) as reference,
+        ):
+            found = score(store, problem, root / TRUTH, physics, reference)
+    _write_json(directory / SCORE, found)
+
+
+def _write_json(path: Path, found: BaseModel) -> None:
+    text = found.model_dump_json(indent=2) + "\n"
+    replace(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+
+
+def _read(file: Path, kind: type[_Document]) -> _Document | None:
+    """A document; ``None`` where there is none, or one that is damaged or of another version."""
+    try:
+        return kind.model_validate_json(file.read_bytes())
+    except (FileNotFoundError, ValidationError):
+        return None

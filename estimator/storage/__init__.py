@@ -1,0 +1,11 @@
+"""A run on disk.
+
+======================= =========================================================================
+Module                  What is in it
+======================= =========================================================================
+``store``               ``RunStore``: a run directory that survives ``kill -9`` at any instant
+``records``             settings, interactions, generations and predictions, as they are kept
+``database``            the SQLite file: tables, and transactions that survive a power cut
+``locking``             a directory for one process at a time
+======================= =========================================================================
+"""

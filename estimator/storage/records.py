@@ -1,0 +1,159 @@
+"""What a run keeps about itself: its settings, interactions, generations and predictions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from estimator.problem.values import Population
+from estimator.readings.observation import Observation, Program
+
+
+class RunSettings(BaseModel):
+    """Everything that decides a run's outcome, apart from the robot.
+
+    Attributes:
+        robot: URI of the robot that the run was started with.
+        problem: Name of the problem, or the file it came from.
+        problem_text: The problem's TOML as it was: later edits of the file do not reach the run.
+        physics: Name of the physics back-end.
+        explore: Name of the exploration rule.
+        modalities: Modalities that the subjective error counts.
+        seed: Source of all the run's randomness.
+        interactions: Interactions to perform.
+        population: Models in the population.
+        generations: Generations after each interaction.
+        full_steps: Whether simulations go on after the body has come to rest.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    robot: str
+    problem: str
+    problem_text: str
+    physics: str
+    explore: str = "random"
+    modalities: tuple[str, ...]
+    seed: Annotated[int, Field(ge=0)]
+    interactions: Annotated[int, Field(ge=1)]
+    population: Population
+    generations: Annotated[int, Field(ge=1)]
+    full_steps: bool = False
+
+
+class Counters(BaseModel):
+    """What a run has cost so far.
+
+    Attributes:
+        simulations_requested: Models x motor programs that the search asked for; the size by which
+            searches are compared.
+        simulations_run: How many of them had to be simulated.
+        simulations_invalid: How many of those cannot be believed, and lost for it; see
+            ``physics.base.Readings``.
+        simulations_undecided: How many of those had no weight, since the body lay in balance.
+        steps: Physics steps simulated.
+        wall_seconds: Time spent, over all processes that worked on the run.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    simulations_requested: int = 0
+    simulations_run: int = 0
+    simulations_invalid: int = 0
+    simulations_undecided: int = 0
+    steps: int = 0
+    wall_seconds: float = 0.0
+
+    def including(self, finish: Finish, interactions: int) -> Counters:
+        """The same with what the reference back-end cost at the end."""
+        return self.model_copy(
+            update={
+                "simulations_requested": self.simulations_requested
+                + len(finish.models) * interactions,
+                "simulations_run": self.simulations_run + finish.simulations,
+                "simulations_invalid": self.simulations_invalid + finish.invalid,
+                "steps": self.steps + finish.steps,
+            }
+        )
+
+
+class Finish(BaseModel):
+    """The leading models of a finished search, simulated in the reference back-end.
+
+    Attributes:
+        models: Indices in the final population, best first by the search's own physics.
+        searched: Their subjective errors there.
+        simulated: Their subjective errors in the reference back-end; infinite where it cannot be
+            believed.
+        simulations: Simulations that this took.
+        invalid: How many of them cannot be believed.
+        steps: Physics steps that this took.
+    """
+
+    model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
+
+    models: tuple[int, ...]
+    searched: tuple[float, ...]
+    simulated: tuple[float, ...]
+    simulations: int
+    invalid: int = 0
+    steps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ticket:
+    """The name of a request that was or is about to be sent: its id and the robot's session."""
+
+    request_id: int
+    session: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interaction:
+    """A motor program, the ticket under which it was last asked for, and what it returned."""
+
+    program: Program
+    ticket: Ticket | None = None
+    observation: Observation | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prediction(Interaction):
+    """A motor program whose readings were predicted before it was performed.
+
+    Attributes:
+        readings: Predicted readings by group of models, in the form that ``validate`` stores.
+    """
+
+    readings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generation:
+    """The population after one generation.
+
+    Attributes:
+        number: Counts over the whole run, from 0. The first generation of an iteration is the
+            carried-over (at first random) population, evaluated on all observations so far.
+        iteration: Number of the interaction that was last performed, from 0.
+        errors: Subjective error of every model.
+        best: Genes of the model with the smallest error.
+        counters: What the run had cost by then.
+    """
+
+    number: int
+    iteration: int
+    errors: tuple[float, ...]
+    best: tuple[float, ...]
+    counters: Counters
+
+
+@dataclass(frozen=True, kw_only=True)
+class Checkpoint:
+    """The search's state after a generation."""
+
+    generation: int
+    state: Mapping[str, Any]

@@ -1,0 +1,345 @@
+"""A run directory that survives ``kill -9`` at any instant.
+
+Layout of a run directory::
+
+    DIR/
+    ├── run.sqlite     everything that must survive: settings, the robot's capability dictionary,
+    │                  interactions, generations, the latest checkpoint, validations
+    ├── run.lock       held (flock) by the process that writes; empty
+    ├── result.json    the outcome                            ┐
+    ├── readings.csv   one row per interaction                │ derived from run.sqlite,
+    ├── robot.json     the capability dictionary              │ rewritten after each iteration,
+    └── plots/         errors.png, lengths.png                ┘ free to delete
+
+Two rules make the run durable. What is about to be asked of the robot is committed before the
+request leaves, and what it answered is committed before anything else happens; so a restart knows
+the id with which to ask for the outcome. And a generation's record and the search's state go into
+one transaction, so that a restart continues from exactly one of the two.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final, Self
+
+from estimator.errors import RunDirectoryError
+from estimator.readings.observation import Observation, Program
+from estimator.storage.database import (
+    DATABASE,
+    connect,
+    holds_run,
+    is_empty,
+    make_tables,
+    reading,
+    transaction,
+)
+from estimator.storage.locking import lock
+from estimator.storage.records import (
+    Checkpoint,
+    Counters,
+    Finish,
+    Generation,
+    Interaction,
+    Prediction,
+    RunSettings,
+    Ticket,
+)
+from protocol.wire.capabilities import Capabilities
+
+LOCK: Final = "run.lock"
+FORMAT: Final = 1
+IDS_PER_CONNECTION: Final = 2**20
+"""Each connection numbers its requests from its own block, so no id is ever used for two."""
+
+
+class RunStore:
+    """One run on disk. Use ``create`` or ``open``; close it, or use it as a context manager.
+
+    Attributes:
+        directory: The run directory.
+        settings: What the run was asked to do.
+        capabilities: What the robot said it is.
+        client_id: The name under which the run's requests reach the robot.
+    """
+
+    def __init__(self, directory: Path, database: sqlite3.Connection, lock: int | None):
+        self.directory = directory
+        self._database = database
+        self._lock = lock
+        with reading(directory):
+            self.settings = RunSettings.model_validate_json(self._meta("settings"))
+            self.capabilities = Capabilities.of(json.loads(self._meta("capabilities")))
+            self.client_id = str(json.loads(self._meta("client_id")))
+
+    # --- opening and closing ----------------------------------------------------------------------
+
+    @classmethod
+    def create(
+        cls, directory: Path, settings: RunSettings, capabilities: Capabilities, client_id: str
+    ) -> Self:
+        """Makes a run directory with one connection to the robot, number 0, already counted.
+
+        Raises:
+            RunDirectoryError: The directory holds a run already, or cannot be made.
+        """
+        held = lock(directory, LOCK)
+        database = None
+        try:
+            database = connect(directory)
+            with transaction(database):
+                if not is_empty(database):
+                    raise RunDirectoryError(
+                        f"{directory} holds a run already: go on with `estimator resume "
+                        f"{directory}`, or give another --out."
+                    )
+                make_tables(database)
+                first = {
+                    "format": json.dumps(FORMAT),
+                    "settings": settings.model_dump_json(),
+                    "capabilities": json.dumps(capabilities.to_map()),
+                    "client_id": json.dumps(client_id),
+                    "connections": json.dumps(1),
+                }
+                database.executemany("INSERT INTO meta VALUES (?, ?)", first.items())
+            return cls(directory, database, held)
+        except BaseException:
+            _close(database, held)
+            raise
+
+    @classmethod
+    def open(cls, directory: Path, *, to_write: bool = True) -> Self:
+        """Opens a run; ``to_write`` keeps every other writer out until ``close``.
+
+        Raises:
+            RunDirectoryError: There is no run, its format is another version's, or another process
+                writes to it.
+        """
+        if not holds_run(directory):
+            raise RunDirectoryError(
+                f"{directory} holds no run: none was started there, or it was ended before it had "
+                "begun. Start one with `estimator identify`."
+            )
+        held = lock(directory, LOCK) if to_write else None
+        database = None
+        try:
+            with reading(directory):
+                database = connect(directory)
+                found = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
+                written = json.loads(found[0])
+            if written != FORMAT:
+                raise RunDirectoryError(
+                    f"{directory} was written in run format {written}, and this version reads "
+                    f"{FORMAT}: use the version of bodyschema that made it."
+                )
+            return cls(directory, database, held)
+        except BaseException:
+            _close(database, held)
+            raise
+
+    def close(self) -> None:
+        """Lets go of the directory; may be called twice."""
+        _close(self._database, self._lock)
+        self._lock = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    # --- the robot --------------------------------------------------------------------------------
+
+    def new_connection(self) -> int:
+        """Counts a connection to the robot; returns the first request id it may use."""
+        with transaction(self._database):
+            number = int(json.loads(self._meta("connections")))
+            self._database.execute(
+                "UPDATE meta SET value = ? WHERE key = 'connections'", (json.dumps(number + 1),)
+            )
+        return first_id(number)
+
+    def plan(self, number: int, program: Program) -> None:
+        """Commits the motor program of an interaction that is still to be performed."""
+        with transaction(self._database):
+            self._database.execute(
+                "INSERT INTO interactions (number, program) VALUES (?, ?)",
+                (number, json.dumps(program)),
+            )
+
+    def ask(self, number: int, ticket: Ticket | None) -> None:
+        """Commits the id under which an interaction is about to be asked for; ``None``: no id."""
+        with transaction(self._database):
+            self._database.execute(
+                "UPDATE interactions SET request_id = ?, session = ? WHERE number = ?",
+                (ticket and ticket.request_id, ticket and ticket.session, number),
+            )
+
+    def observe(self, number: int, observation: Observation) -> None:
+        """Commits what an interaction returned."""
+        with transaction(self._database):
+            self._database.execute(
+                "UPDATE interactions SET observation = ? WHERE number = ?",
+                (observation.model_dump_json(), number),
+            )
+
+    def interactions(self) -> list[Interaction]:
+        """All interactions in order; only the last one can lack its observation."""
+        with reading(self.directory):
+            rows = self._database.execute(
+                "SELECT program, request_id, session, observation FROM interactions ORDER BY number"
+            )
+            return [Interaction(**self._performed(*row)) for row in rows]
+
+    def observations(self) -> list[Observation]:
+        """The observations so far, in order."""
+        items = self.interactions()
+        return [item.observation for item in items if item.observation is not None]
+
+    # --- the search -------------------------------------------------------------------------------
+
+    def save(self, generation: Generation, state: Mapping[str, Any]) -> None:
+        """Commits a generation's record together with the search's state after it."""
+        checkpoint = {"generation": generation.number, "state": state}
+        with transaction(self._database):
+            self._database.execute(
+                "INSERT INTO generations VALUES (?, ?, ?, ?, ?)",
+                (
+                    generation.number,
+                    generation.iteration,
+                    json.dumps(generation.errors),
+                    json.dumps(generation.best),
+                    generation.counters.model_dump_json(),
+                ),
+            )
+            self._database.execute(
+                "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
+            )
+
+    def save_finish(self, finish: Finish) -> None:
+        """Commits what the reference back-end said of the leading models."""
+        with transaction(self._database):
+            self._database.execute(
+                "INSERT INTO meta VALUES ('finish', ?)", (finish.model_dump_json(),)
+            )
+
+    def finish(self) -> Finish | None:
+        """What the reference back-end said of the leading models, once it was asked."""
+        with reading(self.directory):
+            row = self._database.execute("SELECT value FROM meta WHERE key = 'finish'").fetchone()
+            return None if row is None else Finish.model_validate_json(row[0])
+
+    def checkpoint(self) -> Checkpoint | None:
+        """The search's latest committed state."""
+        with reading(self.directory):
+            row = self._database.execute("SELECT value FROM checkpoint").fetchone()
+            return None if row is None else Checkpoint(**json.loads(row[0]))
+
+    def generations(self) -> list[Generation]:
+        """The records of all generations in order."""
+        with reading(self.directory):
+            rows = self._database.execute("SELECT * FROM generations ORDER BY number")
+            return [
+                Generation(
+                    number=number,
+                    iteration=iteration,
+                    errors=tuple(map(float, json.loads(errors))),
+                    best=tuple(map(float, json.loads(best))),
+                    counters=Counters.model_validate_json(counters),
+                )
+                for number, iteration, errors, best, counters in rows
+            ]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all interactions are done and modelled."""
+        with reading(self.directory):
+            (done,) = self._database.execute("SELECT COUNT(*) FROM generations").fetchone()
+        return bool(done == self.settings.interactions * (self.settings.generations + 1))
+
+    # --- validation -------------------------------------------------------------------------------
+
+    def predict(self, predictions: list[Prediction]) -> int:
+        """Commits predictions of motor programs not yet performed; returns the validation's number.
+
+        They cannot be changed afterwards, so a prediction is never made with the outcome in view.
+        """
+        with transaction(self._database):
+            (number,) = self._database.execute(
+                "SELECT COALESCE(MAX(validation) + 1, 0) FROM predictions"
+            ).fetchone()
+            self._database.executemany(
+                "INSERT INTO predictions (validation, number, program, readings) "
+                "VALUES (?, ?, ?, ?)",
+                [
+                    (number, index, json.dumps(item.program), json.dumps(item.readings))
+                    for index, item in enumerate(predictions)
+                ],
+            )
+        return int(number)
+
+    def ask_validation(self, validation: int, number: int, ticket: Ticket | None) -> None:
+        """Commits the id under which a predicted motor program is about to be performed."""
+        with transaction(self._database):
+            self._database.execute(
+                "UPDATE predictions SET request_id = ?, session = ? "
+                "WHERE validation = ? AND number = ?",
+                (ticket and ticket.request_id, ticket and ticket.session, validation, number),
+            )
+
+    def observe_validation(self, validation: int, number: int, observation: Observation) -> None:
+        """Commits what a predicted motor program returned."""
+        with transaction(self._database):
+            self._database.execute(
+                "UPDATE predictions SET observation = ? WHERE validation = ? AND number = ?",
+                (observation.model_dump_json(), validation, number),
+            )
+
+    def validations(self) -> list[list[Prediction]]:
+        """The predictions of each validation, with what came of them so far."""
+        found: dict[int, list[Prediction]] = {}
+        with reading(self.directory):
+            rows = self._database.execute(
+                "SELECT validation, readings, program, request_id, session, observation "
+                "FROM predictions ORDER BY validation, number"
+            )
+            for validation, readings, *performed in rows:
+                prediction = Prediction(
+                    readings=json.loads(readings), **self._performed(*performed)
+                )
+                found.setdefault(validation, []).append(prediction)
+        return list(found.values())
+
+    def _performed(
+        self, program: str, request_id: int | None, session: str | None, observation: str | None
+    ) -> dict[str, Any]:
+        ticket = None
+        if request_id is not None and session is not None:
+            ticket = Ticket(request_id=request_id, session=session)
+        targets = tuple(map(float, json.loads(program)))
+        seen = None if observation is None else Observation.model_validate_json(observation)
+        joints = len(self.capabilities.joints)
+        if len(targets) != joints or (seen is not None and len(seen.angles) != joints):
+            raise ValueError(f"a motor program is not one of {joints} joints")
+        return {"program": targets, "ticket": ticket, "observation": seen}
+
+    def _meta(self, key: str) -> str:
+        row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+        if row is None:
+            raise RunDirectoryError(f"{self.directory / DATABASE} lacks its {key}.")
+        return str(row[0])
+
+
+def first_id(connection: int) -> int:
+    """The first request id of a connection, by its number."""
+    return connection * IDS_PER_CONNECTION + 1
+
+
+def _close(database: sqlite3.Connection | None, lock: int | None) -> None:
+    if database is not None:
+        database.close()
+    if lock is not None:
+        os.close(lock)

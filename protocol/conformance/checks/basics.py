@@ -1,0 +1,87 @@
+"""What all other checks build on: a plain request of each kind is answered as it should be.
+
+These checks come first. Where one fails, the others that need such a request are not tried: each
+would only wait in vain, and say the same again.
+"""
+
+from __future__ import annotations
+
+from protocol.conformance.checks.motion import small_targets
+from protocol.conformance.expectations import expect
+from protocol.conformance.raw_connection import said
+from protocol.conformance.registry import Need, check
+from protocol.conformance.robot_on_trial import Bench
+
+
+@check("3.2", basic="hello")
+def hello(bench: Bench) -> None:
+    """A hello is answered with welcome."""
+    bench.party()
+
+
+@check("5.5", basic="heartbeat")
+def heartbeat(bench: Bench) -> None:
+    """A heartbeat is answered with status."""
+    bench.party().status()
+
+
+@check("7.5", basic="read")
+def read(bench: Bench) -> None:
+    """A read is answered to its end."""
+    party = bench.party()
+    reply = party.ask("read")
+    expect(reply["type"] in ("observation", "error"), f"A read ended with {said(reply)}.")
+
+
+@check("5.3", need=Need.CONTROL, basic="acquire")
+def acquire(bench: Bench) -> None:
+    """An acquire of a free robot is answered with ok."""
+    with bench.controlled():
+        pass
+
+
+@check("5.3", need=Need.CONTROL, basic="release")
+def release(bench: Bench) -> None:
+    """A release is answered with ok."""
+    with bench.controlled() as party:
+        party.expect("ok", "release")
+
+
+@check("5.9", need=Need.CONTROL, basic="stop")
+def stop(bench: Bench) -> None:
+    """A stop is answered with ok."""
+    with bench.controlled() as party:
+        party.expect("ok", "stop")
+
+
+@check("6.1", need=Need.CONTROL, basic="clear")
+def clear(bench: Bench) -> None:
+    """A clear is answered with ok."""
+    with bench.controlled() as party:
+        party.expect("ok", "clear")
+
+
+@check("7.4", need=Need.MOTION, basic="perform")
+def perform(bench: Bench) -> None:
+    """A perform is accepted, and ends with an observation."""
+    with bench.controlled() as party:
+        request = party.request("perform", targets=small_targets(bench.capabilities(), 0.0))
+        party.line.send(request)
+        between, end = party.wait_for(request["id"])
+        expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
+        expect(bool(between), "A perform was not accepted.")
+
+
+@check("6.1", need=Need.MOTION, basic="hold")
+def hold(bench: Bench) -> None:
+    """A hold is answered with ok."""
+    with bench.controlled() as party:
+        party.expect("ok", "hold")
+
+
+@check("5.13", need=Need.MOTION, basic="relax")
+def relax(bench: Bench) -> None:
+    """A relax is answered with ok."""
+    with bench.controlled() as party:
+        party.expect("ok", "relax")
+        party.expect("ok", "hold")

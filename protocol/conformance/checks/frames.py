@@ -1,0 +1,267 @@
+"""Checks of section 2, and the malformed frames of ``vectors.json``."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib import resources
+from typing import Any, Final
+
+from protocol.conformance.expectations import Broken, expect
+from protocol.conformance.raw_connection import Map, pack, pack_small, pack_wide, said
+from protocol.conformance.registry import Need, check
+from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.wire.codec import MAX_FRAME
+
+VECTORS: Final[tuple[Map, ...]] = tuple(
+    vector
+    for vector in json.loads(
+        resources.files("protocol").joinpath("vectors.json").read_text("utf-8")
+    )
+    if vector["kind"] == "malformed"
+)
+
+CLAUSE_OF: Final = {
+    "2.1": "empty nil array truncated trailing-byte two-maps unused-byte",
+    "2.2": "binary-key integer-key duplicate-key",
+    "2.3": "binary-value extension timestamp not-utf-8 surrogate nan infinity",
+    "2.4": "integer-too-large",
+    "2.7": "boolean-id float-id boolean-target",
+    "2.10": "no-type unknown-type a-reply-is-no-request",
+    "7.1": "negative-id string-target missing-targets missing-session",
+    "1.7": "nested-too-deeply",
+    "1.8": "array-claims-too-much",
+}
+"""Names of vectors, by the clause that each breaks."""
+
+
+def _by_vectors(clause: str, title: str) -> None:
+    names = CLAUSE_OF[clause].split()
+    chosen = [vector for vector in VECTORS if vector["name"] in names]
+
+    def run(bench: Bench) -> None:
+        party = bench.party()
+        for vector in chosen:
+            _answered(party, vector, with_id=False)
+
+    run.__doc__ = title
+    check(clause, after=("2.11",))(run)
+
+
+def _answered(party: Party, vector: Map, *, with_id: bool) -> None:
+    """The answer to a vector has its code; and, where that is the question, its id."""
+    ids = {vector["id"]} if with_id else {vector["id"], None, 0}
+    found = party.ask_raw(bytes.fromhex(vector["hex"]), *ids)
+    if found is None and with_id:
+        raise Broken(f"The vector {vector['name']!r} has no answer with the id {vector['id']}.")
+    expect(
+        found is not None and found.get("code") == vector["code"],
+        f"The vector {vector['name']!r} was answered with {said(found)}, not {vector['code']}.",
+    )
+
+
+_by_vectors("2.1", "What is not exactly one map is malformed")
+_by_vectors("2.2", "Keys are strings, each once in a map")
+_by_vectors("2.3", "Binary, extensions, NaN, infinities and broken strings are malformed")
+_by_vectors("2.4", "Integers beyond ±(2^53 − 1) are malformed")
+_by_vectors("2.7", "A float or a boolean is no integer, a boolean no number")
+_by_vectors("2.10", "A type that is not a request's is unknown_type, a missing one malformed")
+_by_vectors("7.1", "Missing fields, and fields of another type or range, are malformed")
+_by_vectors("1.7", "The vector with too many levels is malformed")
+_by_vectors("1.8", "The vector that claims 2^31 items is malformed")
+
+
+def _with_extra(request: Map, key: bytes, value: bytes) -> bytes:
+    """A frame with one more entry, given in bytes."""
+    items = [pack_small(item) for pair in request.items() for item in pair]
+    return bytes([0x80 + len(request) + 1]) + b"".join(items) + key + value
+
+
+def _refused_for(party: Party, frame: bytes, request: Map, what: str) -> None:
+    """A frame that is fine but for one thing is malformed; its id may be told or not."""
+    found = party.ask_raw(frame, None, request["id"])
+    expect(
+        found is not None and found.get("code") == "malformed",
+        f"{what}: answered with {said(found)} instead of malformed.",
+    )
+
+
+@check("2.1", after=("2.11",))
+def more_than_a_frame(bench: Bench) -> None:
+    """A request with anything before or after it is malformed."""
+    party = bench.party()
+    beat = party.request("heartbeat")
+    frame = pack(beat)
+    for spoilt, what in (
+        (frame + b"\xc0", "A byte after a frame"),
+        (frame + frame, "A frame twice"),
+        (b"\xc0" + frame, "A byte before a frame"),
+        (b"\x91" + frame, "A frame in an array"),
+        (frame[:-1], "A frame without its last byte"),
+    ):
+        _refused_for(party, spoilt, beat, what)
+
+
+@check("2.2", after=("2.11",))
+def odd_keys(bench: Bench) -> None:
+    """A request with a key twice, or one that is no string, is malformed."""
+    party = bench.party()
+    beat = party.request("heartbeat")
+    for key, what in (
+        (pack_small("id"), "The key id twice"),
+        (b"\x05", "The key 5"),
+        (b"\xc4\x01x", "A binary key"),
+        (b"\xc0", "The key nil"),
+    ):
+        _refused_for(party, _with_extra(beat, key, pack_small(beat["id"])), beat, what)
+    twice = b"\x82\xa1a\x01\xa1a\x01"
+    for value, what in (
+        (twice, "A key twice in an inner map"),
+        (b"\x91" + twice, "A key twice in a map in an array"),
+        (b"\x81\xa1b" + twice, "A key twice in a map in a map"),
+    ):
+        _refused_for(party, _with_extra(beat, pack_small("extra"), value), beat, what)
+    perform = party.request("perform")
+    frame = _with_extra(perform, pack_small("targets"), twice)
+    _refused_for(party, frame, perform, "A joint twice in the targets")
+
+
+@check("2.3", after=("2.11",))
+def odd_values(bench: Bench) -> None:
+    """A request with what no value may be is malformed, also in a field that is unknown."""
+    party = bench.party()
+    beat = party.request("heartbeat")
+    for value, what in (
+        (b"\xc4\x01x", "Binary"),
+        (b"\xc7\x01\x05x", "An extension"),
+        (b"\xd6\xff\0\0\0\0", "A timestamp"),
+        (b"\xcb\x7f\xf8" + bytes(6), "NaN"),
+        (b"\xca\xff\x80\0\0", "An infinity"),
+        (b"\xa2\xc3\x28", "A string that is not UTF-8"),
+    ):
+        _refused_for(party, _with_extra(beat, pack_small("extra"), value), beat, what)
+
+
+@check("2.12", after=("2.10", "2.11"))
+def ids_of_errors(bench: Bench) -> None:
+    """An error carries the id of a frame that has a valid one, and else none."""
+    party = bench.party()
+    for vector in VECTORS:
+        _answered(party, vector, with_id=True)
+
+
+@check("2.4")
+def extreme_integers(bench: Bench) -> None:
+    """Integers of ±(2^53 − 1) are accepted, beyond they are not."""
+    party = bench.party()
+    extreme = 2**53 - 1
+    party.expect("status", "heartbeat", id=extreme)
+    party.expect("status", "heartbeat", extra=[extreme, -extreme])
+    for value in (extreme + 1, -extreme - 1):
+        request = party.request("heartbeat", extra=value)
+        party.refused(pack(request), "malformed", request["id"], f"The integer {value}")
+
+
+@check("2.5", after=("3.5", "5.2"))
+def any_encoding(bench: Bench) -> None:
+    """Any encoding of a value is accepted, and keys in any order."""
+    party = bench.party()
+    hello = party.request("hello", versions=[1])
+    found = party.ask_raw(pack_wide(hello), hello["id"])
+    expect(
+        found is not None and found["type"] == "welcome",
+        f"hello in the longest encodings was answered with {said(found)}.",
+    )
+    perform = party.request("perform", targets={"no joint": 0.5})
+    _parsed(party, perform, pack_small, "Targets as float 32")
+
+
+@check("2.6", after=("5.2",))
+def integer_for_float(bench: Bench) -> None:
+    """An integer is accepted for a float."""
+    party = bench.party()
+    perform = party.request("perform", targets={"no joint": 1})
+    _parsed(party, perform, pack_small, "An integer as a target")
+
+
+def _parsed(party: Party, request: Map, packer: Callable[[Any], bytes], what: str) -> None:
+    """A ``perform`` that nobody could carry out is refused, but not for its form."""
+    found = party.ask_raw(packer(request), request["id"])
+    expect(
+        found is not None and found.get("code") in ("not_controller", "unauthorised"),
+        f"{what}: answered with {said(found)}, although the frame is valid.",
+    )
+
+
+@check("2.7")
+def no_float_for_integer(bench: Bench) -> None:
+    """A float or a boolean is not accepted for an integer, even 1.0 for 1."""
+    party = bench.party()
+    for versions in ([1.0], [True]):
+        hello = party.request("hello", versions=versions)
+        party.refused(pack(hello), "malformed", hello["id"], f"versions {versions}")
+
+
+@check("2.8")
+def nil(bench: Bench) -> None:
+    """A field that is nil is left out."""
+    party = bench.party()
+    hello = party.request("hello", versions=[1]) | {"software": None}
+    found = party.ask_raw(pack(hello), hello["id"])
+    expect(
+        found is not None and found["type"] == "welcome",
+        f"hello with software nil was answered with {said(found)}.",
+    )
+    beat = party.request("heartbeat") | {"session": None}
+    party.refused(pack(beat), "malformed", beat["id"], "A heartbeat with session nil")
+
+
+@check("2.9")
+def unknown_fields(bench: Bench) -> None:
+    """Unknown fields are ignored."""
+    party = bench.party()
+    party.expect("status", "heartbeat", future={"a": [1, None, {"b": 0.5}]}, targets={"x": 1})
+    number = party.number()
+    first = party.harmless(number)
+    again = party.harmless(number, future=1)
+    expect(again == first, "A request with an unknown field more is taken for another one.")
+
+
+@check("2.11", after=("3.5",))
+def garbage(bench: Bench) -> None:
+    """Each invalid frame is answered, and changes nothing."""
+    party = bench.party()
+    before = party.status()
+    session = party.session
+    for number in range(100):
+        frame = bytes([0xC1, number]) * (1 + number)
+        party.line.send_parts(frame)
+        answer = party.line.reply(None)
+        expect(
+            answer is not None and answer.get("code") == "malformed",
+            f"The bytes {frame[:4].hex()}… were answered with {said(answer)}.",
+        )
+    after = party.status()
+    for name in ("state", "sequence", "controller"):
+        expect(after.get(name) == before.get(name), f"Garbage changed the robot's {name}.")
+    party.hello()
+    expect(party.session == session, "Garbage changed the client's session.")
+
+
+@check("2.11", need=Need.CONTROL, after=("2.11", "5.1"))
+def garbage_and_control(bench: Bench) -> None:
+    """No invalid frame, of the controller or of another, takes control away."""
+    other = bench.party()
+    with bench.controlled() as party:
+        for client in (party, other):
+            mistaken = party.request("release")
+            release = pack(mistaken | {"client": 5})
+            for frame in (b"\xc1", bytes(MAX_FRAME + 1), release):
+                client.ask_raw(frame, None, mistaken["id"])
+            for vector in VECTORS:
+                client.ask_raw(bytes.fromhex(vector["hex"]), None, vector["id"])
+            client.line.send_parts(b"", pack(party.request("heartbeat")))
+            client.line.reply(None)
+            kept = other.status().get("controller")
+            whose = "the controller's" if client is party else "another client's"
+            expect(kept == party.name, f"After {whose} garbage, {kept or 'nobody'} has control.")

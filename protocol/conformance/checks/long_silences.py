@@ -1,0 +1,102 @@
+"""Checks that take half a minute; only with ``--slow``."""
+
+from __future__ import annotations
+
+import threading
+from typing import Final
+
+from protocol.conformance.checks.motion import observed, small_targets
+from protocol.conformance.expectations import Untried, expect
+from protocol.conformance.raw_connection import FINAL, Map, said
+from protocol.conformance.registry import Need, check
+from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.rules.lease import EXPIRY, SILENCE
+
+_TOLERANCE: Final = 2.0
+"""Seconds by which the robot may be late; it must not be early by more than a tenth of that."""
+
+
+def _silent_for(bench: Bench, viewer: Party, seconds: float) -> None:
+    """Lets time pass in which only a viewer gives signs of life."""
+    end = bench.settings.clock() + seconds
+    while bench.settings.clock() < end:
+        threading.Event().wait(0.02)
+        viewer.status()
+
+
+@check("5.7", need=Need.TIME)
+def control_expires(bench: Bench) -> None:
+    """Control is kept for 30 s of silence, then it is free."""
+    viewer = bench.party()
+    with bench.controlled() as party:
+        name, begun = party.name, bench.settings.clock()
+        _silent_for(bench, viewer, EXPIRY - _TOLERANCE)
+        kept = viewer.status().get("controller")
+        silent = bench.settings.clock() - begun  # longer, if this computer stood still
+        expect(
+            kept == name or silent > EXPIRY - _TOLERANCE / 10,
+            f"Control was gone after {silent:.1f} s of silence.",
+        )
+        _silent_for(bench, viewer, 2 * _TOLERANCE)
+        kept = viewer.status().get("controller")
+        expect(kept is None, f"Control was kept for {EXPIRY + _TOLERANCE:g} s of silence.")
+
+
+@check("5.5", need=Need.TIME)
+def heartbeats_keep_control(bench: Bench) -> None:
+    """Any valid request in the session is a sign of life; garbage and stop are none."""
+    viewer = bench.party()
+    with bench.controlled() as party:
+        for _ in range(2):
+            party.status()
+            _silent_for(bench, viewer, EXPIRY * 0.6)
+        expect(viewer.status().get("controller") == party.name, "Heartbeats did not keep control.")
+        party.status()
+        end = bench.settings.clock() + EXPIRY + _TOLERANCE
+        while bench.settings.clock() < end:
+            party.line.send_parts(b"\xc1")
+            party.line.reply(None)
+            party.ask("read", session="no such session")
+        kept = viewer.status().get("controller")
+        expect(kept is None, "Garbage, and requests in another session, kept control.")
+
+
+@check("5.6", need=Need.TIME)
+def silence_ends_a_motion(bench: Bench) -> None:
+    """After 5 s of silence a perform ends with aborted_silent, and control is kept."""
+    if not bench.settings.move:
+        raise Untried("This needs --move.")
+    viewer = bench.party()
+    clock = bench.settings.clock
+    with bench.controlled() as party:
+        targets = small_targets(bench.capabilities())
+        if bench.settings.far:  # there and back takes longest
+            targets = {joint.name: joint.upper for joint in bench.capabilities().joints}
+            observed(party, targets)
+        perform = party.request("perform", targets=targets)
+        party.line.send(perform)
+        begun = clock()
+        expect(party.line.reply(perform["id"]) is not None, "A perform was not accepted.")
+        end = None
+        while end is None and clock() - begun < SILENCE + _TOLERANCE:
+            viewer.status()
+            end = _end_of(party, perform)
+        silent = clock() - begun
+        end = end or _end_of(party, perform)  # it may have come while this computer stood still
+        expect(end is not None, f"A motion went on through {silent:.1f} s of silence.")
+        assert end is not None
+        if end["type"] == "observation":
+            hint = "" if bench.settings.far else "; with --far they take longer"
+            raise Untried(f"Its motions take less than 5 s{hint}.")
+        expect(end.get("code") == "aborted_silent", f"The motion ended with {said(end)}.")
+        early = SILENCE - _TOLERANCE / 10
+        expect(silent > early, f"The motion ended after {silent:.1f} s of silence.")
+        expect(viewer.status().get("controller") == party.name, "Control was lost.")
+
+
+def _end_of(party: Party, request: Map) -> Map | None:
+    """The final reply to a request that was sent, if it has come; says nothing to the robot."""
+    while (found := party.line.reply(request["id"], patience=0.02)) is not None:
+        if found["type"] in FINAL:
+            return found
+    return None

@@ -1,0 +1,226 @@
+"""Checks that move the robot; only with ``--move``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from protocol.conformance.expectations import Untried, expect
+from protocol.conformance.raw_connection import Map, said
+from protocol.conformance.registry import Need, check
+from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.wire.capabilities import Capabilities
+
+REACH: Final = 0.5
+"""The largest angle that is asked for, rad; half of what a joint reaches, where that is less."""
+
+_TRIALS: Final = 3  # a simulated robot may be done before it can be interrupted
+
+
+def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, float]:
+    """Small angles, in the direction in which each joint reaches further."""
+    found = {}
+    for joint in capabilities.joints:
+        far = max(joint.lower, joint.upper, key=abs)
+        small = min(abs(far) / 2, REACH) * share
+        found[joint.name] = small if far > 0 else -small
+    return found
+
+
+def _performed(bench: Bench, party: Party, share: float) -> tuple[dict[str, float], Map]:
+    targets = small_targets(bench.capabilities(), share)
+    return targets, observed(party, targets)
+
+
+def observed(party: Party, targets: Mapping[str, float]) -> Map:
+    """The observation of a motion."""
+    request = party.request("perform", targets=targets)
+    party.line.send(request)
+    _, end = party.wait_for(request["id"])
+    expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
+    return end
+
+
+def _rest(bench: Bench, party: Party) -> None:
+    """Back to zero."""
+    _performed(bench, party, 0.0)
+
+
+def _under_way(bench: Bench, party: Party, kind: str, client: Party, code: str) -> None:
+    """Interrupts a motion with a request; expects that the motion ends with this code."""
+    for _ in range(_TRIALS):
+        perform = party.request("perform", targets=small_targets(bench.capabilities()))
+        party.line.send(perform)
+        expect(party.line.reply(perform["id"]) is not None, "A perform was not accepted.")
+        interrupt = client.request(kind)
+        client.line.send(interrupt)
+        reply = client.line.final(interrupt["id"])[1]
+        expect(reply["type"] == "ok", f"{kind} in mid-motion was answered with {said(reply)}.")
+        _, end = party.wait_for(perform["id"])
+        if end["type"] != "observation":
+            expect(end.get("code") == code, f"The motion ended with {said(end)}, not {code}.")
+            return
+        if kind == "stop":
+            party.ask("clear")
+        if kind == "release":
+            party.ask("acquire")
+    raise Untried("Its motions are over too soon to be interrupted.")
+
+
+@check("7.2", need=Need.MOTION)
+def badsmall_targets(bench: Bench) -> None:
+    """Missing and unknown joints are bad_targets."""
+    with bench.controlled() as party:
+        full = small_targets(bench.capabilities(), 0.0)
+        first = next(iter(full))
+        lacking = {name: angle for name, angle in full.items() if name != first}
+        for targets in (lacking, full | {"no such joint": 0.0}):
+            party.expect("bad_targets", "perform", targets=targets)
+        expect(party.status()["state"] in ("idle", "holding"), "It moved all the same.")
+
+
+@check("7.3", need=Need.MOTION, after=("7.2",))
+def out_of_range(bench: Bench) -> None:
+    """Targets beyond a limit are out_of_range, and nothing is clamped."""
+    capabilities = bench.capabilities()
+    with bench.controlled() as party:
+        for joint in capabilities.joints:
+            for beyond in (joint.upper + 0.02, joint.lower - 0.02):
+                targets = small_targets(capabilities, 0.0) | {joint.name: beyond}
+                party.expect("out_of_range", "perform", targets=targets)
+
+
+@check("7.4", "4.3", need=Need.MOTION, after=("4.4",))
+def perform(bench: Bench) -> None:
+    """A perform is carried out once, to within one resolution of its targets."""
+    capabilities = bench.capabilities()
+    with bench.controlled() as party:
+        targets, felt = _performed(bench, party, 1.0)
+        for joint in capabilities.joints:
+            miss = abs(felt["angles"][joint.name] - targets[joint.name])
+            expect(
+                miss <= joint.resolution + 1e-9,
+                f"{joint.name} was commanded {miss:.4f} rad off its target.",
+            )
+        before = party.status()["sequence"]
+        again = party.ask("perform", id=felt["id"], targets=targets)
+        expect(again == felt, f"The same perform again was answered with {said(again)}.")
+        expect(party.status()["sequence"] == before, "The same perform was carried out twice.")
+        _rest(bench, party)
+
+
+@check("7.9", need=Need.MOTION)
+def joints_at_the_end(bench: Bench) -> None:
+    """Joints at the end of their range are named as saturated, and no others."""
+    if not bench.settings.far:
+        raise Untried("This needs --far.")
+    capabilities = bench.capabilities()
+    with bench.controlled() as party:
+        joint = capabilities.joints[0]
+        for end in ("upper", "lower"):
+            targets = small_targets(capabilities, 0.0) | {joint.name: getattr(joint, end)}
+            found = observed(party, targets)["saturated_joints"]
+            expect(
+                found == [joint.name],
+                f"With {joint.name} alone at its {end} limit, the saturated joints are {found}.",
+            )
+        _rest(bench, party)
+
+
+@check("4.5", need=Need.MOTION, after=("3.5", "4.4"))
+def asked_again_under_way(bench: Bench) -> None:
+    """A request that is under way answers with its progress, then its end, once."""
+    with bench.controlled() as party:
+        request = party.request("perform", targets=small_targets(bench.capabilities()))
+        party.line.send(request)
+        first = party.line.reply(request["id"])
+        expect(
+            first is not None and first["type"] == "accepted",
+            f"A perform was answered with {said(first)} instead of accepted.",
+        )
+        later = bench.party(party.name)
+        later.line.send(request)
+        seen = later.line.reply(request["id"])
+        expect(seen is not None, "A request asked again was not answered.")
+        end = seen if seen and seen["type"] == "observation" else later.wait_for(request["id"])[1]
+        expect(end["type"] == "observation", f"Asked again, it ended with {said(end)}.")
+        late = later.line.reply(request["id"], patience=0.3)
+        expect(late is None, f"After its end came {said(late)}.")
+        _rest(bench, party)
+
+
+@check("5.10", need=Need.MOTION)
+def stop_in_motion(bench: Bench) -> None:
+    """A stop from anybody ends a perform with aborted_stop."""
+    with bench.controlled() as party:
+        _under_way(bench, party, "stop", bench.stranger(), "aborted_stop")
+        expect(party.status()["state"] == "stopped", "After the stop it is not stopped.")
+        refused = party.ask("perform", targets=small_targets(bench.capabilities(), 0.0))
+        expect(refused.get("code") == "stopped", f"A perform then was {said(refused)}.")
+        party.expect("ok", "clear")
+        _rest(bench, party)
+
+
+@check("5.8", need=Need.MOTION)
+def release_in_motion(bench: Bench) -> None:
+    """A release in mid-motion ends it with aborted_silent."""
+    with bench.controlled() as party:
+        _under_way(bench, party, "release", party, "aborted_silent")
+        party.expect("ok", "acquire")
+        _rest(bench, party)
+
+
+@check("6.1", need=Need.MOTION)
+def busy(bench: Bench) -> None:
+    """While it moves, read, clear and a second perform are busy; hold ends the motion."""
+    with bench.controlled() as party:
+        for kind in ("read", "clear", "perform"):
+            _busy(bench, party, kind)
+        _under_way(bench, party, "hold", party, "aborted_hold")
+        expect(party.status()["state"] == "holding", "After hold it does not hold.")
+        _rest(bench, party)
+
+
+def _busy(bench: Bench, party: Party, kind: str) -> None:
+    targets = small_targets(bench.capabilities())
+    fields = {"targets": targets} if kind == "perform" else {}
+    for _ in range(_TRIALS):
+        motion = party.request("perform", targets=targets)
+        party.line.send(motion)
+        expect(party.line.reply(motion["id"]) is not None, "A perform was not accepted.")
+        second = party.request(kind, **fields)
+        party.line.send(second)
+        _, reply = party.wait_for(second["id"])
+        _, end = party.wait_for(motion["id"])
+        expect(end["type"] == "observation", f"The first motion ended with {said(end)}.")
+        if reply.get("code") == "busy":
+            return
+        over = reply.get("sequence", end["sequence"]) >= end["sequence"]
+        expect(over, f"{kind} in mid-motion was answered with {said(reply)} instead of busy.")
+    raise Untried("Its motions are over too soon.")
+
+
+@check("5.13", "6.1", need=Need.MOTION)
+def relaxed(bench: Bench) -> None:
+    """After relax it is relaxed, and perform wrong_state; hold brings it back."""
+    with bench.controlled() as party:
+        _rest(bench, party)
+        state = party.expect("ok", "relax")["state"]
+        expect(state == "relaxed", f"After relax the state is {state}.")
+        targets = small_targets(bench.capabilities(), 0.0)
+        party.expect("wrong_state", "perform", targets=targets)
+        party.expect("observation", "read")
+        expect(party.status()["state"] == "relaxed", "read changed the state.")
+        state = party.expect("ok", "hold")["state"]
+        expect(state == "holding", f"After hold the state is {state}.")
+
+
+@check("6.1", "5.11", need=Need.MOTION)
+def limp_and_stopped(bench: Bench) -> None:
+    """A limp robot that was stopped holds, once it is cleared, and performs."""
+    with bench.controlled() as party:
+        _rest(bench, party)
+        for kind, expected in (("relax", "relaxed"), ("stop", "stopped"), ("clear", "holding")):
+            state = party.expect("ok", kind)["state"]
+            expect(state == expected, f"After {kind} the state is {state}.")
+        _rest(bench, party)

@@ -1,0 +1,226 @@
+"""Checks of sections 7 to 11: what the robot says, and what it publishes."""
+
+from __future__ import annotations
+
+import math
+import time
+from itertools import pairwise
+from typing import Any, Final
+
+import zmq
+
+from protocol.conformance.expectations import Broken, Untried, expect
+from protocol.conformance.raw_connection import Map, said
+from protocol.conformance.registry import Need, check
+from protocol.conformance.robot_on_trial import Bench
+from protocol.errors import BodyschemaError, RemoteProtocolError
+from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import connected
+from protocol.transport.publisher import TOPIC
+from protocol.wire.capabilities import Capabilities
+from protocol.wire.codec import decode
+from protocol.wire.messages import parse_telemetry
+
+_LOOKS: Final = 3  # at the rate: this computer may have had something else to do
+
+
+def _reads(bench: Bench, count: int = 1) -> tuple[Capabilities, list[Map]]:
+    party = bench.party()
+    capabilities = Capabilities.of(party.hello()["capabilities"])
+    found = []
+    for _ in range(count):
+        reply = party.ask("read")
+        if reply["type"] != "observation":
+            raise Untried(f"A read is answered with {said(reply)} now.")
+        found.append(reply)
+    return capabilities, found
+
+
+@check("7.1", "1.11")
+def fields_of_replies(bench: Bench) -> None:
+    """Replies have their fields, with their types and ranges."""
+    party = bench.party()  # welcome and capabilities; a line takes nothing else for a reply
+    party.status()
+    party.ask("read")
+    party.ask("dance")
+
+
+@check("7.5")
+def final_replies_come_once(bench: Bench) -> None:
+    """Final replies come once, and nothing after them."""
+    party = bench.party()
+    noted = bench.noted["7.5"]
+    expect(not noted, "; ".join(noted[:3]) + ".")
+    read = party.request("read")
+    between, _ = party.answer_to(read)
+    kinds = [reply["type"] for reply in between]
+    expect("accepted" not in kinds[1:], f"A read was answered with {', '.join(kinds)}.")
+    late = party.line.reply(read["id"], patience=0.3)
+    expect(late is None, f"After its end, a read was answered with {said(late)}.")
+
+
+@check("7.6")
+def ids_of_replies(bench: Bench) -> None:
+    """Every reply has the id of its request."""
+    party = bench.party()
+    beats = [party.request("heartbeat", id=number) for number in (5, 3, 2**53 - 1, 0)]
+    for beat in beats:
+        party.line.send(beat)
+    for beat in reversed(beats):
+        reply = party.line.reply(beat["id"])
+        expect(reply is not None, f"A heartbeat with id {beat['id']} has no answer with this id.")
+
+
+@check("7.7")
+def observations_fit(bench: Bench) -> None:
+    """Readings and angles fit the capabilities."""
+    capabilities, (felt,) = _reads(bench)
+    joints = {joint.name for joint in capabilities.joints}
+    expect(felt["angles"].keys() == joints, f"The angles are of {', '.join(felt['angles'])}.")
+    for modality in ("touch", "tilt", "clearance"):
+        sensor = capabilities.sensor(modality)
+        reading = felt.get(modality)
+        expect(
+            (sensor is None) == (reading is None),
+            f"A {modality} sensor is {'absent' if sensor is None else 'there'}, "
+            f"and its reading is {reading}.",
+        )
+        if sensor is not None and isinstance(reading, list):
+            expect(
+                len(reading) == sensor.count,
+                f"{modality} has {len(reading)} values instead of {sensor.count}.",
+            )
+
+
+@check("7.8")
+def sequences_grow(bench: Bench) -> None:
+    """Each observation has a larger sequence, and status knows the latest."""
+    _, felt = _reads(bench, 4)
+    sequences = [found["sequence"] for found in felt]
+    expect(
+        all(before < after for before, after in pairwise(sequences)),
+        f"Four reads have the sequences {sequences}.",
+    )
+    status = bench.party().status()
+    expect(
+        status["sequence"] >= sequences[-1],
+        f"status says {status['sequence']} after observation {sequences[-1]}.",
+    )
+
+
+@check("9.1")
+def tilt(bench: Bench) -> None:
+    """Tilt lies in ±π/2, and within what one body can have."""
+    _, (felt,) = _reads(bench)
+    if "tilt" not in felt:
+        raise Untried("The robot does not feel tilt.")
+    left, forward = felt["tilt"]
+    expect(
+        max(abs(left), abs(forward)) <= math.pi / 2 + 1e-6, f"The tilt is {left}, {forward} rad."
+    )
+    # u is a unit vector: no body shows more of it. Two noisy angles may overshoot a little.
+    total = math.sin(left) ** 2 + math.sin(forward) ** 2
+    expect(total <= 1.05, f"No body has the tilt {left}, {forward} rad.")
+
+
+@check("9.2")
+def clearance(bench: Bench) -> None:
+    """Clearance never exceeds the sensor's upper, and is saturated exactly there."""
+    capabilities, (felt,) = _reads(bench)
+    sensor = capabilities.sensor("clearance")
+    if sensor is None:
+        expect(not felt["clearance_saturated"], "clearance_saturated without a sensor.")
+        raise Untried("The robot does not feel clearance.")
+    distance = felt["clearance"]
+    upper = math.inf if sensor.upper is None else sensor.upper
+    expect(distance <= upper + 1e-9, f"The clearance is {distance} m, beyond {upper} m.")
+    at_the_end = math.isclose(distance, upper, abs_tol=1e-9)
+    expect(
+        felt["clearance_saturated"] == at_the_end,
+        f"clearance {distance} m of {upper} m has saturated {felt['clearance_saturated']}.",
+    )
+
+
+@check("10.1")
+def clocks(bench: Bench) -> None:
+    """No clock runs backwards."""
+    party = bench.party()
+    _, felt = _reads(bench, 2)
+    times = [
+        party.status()["robot_time"],
+        *(_reads(bench, 1)[1][0]["robot_time"] for _ in range(2)),
+        party.status()["robot_time"],
+        party.hello()["robot_time"],
+    ]
+    expect(times == sorted(times), f"robot_time went {times}.")
+    monotonic = [found["monotonic"] for found in felt]
+    expect(monotonic == sorted(monotonic), f"monotonic went {monotonic}.")
+
+
+def _publications(bench: Bench, seconds: float) -> tuple[float, list[list[bytes]], float]:
+    """The promised rate, what was published, and the time in which it was (s)."""
+    capabilities = bench.capabilities()
+    settings = bench.settings
+    try:
+        place = Endpoint.parse(capabilities.telemetry).seen_from(settings.uri)
+    except BodyschemaError as error:
+        raise Broken(f"telemetry: {error}") from None
+    options: dict[int, Any] = {zmq.SUBSCRIBE: b"", zmq.RCVTIMEO: 1000}
+    subscriber = connected(bench.context, zmq.SUB, str(place), settings.keys, options)
+    found: list[list[bytes]] = []
+    try:
+        patience = max(settings.patience, 3.0 / capabilities.telemetry_rate)
+        if not subscriber.poll(math.ceil(patience * 1000)):
+            raise Broken(f"Nothing is published at {place}.")
+        begun = time.monotonic()
+        subscriber.recv_multipart()
+        while (left := begun + seconds - time.monotonic()) > 0:
+            if subscriber.poll(math.ceil(left * 1000)):
+                found.append(subscriber.recv_multipart())
+        if not found and subscriber.poll(math.ceil(patience * 1000)):  # late, by which 11.2 judges
+            found.append(subscriber.recv_multipart())
+        return capabilities.telemetry_rate, found, time.monotonic() - begun
+    finally:
+        subscriber.close()
+
+
+@check("11.1", "11.3")
+def publications(bench: Bench) -> None:
+    """Publications are the topic and a valid frame, and tell what status tells."""
+    party = bench.party()
+    before = party.status()
+    rate = bench.capabilities().telemetry_rate
+    _, found, _ = _publications(bench, 1.5 / rate)
+    after = party.status()
+    expect(bool(found), "Nothing but the first publication came.")
+    for parts in found:
+        expect(len(parts) == 2, f"A publication has {len(parts)} parts instead of two.")
+        expect(parts[0] == TOPIC, f"A publication has the topic {parts[0]!r:.40}.")
+        try:
+            told = parse_telemetry(decode(parts[1]))
+        except RemoteProtocolError as error:
+            raise Broken(f"A publication is invalid: {error}") from None
+        if before["state"] == after["state"]:
+            expect(told.state == before["state"], f"Published is the state {told.state}.")
+
+
+@check("11.2", after=("11.1",))
+def publication_rate(bench: Bench) -> None:
+    """Publications keep the rate that welcome promises, within a factor of two."""
+    rate = bench.capabilities().telemetry_rate
+    for _ in range(_LOOKS):
+        _, found, seconds = _publications(bench, min(max(4.0 / rate, 0.3), 10.0))
+        measured = len(found) / seconds
+        if 0.5 <= measured / rate <= 2.0:
+            return
+    raise Broken(f"They come at {measured:.2f} Hz, not {rate:g} Hz.")
+
+
+@check("8.1", need=Need.NOTHING)
+def error_table(bench: Bench) -> None:
+    """Errors have a code of the table, and its retryable."""
+    party = bench.party()
+    party.ask("dance")
+    party.ask("read", session="no such session")
+    noted = bench.noted["8.1"]
+    expect(not noted, "; ".join(noted[:3]) + ".")

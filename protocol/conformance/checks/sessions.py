@@ -1,0 +1,128 @@
+"""Checks of section 3: hello, sessions, who is remembered, where answers go."""
+
+from __future__ import annotations
+
+import time
+
+from protocol.conformance.expectations import Broken, expect
+from protocol.conformance.raw_connection import FINAL, GRACE, Map, pack, said
+from protocol.conformance.registry import Need, check
+from protocol.conformance.robot_on_trial import Bench, Party
+
+PLACES = 64
+
+
+@check("3.2")
+def versions(bench: Bench) -> None:
+    """Version 1 is chosen where it is offered."""
+    stranger = bench.stranger()
+    for offered in ([1], [7, 1, 3]):
+        reply = stranger.hello(versions=offered)
+        expect(reply["type"] == "welcome", f"versions {offered} were answered with {said(reply)}.")
+        expect(reply["version"] == 1, f"From {offered}, version {reply['version']} was chosen.")
+
+
+@check("3.3")
+def unsupported_versions(bench: Bench) -> None:
+    """Versions that are not spoken are unsupported_version."""
+    stranger = bench.stranger()
+    for offered in ([999], []):
+        stranger.expect("unsupported_version", "hello", versions=offered)
+
+
+@check("3.4")
+def session_is_needed(bench: Bench) -> None:
+    """Requests without client or session are malformed."""
+    party = bench.party()
+    for kind in ("heartbeat", "read", "release"):
+        for missing in ("session", "client"):
+            request = party.request(kind)
+            del request[missing]
+            party.refused(pack(request), "malformed", request["id"], f"{kind} without {missing}")
+
+
+@check("3.5")
+def same_client(bench: Bench) -> None:
+    """A client keeps its session, over hellos and connections."""
+    first = bench.party()
+    session = first.session
+    first.hello()
+    expect(first.session == session, "A second hello brought another session.")
+    second = bench.party(first.name)
+    expect(second.session == session, "A new connection brought another session.")
+    second.status()
+    first.status()
+
+
+@check("3.6", after=("3.8",))
+def other_client(bench: Bench) -> None:
+    """Another client has another session, and no right to this one."""
+    first, second = bench.party(), bench.party()
+    expect(first.session != second.session, "Two clients have the same session.")
+    second.expect("restarted", "heartbeat", session=first.session)
+
+
+@check("3.7", need=Need.MOTION)
+def a_crowd(bench: Bench) -> None:
+    """64 clients are remembered, and a 65th pushes out the one not heard of for longest."""
+    first = bench.party()
+    for number in range(PLACES - 1):
+        bench.party(f"{first.name}-crowd-{number}")
+    first.status()
+    for number in range(PLACES - 1):
+        bench.party(f"{first.name}-crowd-{number}")  # heard of again: first is the oldest now
+    late = bench.party(f"{first.name}-late")
+    first.expect("restarted", "heartbeat")
+    late.status()
+
+
+@check("3.7", need=Need.MOTION, after=("5.1",))
+def a_crowd_and_the_controller(bench: Bench) -> None:
+    """A crowd never pushes out the controller."""
+    with bench.controlled() as controller:
+        for number in range(PLACES + 1):
+            bench.party(f"{controller.name}-crowd-{number}")
+        expect(
+            controller.status().get("controller") == controller.name,
+            "A crowd of clients took control away.",
+        )
+
+
+@check("3.8")
+def unknown_session(bench: Bench) -> None:
+    """A request in an unknown session is restarted, and nothing else."""
+    party = bench.party()
+    for kind in ("heartbeat", "read"):
+        party.expect("restarted", kind, session="no such session")
+    stranger = bench.stranger()
+    stranger.session = party.session
+    stranger.expect("restarted", "heartbeat")
+
+
+def _answer_on(bench: Bench, party: Party, request: Map, *, instead: Party) -> Map:
+    """The final reply on one connection; on another, which asked before, it would be wrong."""
+    party.line.send(request)
+    strayed = False
+    end = time.monotonic() + bench.settings.motion
+    while time.monotonic() < end:
+        found = party.line.reply(request["id"], patience=GRACE)
+        if found is not None and found["type"] in FINAL:
+            return found
+        if found is None and strayed:
+            break
+        stray = instead.line.reply(request["id"], patience=0.001)
+        strayed = strayed or (stray is not None and stray["type"] in FINAL)
+    raise Broken(f"It went to {'the connection that had asked before' if strayed else 'nobody'}.")
+
+
+@check("3.10", after=("4.4",))
+def answers_follow(bench: Bench) -> None:
+    """The answer goes to the connection from which the request last came."""
+    first = bench.party()
+    second = bench.party(first.name)
+    read = first.request("read")
+    first.line.send(read)
+    expect(first.line.reply(read["id"]) is not None, "A read was not answered.")
+    felt = _answer_on(bench, second, read, instead=first)
+    _, again = second.answer_to(read)
+    expect(again == felt, f"Asked again, the robot answered {said(again)}, not as before.")

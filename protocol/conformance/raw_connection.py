@@ -1,0 +1,215 @@
+"""A raw connection: sends anything, and takes nothing for granted."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any, Final
+
+import msgpack
+import zmq
+
+from protocol.conformance.expectations import Broken, expect
+from protocol.conformance.frame_trace import shown
+from protocol.conformance.settings import Settings
+from protocol.errors import ERROR_CODES, RemoteProtocolError
+from protocol.security.keys import ClientKeys
+from protocol.sockets.zmq_sockets import connected
+from protocol.wire.codec import decode
+from protocol.wire.messages import FINAL_REPLIES, parse_reply
+
+Map = dict[str, Any]
+
+GRACE: Final = 0.3
+"""Seconds that an answer may come late, although a later request was answered already."""
+
+FINAL: Final = frozenset(kind.TYPE for kind in FINAL_REPLIES)
+"""Types of the replies that end a request."""
+
+
+class Unanswered(Broken):
+    """What has to be answered was not, or not to its end."""
+
+
+class Line:
+    """One DEALER connection.
+
+    Args:
+        context: ZeroMQ context.
+        settings: Where the robot is, and how long to wait.
+        keys: Who connects, or ``None``.
+        noted: Where to note what is wrong with an answer that can be used all the same, by clause.
+        number: Its number in the trace.
+    """
+
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        settings: Settings,
+        keys: ClientKeys | None,
+        noted: defaultdict[str, list[str]],
+        number: int,
+    ):
+        self._settings = settings
+        self._noted = noted
+        self._number = number
+        self._asked: Counter[int | None] = Counter()  # the ids of what was sent
+        self._ended: Counter[int | None] = Counter()  # and of the final replies
+        self._heard: list[Map] = []  # replies that nobody has asked for yet
+        self.socket = connected(context, zmq.DEALER, settings.uri, keys, {zmq.IMMEDIATE: 1})
+        self.socket.setsockopt(zmq.SNDTIMEO, math.ceil(settings.patience * 1000))
+
+    def close(self) -> None:
+        """Closes the connection."""
+        self.socket.close()
+
+    def send(self, found: Mapping[str, Any]) -> None:
+        """Sends a map, whatever is in it."""
+        self.send_parts(pack(found), ids=(found.get("id"),))
+
+    def send_parts(self, *parts: bytes, ids: Iterable[int | None] = (None,)) -> None:
+        """Sends one message of these parts; its answers may have one of these ids, or none."""
+        self._asked.update(ids)
+        self._trace("sent", parts)
+        try:
+            self.socket.send_multipart(list(parts))
+        except zmq.Again:
+            raise Broken("The connection does not come about, or is stuck.") from None
+
+    def reply(self, request_id: int | None, *, patience: float | None = None) -> Map | None:
+        """The next reply with this id (``None``: without one), or ``None`` where none comes."""
+        return self.first_of((request_id,), patience=patience)
+
+    def first_of(
+        self, request_ids: Collection[int | None], *, patience: float | None = None
+    ) -> Map | None:
+        """The next reply with one of these ids, or ``None`` where none comes."""
+        end = time.monotonic() + (self._settings.patience if patience is None else patience)
+        while True:
+            for found in self._heard:
+                if found.get("id") in request_ids:
+                    self._heard.remove(found)
+                    return found
+            left = end - time.monotonic()
+            if left <= 0 or not self.socket.poll(math.ceil(left * 1000)):
+                return None
+            received = self._receive()
+            if not self._came_before(received):
+                self._heard.append(received)
+
+    def final(self, request_id: int, *, patience: float | None = None) -> tuple[list[Map], Map]:
+        """The replies to a request: those in between, and the final one.
+
+        What was accepted may take as long as a motion.
+        """
+        between: list[Map] = []
+        while (found := self.answer(request_id, patience=patience)) is not None:
+            if found["type"] in FINAL:
+                return between, found
+            between.append(found)
+            patience = self._settings.motion
+        for stray in self._heard:
+            told = stray.get("id")
+            sentence = f"An answer ({said(stray)}) has the id {told}, which no request had."
+            expect(told is None or told in self._asked, sentence, "7.6")
+        raise Unanswered(f"A request (id {request_id}) was not answered to its end.")
+
+    def answer(self, request_id: int, *, patience: float | None = None) -> Map | None:
+        """The next reply to a valid request, if any; an error without an id is taken for one."""
+        end = time.monotonic() + (self._settings.patience if patience is None else patience)
+        while (left := end - time.monotonic()) > 0:
+            if (found := self.reply(request_id, patience=min(left, self.grace))) is not None:
+                return found
+            self.expect_ids()
+        return self.reply(request_id, patience=0)
+
+    def expect_ids(self) -> None:
+        """Expects that no error without an id has come."""
+        stray = self.reply(None, patience=0)
+        if stray is not None:
+            sentence = f"An error ({said(stray)}) does not carry its id."
+            self._noted["2.12"].append(sentence)
+            raise Broken(sentence, "2.12")
+
+    @property
+    def grace(self) -> float:
+        """``GRACE``, unless it is known already that errors come without their ids."""
+        return GRACE / 20 if self._noted["2.12"] else GRACE
+
+    def _receive(self) -> Map:
+        parts = self.socket.recv_multipart()
+        self._trace("received", parts)
+        expect(len(parts) == 1, f"An answer has {len(parts)} parts instead of one.", "1.1")
+        try:
+            found = decode(parts[0])
+        except RemoteProtocolError as error:
+            raise Broken(f"An answer is no frame: {error}", "2.1") from None
+        try:
+            parse_reply(found)
+        except RemoteProtocolError as error:
+            raise Broken(f"An answer is no valid reply: {error}", "7.1") from None
+        if found["type"] == "error":
+            self._judge(found)
+        return found
+
+    def _trace(self, what: str, parts: Sequence[bytes]) -> None:
+        if self._settings.trace is not None:
+            self._settings.trace(shown(f"connection {self._number} {what}", parts))
+
+    def _came_before(self, reply: Map) -> bool:
+        """Whether it is one final reply more than there were requests with its id."""
+        told = reply.get("id")
+        if told not in self._asked or reply["type"] not in FINAL:
+            return False
+        if told is None and not self._noted["7.5"]:
+            return False  # one that lacks its id, more likely
+        self._ended[told] += 1
+        if self._ended[told] <= self._asked[told]:
+            return False
+        self._noted["7.5"].append(f"An answer ({said(reply)}) came once more")
+        return True
+
+    def _judge(self, error: Map) -> None:
+        kind = ERROR_CODES.get(error["code"])
+        if kind is None:
+            raise Broken(f"An error has the code {error['code']:.60}, which is not known.", "8.1")
+        if kind.retryable != error["retryable"]:
+            self._noted["8.1"].append(f"{error['code']} has retryable {error['retryable']}")
+
+
+def pack(found: Mapping[str, Any]) -> bytes:
+    """A map as MessagePack, without any check."""
+    frame: bytes = msgpack.packb(found)
+    return frame
+
+
+def pack_wide(value: Any) -> bytes:
+    """A value in the longest encoding that MessagePack has for it, keys in reverse order."""
+    if isinstance(value, bool) or value is None:
+        return pack_small(value)
+    if isinstance(value, int):
+        return b"\xd3" + value.to_bytes(8, "big", signed=True)
+    if isinstance(value, str):
+        data = value.encode()
+        return b"\xdb" + len(data).to_bytes(4, "big") + data
+    if isinstance(value, Mapping):
+        items = [pack_wide(item) for pair in reversed(list(value.items())) for item in pair]
+        return b"\xdf" + len(value).to_bytes(4, "big") + b"".join(items)
+    if isinstance(value, Sequence):
+        return b"\xdd" + len(value).to_bytes(4, "big") + b"".join(map(pack_wide, value))
+    return pack_small(value)
+
+
+def pack_small(value: Any) -> bytes:
+    """A value on its own; floats take four bytes."""
+    data: bytes = msgpack.packb(value, use_single_float=True)
+    return data
+
+
+def said(reply: Mapping[str, Any] | None) -> str:
+    """A reply in a few words, for a sentence."""
+    if reply is None:
+        return "nothing"
+    return str(reply["code"]) if reply["type"] == "error" else str(reply["type"])

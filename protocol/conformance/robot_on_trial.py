@@ -1,0 +1,243 @@
+"""What checks share: connections, clients in a session, and a robot to be left as it was found."""
+
+from __future__ import annotations
+
+import itertools
+import secrets
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from typing import Any, Final
+
+import zmq
+
+from protocol.conformance.expectations import Broken, Untried, expect
+from protocol.conformance.raw_connection import Line, Map, Unanswered, said
+from protocol.conformance.settings import Settings
+from protocol.security.keys import ClientKeys
+from protocol.wire.capabilities import Capabilities
+
+LOOSE_ID: Final = 2**52
+_CALM: Final = ("idle", "holding")
+_BEAT: Final = 0.5  # s between signs of life while something takes longer
+
+
+class Party:
+    """One client, with its own connection.
+
+    Args:
+        bench: The bench.
+        name: The client's id.
+        line: Its connection.
+    """
+
+    def __init__(self, bench: Bench, name: str, line: Line):
+        self.name = name
+        self.line = line
+        self.session = ""
+        self._bench = bench
+        self._numbers, self._loose = bench.counters(name)
+
+    def hello(self, **fields: Any) -> Map:
+        """Says hello; what comes back."""
+        found = {"versions": [1], "software": "conformance"} | fields
+        reply = self.ask("hello", **found)
+        if reply["type"] == "welcome":
+            self.session = reply["session"]
+        return reply
+
+    def number(self) -> int:
+        """A fresh id for a numbered request."""
+        return next(self._numbers)
+
+    def loose(self) -> int:
+        """An id for hello, heartbeat and stop."""
+        return next(self._loose)
+
+    def request(self, kind: str, **fields: Any) -> Map:
+        """A request, not sent; ``None`` leaves a field out.
+
+        Raises:
+            Untried: Requests of this kind do not work at all, as an earlier check has found out.
+        """
+        if (reason := self._bench.dead.get(kind)) is not None:
+            raise Untried(reason)
+        loose = kind in ("hello", "heartbeat", "stop")
+        found: Map = {"type": kind, "id": self.loose() if loose else None, "client": self.name}
+        if kind != "hello" and (self.session or kind != "stop"):
+            found["session"] = self.session
+        found |= fields
+        if found["id"] is None and "id" not in fields:
+            found["id"] = self.number()
+        return {key: value for key, value in found.items() if value is not None}
+
+    def ask(self, kind: str, **fields: Any) -> Map:
+        """The final reply to a request."""
+        return self.answer_to(self.request(kind, **fields))[1]
+
+    def answer_to(
+        self, request: Mapping[str, Any], *, patience: float | None = None
+    ) -> tuple[list[Map], Map]:
+        """Sends a request; the replies in between, and the final one."""
+        self.line.send(request)
+        return self.line.final(request["id"], patience=patience)
+
+    def ask_raw(self, frame: bytes, *request_ids: int | None) -> Map | None:
+        """Sends a frame, then a hello; the answer to the frame with one of these ids, if any."""
+        self.line.send_parts(frame, ids=request_ids)
+        after = self.request("hello", versions=[1])
+        self.line.send(after)
+        answer = self.line.reply(after["id"])
+        expect(answer is not None, "After that, the robot does not answer any more.")
+        for patience in (0.0, self.line.grace):
+            for request_id in request_ids:
+                if (found := self.line.reply(request_id, patience=patience)) is not None:
+                    return found
+        if None not in request_ids:
+            self.line.expect_ids()
+        return None
+
+    def refused(self, frame: bytes, code: str, request_id: int | None, what: str) -> None:
+        """Expects that a frame is answered with an error; ``what`` names it in the sentence."""
+        found = self.ask_raw(frame, request_id)
+        expect(
+            found is not None and found["type"] == "error" and found["code"] == code,
+            f"{what}: answered with {said(found)} instead of {code}.",
+        )
+
+    def expect(self, code: str, kind: str, **fields: Any) -> Map:
+        """Expects a reply of this type, or an error of this code."""
+        reply = self.ask(kind, **fields)
+        expect(
+            code in (reply["type"], reply.get("code")),
+            f"{kind} was answered with {said(reply)} instead of {code}.",
+        )
+        return reply
+
+    def status(self) -> Map:
+        """The robot's status."""
+        reply = self.ask("heartbeat")
+        expect(reply["type"] == "status", f"A heartbeat was answered with {said(reply)}.", "5.5")
+        return reply
+
+    def harmless(self, number: int, **fields: Any) -> Map:
+        """The reply to a numbered request that does nothing: a release without control."""
+        reply = self.ask("release", id=number, **fields)
+        if reply.get("code") == "unauthorised":
+            raise Untried("This key is a viewer's.")
+        return reply
+
+    def wait_for(self, request_id: int) -> tuple[list[Map], Map]:
+        """The replies to a motion of this client that was sent, with heartbeats in between."""
+        begun = beaten = time.monotonic()
+        between: list[Map] = []
+        while (now := time.monotonic()) < begun + self._bench.settings.motion:
+            if now >= beaten + _BEAT:  # however much the robot tells, we are heard of
+                self.status()
+                beaten = now
+            found = self.line.answer(request_id, patience=beaten + _BEAT - now)
+            if found is None:
+                continue
+            if found["type"] not in ("accepted", "progress"):
+                return between, found
+            between.append(found)
+        raise Unanswered(f"A motion did not end within {self._bench.settings.motion:g} s.")
+
+
+class Bench:
+    """The robot under trial, as the checks see it.
+
+    Use it as a context manager: it closes every connection.
+
+    Attributes:
+        noted: What was wrong with answers that could be used all the same, by clause.
+        dead: Kinds of request that do not work at all, and why no check needs to try them again.
+    """
+
+    def __init__(self, settings: Settings):
+        self.settings = settings
+        self.noted: defaultdict[str, list[str]] = defaultdict(list)
+        self.dead: dict[str, str] = {}
+        self._stack = ExitStack()
+        # A robot remembers 64 clients: few names, used again and again, push nobody else out.
+        self.use_new_names()
+        self._counters: dict[str, tuple[Iterator[int], Iterator[int]]] = {}
+        self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._stack.callback(self.context.destroy, linger=0)
+        self._lines: list[Line] = []
+        self._connections = 0
+
+    def __enter__(self) -> Bench:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def line(self) -> Line:
+        """A new connection."""
+        found = self.line_with(self.settings.keys)
+        self._lines.append(found)
+        return found
+
+    def line_with(self, keys: ClientKeys | None) -> Line:
+        """A new connection with other keys, or with none; who asks for it closes it."""
+        self._connections += 1
+        return Line(self.context, self.settings, keys, self.noted, self._connections)
+
+    def party(self, name: str | None = None) -> Party:
+        """A client that has said hello, on a connection of its own."""
+        found = self.stranger(name)
+        reply = found.hello()
+        expect(reply["type"] == "welcome", f"hello was answered with {said(reply)}.", "3.2")
+        return found
+
+    def stranger(self, name: str | None = None) -> Party:
+        """A client that has not said hello."""
+        if name is None:
+            self._used += 1
+            name = f"conformance-{self._token}-{self._used}"
+        return Party(self, name, self.line())
+
+    def counters(self, name: str) -> tuple[Iterator[int], Iterator[int]]:
+        """The ids of a client, for numbered requests and for the others; they only grow."""
+        fresh = (itertools.count(1), itertools.count(LOOSE_ID))
+        return self._counters.setdefault(name, fresh)
+
+    def capabilities(self) -> Capabilities:
+        """What the robot says about itself."""
+        return Capabilities.of(self.stranger().hello()["capabilities"])
+
+    def use_new_names(self) -> None:
+        """From now on, with other clients: what a robot thinks of the old ones is uncertain."""
+        self._token = secrets.token_hex(8)
+        self._used = 0
+
+    def close_lines(self) -> None:
+        """Closes all connections that a check has left open; its clients' names are free again."""
+        self._used = 0
+        while self._lines:
+            self._lines.pop().close()
+
+    @contextmanager
+    def controlled(self) -> Iterator[Party]:
+        """A client in control of a robot that is calm; leaves it calm and free."""
+        party = self.party()
+        status = party.status()
+        if status["state"] not in _CALM:
+            raise Untried(f"The robot is {status['state']}, and was left so.")
+        if status.get("controller") is not None:
+            raise Untried(f"The robot is held by {status['controller']}.")
+        reply = party.ask("acquire")
+        if reply.get("code") == "unauthorised":
+            raise Untried("This key is a viewer's.")
+        sentence = f"acquire of a free robot was answered with {said(reply)}."
+        expect(reply["type"] == "ok", sentence, "5.3")
+        try:
+            yield party
+        finally:
+            with suppress(Broken, Untried):  # what went wrong before is what counts
+                if party.status()["state"] == "stopped":
+                    party.ask("clear")
+            with suppress(Broken, Untried):
+                party.ask("release")

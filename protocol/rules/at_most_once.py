@@ -1,0 +1,232 @@
+"""The memory that makes requests at-most-once.
+
+Each client has a book of its last outcomes, found by request id. A request that was seen before is
+answered from the book; one that is older than the book reaches back to is refused, never executed.
+The memory is bounded twice: outcomes for each client, and clients. Who is pushed out loses the
+session with the book, so that requests of that time are answered ``restarted``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from protocol.errors import RobotError
+from protocol.wire.codec import encode
+from protocol.wire.messages import Request
+
+MAX_OUTCOMES: Final = 64
+"""Outcomes remembered for each client; also the most requests it may have in flight."""
+
+MAX_CLIENTS: Final = 64
+
+
+@dataclass(slots=True)
+class Outcome:
+    """One request and what has become of it.
+
+    Attributes:
+        request: The request, until its end.
+        fingerprint: Tells whether another request with the same id is the same request.
+        peer: Where the answers go: whoever asked last; ``None``: nobody may hear them any more.
+        progress: The latest frame sent before the end.
+        reply: The frame that ended it; ``None`` while in flight.
+    """
+
+    request: Request | None
+    fingerprint: bytes
+    peer: bytes | None
+    progress: bytes | None = None
+    reply: bytes | None = None
+
+    @classmethod
+    def of(cls, request: Request, peer: bytes) -> Outcome:
+        """The outcome of a request that just arrived: none yet."""
+        return cls(request, _fingerprint(request), peer)
+
+    def end(self, reply: bytes) -> None:
+        """Notes the final reply; the request itself is no longer needed."""
+        self.reply = reply
+        self.progress = None
+        self.request = None
+
+
+@dataclass(slots=True)
+class Client:
+    """What is remembered about one client.
+
+    Attributes:
+        name: The id it chose.
+        session: The session it was given.
+        user: Who it is, where the transport knows.
+        software: What it says it is.
+        highest: The largest request id seen.
+        outcomes: By request id, oldest first.
+    """
+
+    name: str
+    session: str
+    user: str | None
+    software: str | None
+    highest: int = -1
+    outcomes: OrderedDict[int, Outcome] = field(default_factory=OrderedDict)
+
+    @property
+    def in_flight(self) -> bool:
+        """Whether some request has not ended."""
+        return any(outcome.reply is None for outcome in self.outcomes.values())
+
+    def recall(self, request: Request) -> Outcome | None:
+        """The outcome of the same request, if it was seen before.
+
+        Raises:
+            RobotError: ``id_reused`` for another request with this id, ``expired`` for an id that
+                is older than what is remembered.
+        """
+        known = self.outcomes.get(request.id)
+        if known is not None:
+            if known.fingerprint != _fingerprint(request):
+                raise RobotError("id_reused", f"Id {request.id} was used for another request.")
+            return known
+        if request.id <= self.highest:
+            raise RobotError(
+                "expired",
+                f"Id {request.id} is below {self.highest}, the latest, and no longer remembered; "
+                "nothing was executed.",
+            )
+        return None
+
+    def begin(self, request: Request, peer: bytes) -> Outcome:
+        """Opens the outcome of a new request, forgetting the oldest that has ended.
+
+        Raises:
+            RobotError: ``busy`` when every place is taken by a request in flight.
+        """
+        if len(self.outcomes) >= MAX_OUTCOMES:
+            ended = (key for key, outcome in self.outcomes.items() if outcome.reply is not None)
+            oldest = next(ended, None)
+            if oldest is None:
+                raise RobotError("busy", f"{MAX_OUTCOMES} requests of this client are in flight.")
+            del self.outcomes[oldest]
+        outcome = Outcome.of(request, peer)
+        self.outcomes[request.id] = outcome
+        self.highest = request.id
+        return outcome
+
+
+class Clients:
+    """The clients that are remembered, least recently heard of first."""
+
+    def __init__(self, token: Callable[[], str]):
+        self._token = token
+        self._clients: OrderedDict[str, Client] = OrderedDict()
+
+    def __len__(self) -> int:
+        return len(self._clients)
+
+    def __iter__(self) -> Iterator[Client]:
+        return iter(tuple(self._clients.values()))
+
+    def welcome(
+        self, name: str, *, user: str | None, software: str | None, keep: str | None
+    ) -> Client:
+        """The client of this name; a new one may push out the one not heard of for longest.
+
+        Args:
+            name: The client's id.
+            user: Who it is, where the transport knows.
+            software: What it says it is.
+            keep: A client never to be pushed out: the controller.
+
+        Raises:
+            RobotError: ``unauthorised`` if another user opened this client's session,
+                ``too_many_clients`` if none can be pushed out.
+        """
+        known = self._clients.get(name)
+        if known is not None:
+            self._same_user(known, user)
+            known.software = software
+            self._clients.move_to_end(name)
+            return known
+        if len(self._clients) >= MAX_CLIENTS:
+            idle = [
+                other
+                for other in self._clients.values()
+                if other.name != keep and not other.in_flight
+            ]
+            if not idle:
+                raise RobotError("too_many_clients", f"All {MAX_CLIENTS} clients are active.")
+            places = Counter(other.user for other in self._clients.values())
+            most = max(places[other.user] for other in idle)  # nobody can crowd the others out
+            longest = next(other for other in idle if places[other.user] == most)
+            del self._clients[longest.name]
+        client = Client(name, self._token(), user, software)
+        self._clients[name] = client
+        return client
+
+    def find(self, name: str, *, session: str, user: str | None) -> Client:
+        """The client in this session.
+
+        Raises:
+            RobotError: ``restarted`` if the session is unknown, ``unauthorised`` if it is
+                another user's.
+        """
+        client = self._clients.get(name)
+        if client is None or client.session != session:
+            raise RobotError(
+                "restarted",
+                "This session is unknown: the daemon restarted, or forgot this client.",
+            )
+        self._same_user(client, user)
+        self._clients.move_to_end(name)
+        return client
+
+    def forget(self, client: Client) -> None:
+        """Ends a client's session; nobody hears what becomes of its requests under way."""
+        for outcome in client.outcomes.values():
+            outcome.peer = None
+        del self._clients[client.name]
+
+    def under_way(self, user: str | None) -> int:
+        """Requests under way of all clients of a user."""
+        return sum(
+            outcome.reply is None
+            for client in self._clients.values()
+            if client.user == user
+            for outcome in client.outcomes.values()
+        )
+
+    def name_of(self, name: str) -> str:
+        """How to speak of a client to another: its software, if it told, and its id."""
+        client = self._clients.get(name)
+        software = client.software if client is not None else None
+        return _printable(f"{software} (client {name})" if software else f"client {name}")
+
+    @staticmethod
+    def _same_user(client: Client, user: str | None) -> None:
+        if client.user != user:
+            raise RobotError("unauthorised", f"Client {client.name} belongs to another user.")
+
+
+def _fingerprint(request: Request) -> bytes:
+    found = request.to_map()
+    for key, value in found.items():
+        if isinstance(value, Mapping):
+            found[key] = _sorted(value)
+    return hashlib.blake2b(encode(found), digest_size=16).digest()
+
+
+def _sorted(found: Mapping[str, Any]) -> dict[str, Any]:
+    # -0.0 equals 0.0, and only its bytes differ: the sum of both is 0.0.
+    return {
+        key: value + 0.0 if isinstance(value, float) else value
+        for key, value in sorted(found.items())
+    }
+
+
+def _printable(text: str) -> str:
+    """The text without what could play tricks on the terminal of whoever reads it."""
+    return "".join(char if char.isprintable() else "?" for char in text)

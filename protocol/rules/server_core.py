@@ -1,0 +1,343 @@
+"""The server's side of the protocol without sockets, threads or clocks.
+
+Frames come in with the time at which they came; out come *actions*, which the caller carries out in
+order. What the robot then says goes back in through ``accept``, ``progress`` and ``finish``. So
+every rule of the wire can be tried by calling functions.
+"""
+
+from __future__ import annotations
+
+import itertools
+import secrets
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
+from protocol.rules.at_most_once import Client, Clients, Outcome
+from protocol.rules.lease import EXPIRY, Lapse, Lease
+from protocol.rules.robot_interface import Finished, Progressed, RobotRequest, Snapshot
+from protocol.rules.roles import Role
+from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
+from protocol.rules.targets import check_targets
+from protocol.wire.capabilities import Capabilities
+from protocol.wire.codec import decode, encode
+from protocol.wire.declaration import Message
+from protocol.wire.field_checks import MAX_TEXT
+from protocol.wire.messages import (
+    PROTOCOL_VERSION,
+    Accepted,
+    Acquire,
+    Clear,
+    ErrorReply,
+    Heartbeat,
+    Hello,
+    Hold,
+    Ok,
+    Perform,
+    Progress,
+    Read,
+    Relax,
+    Release,
+    Request,
+    SessionRequest,
+    Stop,
+    Welcome,
+    parse_request,
+)
+
+Authorise: TypeAlias = Callable[[str | None, Request], None]
+OnRefusal: TypeAlias = Callable[[Request, RobotError], None]
+RoleOf: TypeAlias = Callable[[str | None], Role | None]
+
+MAX_READS: Final = 8
+"""Reads that the clients of one key may have under way without control of the robot."""
+
+NEEDS_LEASE: Final = (Perform, Hold, Relax, Clear, Release)
+"""Requests that only the controller may make."""
+
+_TAKES_LONG: Final = (Perform, Read)  # told at once that they were accepted
+
+
+def allow_all(user: str | None, request: Request) -> None:
+    """The authorisation of a server without keys: who can connect may do everything."""
+
+
+def ignore_refusal(request: Request, error: RobotError) -> None:
+    """What becomes of refusals that nobody wants to hear of."""
+
+
+class ServerCore:
+    """Sessions, ids, lease and silence.
+
+    Args:
+        capabilities: What hello answers.
+        view: The robot now.
+        token: Makes a new session's name, which nobody can guess.
+        authorise: Called with user and request before anything else is done; raises
+            ``RobotError('unauthorised')`` to refuse.
+        on_refusal: Called for each request that is refused here, with the error it is answered
+            with; a retry is no new request.
+
+    Attributes:
+        garbage: Frames that were no valid request.
+    """
+
+    def __init__(
+        self,
+        capabilities: Capabilities,
+        *,
+        view: Callable[[], Snapshot],
+        token: Callable[[], str] = secrets.token_hex,
+        authorise: Authorise = allow_all,
+        on_refusal: OnRefusal = ignore_refusal,
+    ):
+        self.garbage = 0
+        self._capabilities = capabilities
+        self._view = view
+        self._authorise = authorise
+        self._on_refusal = on_refusal
+        self._clients = Clients(token)
+        self._lease = Lease()
+        self._tickets = itertools.count(1)
+        self._in_flight: dict[int, Outcome] = {}
+
+    @property
+    def deadline(self) -> float | None:
+        """When ``tick`` is due at the latest; ``None``: not before the next frame."""
+        return self._lease.deadline
+
+    @property
+    def controller(self) -> str | None:
+        """The client that controls the robot."""
+        return self._lease.holder
+
+    # --- from the wire ----------------------------------------------------------------------------
+
+    def receive(
+        self, peer: bytes, frame: bytes, now: float, user: str | None = None
+    ) -> list[Action]:
+        """Deals with one frame; never raises because of what is in it.
+
+        Args:
+            peer: Where it came from, and where answers go.
+            frame: One frame as it came.
+            now: Transport clock, s.
+            user: Who sent it, where the transport knows.
+        """
+        try:
+            request = parse_request(decode(frame))
+        except RemoteProtocolError as error:
+            return [self.complain(peer, error)]
+        try:
+            self._authorise(user, request)
+            if isinstance(request, Hello):
+                return [self._hello(peer, request, now, user)]
+            if isinstance(request, Stop):
+                return [self._submit(request, Outcome.of(request, peer))]
+            assert isinstance(request, SessionRequest)
+            client = self._clients.find(request.client, session=request.session, user=user)
+            self._lease.hear(client.name, now)
+            if isinstance(request, Heartbeat):
+                status = self._view().status(request.id, self._lease.holder)
+                return [_send(peer, status)]
+            return self._numbered(client, peer, request, now)
+        except RobotError as error:
+            self._on_refusal(request, error)
+            return [_send(peer, ErrorReply.of(error, request_id=request.id))]
+
+    def complain(self, peer: bytes, error: RemoteProtocolError) -> Send:
+        """Counts a frame that was no valid request, and answers it."""
+        self.garbage += 1
+        kind = ERROR_CODES[error.code]
+        reply = ErrorReply(
+            id=error.request_id,
+            code=error.code,
+            message=str(error)[:MAX_TEXT],
+            advice=kind.advice,
+            retryable=kind.retryable,
+        )
+        return _send(peer, reply)
+
+    def tick(self, now: float) -> list[Action]:
+        """Deals with the passing of time, given on the transport clock, s."""
+        actions: list[Action] = []
+        holder = self._lease.holder or ""
+        for lapse in self._lease.lapse(now):
+            if lapse is Lapse.SILENT:
+                actions.append(
+                    Silence("The controller was silent for too long; the robot holds its pose.")
+                )
+            else:
+                reason = f"{self._clients.name_of(holder)} was silent for {EXPIRY:g} s"
+                actions.append(ControllerChanged(None, reason))
+        return actions
+
+    def review(self, role_of: RoleOf) -> list[Action]:
+        """Takes from clients what their users may no longer have; for when that has changed.
+
+        Args:
+            role_of: The role of a user now; ``None``: it is nobody any more.
+        """
+        actions: list[Action] = []
+        for client in self._clients:
+            role = role_of(client.user)
+            if client.name == self._lease.holder and role is not Role.CONTROLLER:
+                reason = f"the key of {self._clients.name_of(client.name)} may no longer control it"
+                actions += self._let_go(
+                    reason, "The controller's key may no longer control the robot"
+                )
+            if role is None:
+                self._clients.forget(client)
+        return actions
+
+    # --- from the robot ---------------------------------------------------------------------------
+
+    def accept(self, ticket: int) -> list[Send]:
+        """The robot took a request on."""
+        outcome = self._in_flight[ticket]
+        request = outcome.request
+        assert request is not None
+        outcome.progress = encode(Accepted(id=request.id).to_map())
+        told = isinstance(request, _TAKES_LONG)
+        return _to(outcome, outcome.progress) if told else []
+
+    def progress(self, event: Progressed) -> list[Send]:
+        """A motion went on."""
+        outcome = self._in_flight[event.ticket]
+        request = outcome.request
+        assert request is not None
+        message = Progress(
+            id=request.id,
+            phase=event.phase,
+            fraction=event.fraction,
+            robot_time=event.robot_time,
+        )
+        outcome.progress = encode(message.to_map())
+        return _to(outcome, outcome.progress)
+
+    def finish(self, event: Finished) -> list[Send]:
+        """A request ended, well or not.
+
+        Raises:
+            ValueError: The reply carries another id than its request: a bug of the robot.
+        """
+        outcome = self._in_flight[event.ticket]
+        request = outcome.request
+        assert request is not None
+        if event.reply.id != request.id:
+            raise ValueError(f"request {request.id} was answered with id {event.reply.id}")
+        del self._in_flight[event.ticket]
+        return _end(outcome, event.reply)
+
+    def publication(self) -> bytes:
+        """The telemetry frame of this moment."""
+        message = self._view().telemetry(self._capabilities.robot, self._lease.holder)
+        return encode(message.to_map())
+
+    # --- requests ---------------------------------------------------------------------------------
+
+    def _hello(self, peer: bytes, request: Hello, now: float, user: str | None) -> Send:
+        if PROTOCOL_VERSION not in request.versions:
+            raise RobotError(
+                "unsupported_version",
+                f"Version {PROTOCOL_VERSION} is spoken here, not {list(request.versions)}.",
+            )
+        client = self._clients.welcome(
+            request.client, user=user, software=request.software, keep=self._lease.holder
+        )
+        self._lease.hear(client.name, now)
+        reply = Welcome(
+            id=request.id,
+            version=PROTOCOL_VERSION,
+            session=client.session,
+            robot_time=self._view().robot_time,
+            capabilities=self._capabilities,
+        )
+        return _send(peer, reply)
+
+    def _numbered(
+        self, client: Client, peer: bytes, request: SessionRequest, now: float
+    ) -> list[Action]:
+        outcome = client.recall(request)
+        if outcome is not None:  # a retry: the answers go to where it came from
+            outcome.peer = peer
+            frame = outcome.reply or outcome.progress
+            return [Send(peer, frame)] if frame is not None else []
+        outcome = client.begin(request, peer)
+        try:
+            if isinstance(request, NEEDS_LEASE):
+                self._needs_lease(client)
+            if isinstance(request, Read):
+                self._needs_room(client)
+            if isinstance(request, Perform):
+                check_targets(self._capabilities.joints, request.targets)
+            if isinstance(request, Acquire):
+                return self._acquire(client, outcome, now)
+            if isinstance(request, Release):
+                return self._release(outcome)
+            assert isinstance(request, Perform | Read | Hold | Relax | Clear)
+            return [self._submit(request, outcome)]
+        except RobotError as error:
+            self._on_refusal(request, error)
+            return [*_end(outcome, ErrorReply.of(error, request_id=request.id))]
+
+    def _needs_room(self, client: Client) -> None:
+        """Keeps those who only watch from filling the robot's queue."""
+        if client.user is None or client.name == self._lease.holder:
+            return
+        if self._clients.under_way(client.user) > MAX_READS:  # this one counts already
+            raise RobotError("busy", f"{MAX_READS} requests with this key are under way already.")
+
+    def _needs_lease(self, client: Client) -> None:
+        if self._lease.holder == client.name:
+            return
+        if self._lease.holder is None:
+            raise RobotError("not_controller", "This client does not control the robot.")
+        raise RobotError(
+            "not_controller",
+            f"{self._clients.name_of(self._lease.holder)} controls the robot, not this client.",
+        )
+
+    def _acquire(self, client: Client, outcome: Outcome, now: float) -> list[Action]:
+        holder = self._lease.holder
+        if holder not in (None, client.name):
+            raise RobotError("held", f"{self._clients.name_of(holder)} holds the robot.")
+        self._lease.take(client.name, now)
+        reason = f"{self._clients.name_of(client.name)} acquired it"
+        changed: list[Action] = [ControllerChanged(client.name, reason)] if holder is None else []
+        return [*changed, *_end(outcome, self._ok(outcome))]
+
+    def _release(self, outcome: Outcome) -> list[Action]:
+        assert outcome.request is not None
+        reason = f"{self._clients.name_of(outcome.request.client)} released it"
+        released = self._let_go(reason, "The controller released the robot in mid-motion")
+        return [*released, *_end(outcome, self._ok(outcome))]
+
+    def _let_go(self, reason: str, cause: str) -> list[Action]:
+        moving = any(isinstance(other.request, Perform) for other in self._in_flight.values())
+        self._lease.free()
+        unsteered: list[Action] = [Silence(f"{cause}; it holds its pose.")] if moving else []
+        return [*unsteered, ControllerChanged(None, reason)]
+
+    def _ok(self, outcome: Outcome) -> Ok:
+        assert outcome.request is not None
+        return Ok(id=outcome.request.id, state=self._view().state.value)
+
+    def _submit(self, request: RobotRequest, outcome: Outcome) -> Submit:
+        ticket = next(self._tickets)
+        self._in_flight[ticket] = outcome
+        return Submit(ticket, request)
+
+
+def _send(peer: bytes, message: Message) -> Send:
+    return Send(peer, encode(message.to_map()))
+
+
+def _end(outcome: Outcome, reply: Message) -> list[Send]:
+    frame = encode(reply.to_map())
+    outcome.end(frame)
+    return _to(outcome, frame)
+
+
+def _to(outcome: Outcome, frame: bytes) -> list[Send]:
+    return [Send(outcome.peer, frame)] if outcome.peer is not None else []

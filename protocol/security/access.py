@@ -1,0 +1,112 @@
+"""Who may do what right now: the list of known clients, read anew whenever it has changed.
+
+ZeroMQ asks about a key only when a connection is made, so a connection says nothing about whether
+its key is still welcome. Every request is therefore checked against the list as it is at that
+moment. A list that cannot be read any more lets nobody do anything but stop the robot.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Mapping
+from typing import Final
+
+from protocol.errors import KeysError, RobotError
+from protocol.rules.roles import MAY, Role
+from protocol.security.keys import ROBOT, KeyDirectory, Known
+from protocol.wire.messages import Heartbeat, Hello, Request, Stop
+
+_MEND: Final = "Ask the robot's owner to mend it."
+_STOPPING: Final = (Hello, Heartbeat, Stop)  # what it takes to stop the robot with our client
+_AGAIN: Final = 0.5  # s between two looks at a list that cannot be read
+
+
+class Access:
+    """The clients that a key directory knows, by key.
+
+    Args:
+        keys: The robot's key directory.
+        log: Where to write that the list changed, or cannot be read.
+
+    Attributes:
+        version: Grows with each change of the list.
+
+    Raises:
+        KeysError: The list cannot be read.
+    """
+
+    def __init__(self, keys: KeyDirectory, log: logging.Logger):
+        self._keys = keys
+        self._log = log
+        self._stamp = keys.stamp()
+        self._listed = bool(self._stamp)  # an editor may move the list away for a moment
+        self._known = self._read()
+        self._flaw: str | None = None
+        self._look_at = math.inf  # monotonic, s; finite while there is a flaw
+        self.version = 0
+        if not self._known:
+            log.warning("no client is known in %s: nobody can connect", keys.path)
+
+    def refresh(self) -> int:
+        """Reads the list again if it has changed; returns ``version``."""
+        stamp = self._keys.stamp()
+        if stamp == self._stamp and time.monotonic() < self._look_at:
+            return self.version
+        self._stamp = stamp
+        try:
+            known = self._read()
+        except KeysError as error:
+            if self._flaw != str(error):
+                self._log.error("%s Until it is mended, clients may only stop the robot.", error)
+                self.version += 1
+            self._flaw = str(error)
+            self._look_at = time.monotonic() + _AGAIN
+            return self.version
+        if known != self._known or self._flaw is not None:
+            names = ", ".join(f"{person.name} ({person.role})" for person in known.values())
+            self._log.info("the list of clients has changed: %s", names or "nobody")
+            self.version += 1
+        self._known, self._flaw, self._listed = known, None, bool(stamp)
+        self._look_at = math.inf
+        return self.version
+
+    def admits(self, key: str) -> bool:
+        """Whether somebody with this key may connect."""
+        self.refresh()
+        return key in self._known
+
+    def role_of(self, user: str | None) -> Role | None:
+        """The role of whoever has this key; a list that cannot be read makes nobody controller."""
+        found = self._known.get(user or "")
+        if found is None:
+            return None
+        return Role(found.role) if self._flaw is None else Role.VIEWER
+
+    def authorise(self, user: str | None, request: Request) -> None:
+        """Refuses a request that the user's role does not allow.
+
+        Args:
+            user: The key with which the connection was made.
+            request: What it asks.
+
+        Raises:
+            RobotError: ``unauthorised``.
+        """
+        self.refresh()
+        found = self._known.get(user or "")
+        if found is None:
+            raise RobotError("unauthorised", "The robot does not know this key (any more).")
+        if self._flaw is not None and not isinstance(request, _STOPPING):
+            raise RobotError(
+                "unauthorised", "The robot cannot read its list of clients.", advice=_MEND
+            )
+        if request.TYPE not in MAY[Role(found.role)]:
+            raise RobotError(
+                "unauthorised", f"{found.name} is a {found.role} here and may not {request.TYPE}."
+            )
+
+    def _read(self) -> Mapping[str, Known]:
+        known = self._keys.known(must_exist=self._listed)
+        return {person.public: person for person in known if person.role != ROBOT}

@@ -1,0 +1,304 @@
+"""Key directories: who this computer is, and whom it knows.
+
+A key directory looks the same on a robot and on a workstation::
+
+    secret.toml    this computer's own pair of keys; only its owner may read it (0600)
+    NAME.public    the public half, to be given away
+    known.toml     whom this computer knows, by name: clients of this robot with their roles
+                   (viewer, controller), and the robot that this computer controls (robot)
+
+Keys are CURVE25519 keys in Z85, 40 characters, as ZeroMQ takes them. ``robotd keys`` makes and
+changes all three files.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import secrets
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import zmq
+from zmq.utils import z85
+
+from protocol.errors import KeysError
+from protocol.rules.roles import Role
+from protocol.security.key_files import check_private, read_toml
+
+ROBOT: Final = "robot"
+"""What ``known.toml`` calls the robot that a computer controls."""
+
+ROLES: Final = (*(role.value for role in Role), ROBOT)
+
+_SECRET: Final = "secret.toml"
+_KNOWN: Final = "known.toml"
+_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+_SECRET_HEAD: Final = "# Who this computer is. Never give this file away: whoever has it, is it.\n"
+_PUBLIC_HEAD: Final = "# A public key, no secret; whoever is to know it says: robotd keys add.\n"
+_KNOWN_HEAD: Final = (
+    "# Whom this computer knows. `robotd keys add` and `robotd keys remove` change this file; a\n"
+    "# running robot takes changes up at once.\n"
+)
+
+
+class KeyPair(NamedTuple):
+    """A public and a secret key, in Z85."""
+
+    public: str
+    secret: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClientKeys:
+    """What a client needs: who it is, and the robot it means."""
+
+    own: KeyPair
+    robot: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """Somebody who is known; ``role`` is one of ``ROLES``."""
+
+    name: str
+    public: str
+    role: str
+
+
+class KeyDirectory:
+    """A key directory; nothing is read before it is asked for.
+
+    All methods raise ``KeysError`` where a file is missing, wrong, another user's, or open to
+    others.
+
+    Args:
+        path: The directory.
+        tended: Root looks after the directory of another user, as ``robotd keys`` may; otherwise
+            it has to belong to whoever uses it, or to root.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, tended: bool = False):
+        self.path = Path(path).expanduser()
+        self._tended = tended
+
+    def create(self, name: str) -> Path:
+        """Makes this computer's pair of keys.
+
+        Args:
+            name: How others will call it.
+
+        Returns:
+            The file with the public key, to be given away.
+        """
+        check_name(name)
+        try:
+            self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        except OSError as error:
+            raise KeysError(f"{self.path} cannot be made: {error.strerror}.") from None
+        with self._locked():
+            if self._file(_SECRET).exists():
+                raise KeysError(
+                    f"{self._file(_SECRET)} exists: with a new key, nobody would know this "
+                    "computer any more. Delete it first, if that is meant."
+                )
+            pair = KeyPair(*(key.decode() for key in zmq.curve_keypair()))
+            shared = self._file(f"{name}.public")
+            self._write(_SECRET, _SECRET_HEAD + _lines(public=pair.public, secret=pair.secret))
+            self._write(shared.name, _PUBLIC_HEAD + _lines(name=name, public=pair.public), 0o644)
+        return shared
+
+    def pair(self) -> KeyPair:
+        """This computer's own keys."""
+        place = self._file(_SECRET)
+        found = self._read(
+            place, closed=0o077, advice=f"make it with: robotd keys new --keys {self.path}"
+        )
+        pair = KeyPair(*(_key_of(found, name, place) for name in KeyPair._fields))
+        if zmq.curve_public(pair.secret.encode()) != pair.public.encode():
+            raise KeysError(f"{place}: the two keys do not belong together.")
+        return pair
+
+    def known(self, *, must_exist: bool = False) -> tuple[Known, ...]:
+        """Whom this computer knows; nobody where there is no list yet, unless it must exist."""
+        place = self._file(_KNOWN)
+        if not must_exist and not place.exists():
+            return ()
+        found = self._read(place, closed=0o022)
+        people = tuple(_known_of(name, entry, place) for name, entry in found.items())
+        if len({person.public for person in people}) != len(people):
+            raise KeysError(f"{place}: two names have the same key; remove one of them.")
+        return people
+
+    def client_keys(self) -> ClientKeys:
+        """What a client of the one robot that is known here needs."""
+        robots = [person for person in self.known() if person.role == ROBOT]
+        if not robots:
+            raise KeysError(
+                f"{self.path} knows no robot: get the robot's .public file from its owner, then "
+                f"say robotd keys add FILE --role robot --keys {self.path}"
+            )
+        if len(robots) > 1:
+            names = ", ".join(person.name for person in robots)
+            raise KeysError(
+                f"{self.path} knows more than one robot ({names}): keep a directory for each."
+            )
+        return ClientKeys(own=self.pair(), robot=robots[0].public)
+
+    def add(self, person: Known) -> None:
+        """Adds somebody to the known."""
+        check_name(person.name)
+        check_key(person.public, "the key")
+        if person.role not in ROLES:
+            raise KeysError(f"There is no role {person.role!r}: choose {', '.join(ROLES)}.")
+        with self._locked():
+            people = self.known()
+            for other in people:
+                if other.name == person.name:
+                    raise KeysError(f"{person.name} is known here already: remove it first.")
+                if other.public == person.public:
+                    raise KeysError(f"This key is known here already, as {other.name}.")
+            self._write_known((*people, person))
+
+    def remove(self, name: str) -> None:
+        """Removes somebody from the known; a robot that runs shuts its door at once."""
+        with self._locked():
+            people = self.known()
+            rest = tuple(person for person in people if person.name != name)
+            if len(rest) == len(people):
+                names = ", ".join(person.name for person in people) or "nobody"
+                raise KeysError(f"{name!r} is not known in {self.path}; known: {names}.")
+            self._write_known(rest)
+
+    def stamp(self) -> tuple[int, ...]:
+        """Changes whenever the list of the known does; cheap, raises nothing."""
+        try:
+            found, around = os.stat(self._file(_KNOWN)), os.stat(self.path)
+        except OSError:
+            return ()
+        changes = found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size
+        return *changes, around.st_mode, around.st_uid
+
+    # --- files ------------------------------------------------------------------------------------
+
+    def _file(self, name: str) -> Path:
+        return self.path / name
+
+    def _read(self, place: Path, *, closed: int, advice: str = "") -> dict[str, Any]:
+        """A file of this directory, once nobody else can have changed either."""
+        try:
+            around = os.stat(self.path)
+        except OSError:
+            return read_toml(place, advice=advice)  # which says what is missing
+        owners = self._check_directory(around)
+        return read_toml(place, owners=owners, closed=closed, advice=advice)
+
+    def _check_directory(self, state: os.stat_result) -> frozenset[int]:
+        """The users whose files are believed here."""
+        owners = frozenset({os.geteuid(), 0})
+        if self._tended and os.geteuid() == 0:
+            owners |= {state.st_uid}
+        check_private(self.path, state, owners=owners, closed=0o022)
+        return owners
+
+    def _write_known(self, people: tuple[Known, ...]) -> None:
+        entries = (
+            f"\n[{person.name}]\n" + _lines(public=person.public, role=person.role)
+            for person in people
+        )
+        self._write(_KNOWN, _KNOWN_HEAD + "".join(entries))
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Lets one change of the directory happen at a time."""
+        try:
+            handle = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
+        except OSError as error:
+            raise KeysError(f"{self.path} cannot be opened: {error.strerror}.") from None
+        try:
+            self._check_directory(os.fstat(handle))
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(handle)
+
+    def _write(self, name: str, text: str, mode: int = 0o600) -> None:
+        """Replaces a file in one step; it belongs to whom the directory belongs."""
+        try:
+            new = self._file(f".{name}.{secrets.token_hex(4)}")
+            handle = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            try:
+                with open(handle, "w", encoding="utf-8") as file:
+                    os.fchmod(handle, mode)
+                    if os.geteuid() == 0:  # root writes for the daemon's user, who has to read it
+                        owner = os.stat(self.path)
+                        os.fchown(handle, owner.st_uid, owner.st_gid)
+                    file.write(text)
+                    file.flush()
+                    os.fsync(handle)
+                os.replace(new, self._file(name))
+            except BaseException:
+                with suppress(OSError):
+                    os.unlink(new)
+                raise
+        except OSError as error:
+            raise KeysError(f"{self._file(name)} cannot be written: {error.strerror}.") from None
+
+
+def read_public(place: Path) -> tuple[str, str]:
+    """Name and key in a file that somebody gave away.
+
+    Raises:
+        KeysError: It is no such file.
+    """
+    found = read_toml(place)
+    name = found.get("name")
+    if not isinstance(name, str):
+        raise KeysError(f"{place}: 'name' is missing; is it the .public file of `robotd keys new`?")
+    check_name(name)
+    return name, _key_of(found, "public", place)
+
+
+def check_name(name: str) -> None:
+    """Raises ``KeysError`` for what cannot be a name."""
+    if not _NAME.fullmatch(name):
+        raise KeysError(
+            f"{name!r:.80} cannot be a name: take 1 to 64 letters, digits, hyphens and underscores."
+        )
+
+
+def check_key(key: str, what: str) -> None:
+    """Raises ``KeysError`` for what is no key in Z85; ``what`` names it in the sentence."""
+    with suppress(ValueError, KeyError, struct.error):  # all that the decoder's arithmetic raises
+        if len(key) == 40 and z85.decode(key.encode("ascii")):
+            return
+    raise KeysError(f"{what} is no key: a key has 40 characters of the alphabet Z85.")
+
+
+def _lines(**entries: str) -> str:
+    # Neither Z85 nor a name holds a quotation mark or a backslash.
+    return "".join(f'{key} = "{value}"\n' for key, value in entries.items())
+
+
+def _key_of(found: Mapping[str, Any], name: str, place: Path) -> str:
+    key = found.get(name)
+    if not isinstance(key, str):
+        raise KeysError(f"{place}: '{name}' is missing.")
+    check_key(key, f"{place}: '{name}'")
+    return key
+
+
+def _known_of(name: str, entry: Any, place: Path) -> Known:
+    check_name(name)
+    if not isinstance(entry, dict):
+        raise KeysError(f"{place}: [{name}] must be a table with public and role.")
+    role = entry.get("role")
+    if role not in ROLES:
+        raise KeysError(f"{place}: [{name}] has the role {role!r:.60}; write {', '.join(ROLES)}.")
+    return Known(name=name, public=_key_of(entry, "public", place), role=role)

@@ -1,0 +1,261 @@
+"""One TCP connection, and the ZeroMQ socket of its own that speaks on it.
+
+Bytes go from TCP through a Unix-domain socket into ZeroMQ, and back. So every peer has a ZeroMQ
+socket to itself: an identity that it claims meets no other, and what it sends is counted before
+ZeroMQ keeps it, which knows no bound for a message of many parts.
+"""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Final, TypeAlias
+
+import zmq
+
+from protocol.sockets.framing import FrameCounter
+
+_CHUNK: Final = 8192  # bytes on their way to the peer in one turn
+FRAME_COST: Final = 64
+"""What ZeroMQ keeps for a frame besides its bytes, however short it is."""
+
+Callback: TypeAlias = Callable[["Connection"], None]
+
+
+class Connection:
+    """A connection; for the thread that polls the selector.
+
+    Args:
+        number: Its name, which no other connection has or had.
+        peer: Where it comes from, for people.
+        selector: Where it registers what it waits for; its owner calls what is registered.
+        tcp: The connection, accepted.
+        pipe: The near end of the Unix-domain socket.
+        wire: The ZeroMQ socket at its far end.
+        chunk: Bytes from the peer that one turn takes at most.
+        on_signal: Called when ``receive`` may have something to say.
+        on_bytes: Called when ``held`` has grown.
+
+    Attributes:
+        number: As above; ``peer``, too.
+        user: Whose key it was made with, once a message has shown that.
+        proven: Whether a message has come; with keys, somebody who is known sent it then.
+        heard: When the last message came, monotonic, s; at first, when it was accepted.
+        held: What ZeroMQ may keep for it: bytes since the last message, and the cost of frames.
+        received: Bytes of all messages so far.
+        waiting: Whether the owner has yet to call ``receive``; nothing more is read until then.
+        ended: Whether ``receive`` returns what is left and then nothing any more.
+        closed: Whether ``close`` was called.
+    """
+
+    def __init__(
+        self,
+        number: bytes,
+        peer: str,
+        selector: selectors.BaseSelector,
+        *,
+        tcp: socket.socket,
+        pipe: socket.socket,
+        wire: zmq.Socket[bytes],
+        chunk: int,
+        on_signal: Callback,
+        on_bytes: Callback,
+    ):
+        self.number = number
+        self.peer = peer
+        self.user: str | None = None
+        self.proven = False
+        self.heard = time.monotonic()
+        self.held = 0
+        self.received = 0
+        self.waiting = False
+        self.ended = False
+        self.closed = False
+        self._selector = selector
+        self._tcp = tcp
+        self._pipe = pipe
+        self._wire = wire
+        self._is_router = wire.type == zmq.ROUTER
+        self._chunk = chunk
+        self._on_signal = on_signal
+        self._on_bytes = on_bytes
+        self._identity: list[bytes] = []  # what a ROUTER calls its only peer
+        self._frames = FrameCounter()
+        self._up = b""  # on its way to ZeroMQ
+        self._down = b""  # on its way to the peer
+        self._hung_up = False  # by the peer
+        self._watched: dict[socket.socket, int] = {}
+        tcp.setblocking(False)
+        pipe.setblocking(False)
+        self._signal = int(wire.getsockopt(zmq.FD))
+        selector.register(self._signal, selectors.EVENT_READ, self._signalled)
+        self._watch()
+
+    def receive(self) -> Sequence[zmq.Frame] | None:
+        """The parts of the next message; ``None``: there is none now."""
+        if self.closed:
+            return None
+        try:
+            parts = self._wire.recv_multipart(zmq.NOBLOCK, copy=False)
+        except zmq.Again:
+            return None
+        self.proven = True
+        self.heard = time.monotonic()
+        self.held = 0
+        if self._is_router:
+            self._identity = [parts.pop(0).bytes]
+        self.received += sum(map(len, parts))
+        return parts
+
+    def send(self, parts: Sequence[bytes]) -> None:
+        """Sends a message; drops it where the peer does not read."""
+        if self.closed:
+            return
+        with suppress(zmq.Again):  # it will ask again
+            self._wire.send_multipart([*self._identity, *parts], zmq.NOBLOCK)
+        self._on_signal(self)  # sending may have used up the signal of a message that came
+
+    def close(self, linger: int = 0) -> None:
+        """Ends it; with a linger, ms, call ``flush`` then."""
+        if self.closed:
+            return
+        self.closed = True
+        self._selector.unregister(self._signal)
+        self._watch()
+        self._wire.close(linger)
+        if not linger:
+            self._pipe.close()
+            self._tcp.close()
+
+    def flush(self, seconds: float) -> None:
+        """Hands on what ZeroMQ still sends, for at most so long at a time, and ends."""
+        with self._pipe, self._tcp:
+            try:
+                for end in (self._pipe, self._tcp):
+                    end.settimeout(seconds)
+                self._tcp.sendall(self._down)
+                while chunk := self._pipe.recv(_CHUNK):
+                    self._tcp.sendall(chunk)
+            except OSError:
+                return  # too late, or nobody is there any more
+
+    # --- bytes ------------------------------------------------------------------------------------
+
+    def _signalled(self, mask: int) -> None:
+        del mask
+        if not self.closed:
+            self._on_signal(self)
+
+    def _on_tcp(self, mask: int) -> None:
+        if self.closed or self._hung_up:
+            return
+        if mask & selectors.EVENT_WRITE:
+            self._hand_down()
+        if mask & selectors.EVENT_READ and not (self.waiting or self._hung_up):
+            try:
+                self._take(self._tcp.recv(self._chunk))
+            except BlockingIOError:
+                pass
+            except OSError:  # reset
+                self._hang_up()
+        self._watch()
+
+    def _on_pipe(self, mask: int) -> None:
+        if self.closed or self.ended:
+            return
+        if mask & selectors.EVENT_WRITE:
+            self._hand_up()
+        if mask & selectors.EVENT_READ and not self.ended:
+            try:
+                self._give(self._pipe.recv(_CHUNK))
+            except BlockingIOError:
+                pass
+            except OSError:  # ZeroMQ closed its end with something unread
+                self._end()
+        self._watch()
+
+    def _take(self, chunk: bytes) -> None:
+        """Bytes from the peer."""
+        if not chunk:
+            self._hang_up()
+            return
+        try:
+            frames = self._frames.count(chunk)
+        except ValueError:
+            self._end()
+            return
+        self.held += len(chunk) + FRAME_COST * frames
+        self._up = chunk
+        self._hand_up()
+        self._on_bytes(self)
+
+    def _hand_up(self) -> None:
+        try:
+            self._up = self._up[self._pipe.send(self._up) :]
+        except BlockingIOError:
+            return
+        except OSError:
+            self._end()
+            return
+        if self._hung_up and not self._up:
+            self._shut()
+
+    def _give(self, chunk: bytes) -> None:
+        """Bytes from ZeroMQ."""
+        if not chunk:
+            self._end()
+            return
+        if not self._hung_up:
+            self._down = chunk
+            self._hand_down()
+
+    def _hand_down(self) -> None:
+        try:
+            self._down = self._down[self._tcp.send(self._down) :]
+        except BlockingIOError:
+            return
+        except OSError:  # reset
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        """The peer is gone; what it has sent still counts."""
+        self._hung_up = True
+        self._down = b""
+        if not self._up:
+            self._shut()
+
+    def _shut(self) -> None:
+        """Tells ZeroMQ that the peer sends nothing more."""
+        with suppress(OSError):  # it has closed its end
+            self._pipe.shutdown(socket.SHUT_WR)
+
+    def _end(self) -> None:
+        """ZeroMQ is through with the peer."""
+        self.ended = True
+        self._on_signal(self)
+
+    def _watch(self) -> None:
+        """Registers what it waits for."""
+        read, write = selectors.EVENT_READ, selectors.EVENT_WRITE
+        tcp = pipe = 0
+        if not (self.closed or self.ended):
+            pipe = (0 if self._down else read) | (write if self._up else 0)
+            if not self._hung_up:
+                tcp = (0 if self._up else read) | (write if self._down else 0)
+        self._watch_one(self._tcp, tcp, self._on_tcp)
+        self._watch_one(self._pipe, pipe, self._on_pipe)
+
+    def _watch_one(self, end: socket.socket, mask: int, call: Callable[[int], None]) -> None:
+        before = self._watched.get(end, 0)
+        self._watched[end] = mask
+        if mask == before:
+            return
+        if not mask:
+            self._selector.unregister(end)
+        elif not before:
+            self._selector.register(end, mask, call)
+        else:
+            self._selector.modify(end, mask, call)

@@ -1,0 +1,126 @@
+"""How this project's ZeroMQ sockets are made: bounded, with or without keys."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+import zmq
+
+from protocol.errors import EndpointError
+from protocol.security.keys import ClientKeys, KeyPair
+from protocol.sockets.endpoints import DEFAULT_BIND, Endpoint
+from protocol.wire.codec import MAX_MESSAGE
+
+_ZAP_DOMAIN: Final = b"bodyschema"
+_OUTGOING: Final = 256  # frames that may wait for a slow peer, then some are dropped
+_INCOMING: Final = 16  # frames of one peer that may wait for us; then its TCP connection stalls
+_HANDSHAKE: Final = 10_000  # ms in which a connection must show that it speaks ZeroMQ, with a key
+_NEVER: Final = 3_600_000  # ms; -1 would throw away what has come before the end of a connection
+
+
+def permitted(uri: str, *, keys: bool, insecure: bool) -> Endpoint:
+    """The place to bind to, if that is safe.
+
+    Args:
+        uri: ``tcp://host:port``.
+        keys: Whether only those with a key can connect.
+        insecure: Whether a person wants it all the same.
+
+    Raises:
+        EndpointError: Anybody on other computers could move the robot.
+    """
+    place = Endpoint.parse(uri)
+    if not (place.is_loopback or keys or insecure):
+        raise EndpointError(
+            f"Other computers can reach {place}, and without keys anybody there could move the "
+            f"robot: give --keys DIR, bind to {DEFAULT_BIND}, or say --insecure."
+        )
+    return Endpoint("127.0.0.1", place.port) if place.host == "localhost" else place
+
+
+def serving(
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, pair: KeyPair | None, peer: str
+) -> zmq.Socket[bytes]:
+    """A socket that speaks to one peer, not connected yet.
+
+    Args:
+        context: Its context; with keys, a ``Gate`` must stand there already.
+        kind: ROUTER or XPUB.
+        pair: The keys to ask for and to answer with; ``None``: everybody may connect.
+        peer: Where the peer comes from, for the ``Gate``.
+    """
+    options: dict[int, Any] = {
+        zmq.SNDHWM: _OUTGOING,
+        zmq.RCVHWM: _INCOMING,
+        zmq.HANDSHAKE_IVL: _HANDSHAKE,
+        zmq.RECONNECT_IVL: _NEVER,
+        zmq.ROUTING_ID: peer.encode(),
+    }
+    if kind == zmq.XPUB:
+        options[zmq.XPUB_VERBOSER] = 1
+    if pair is not None:
+        options |= {
+            zmq.CURVE_SERVER: 1,
+            zmq.CURVE_SECRETKEY: pair.secret.encode(),
+            zmq.ZAP_DOMAIN: _ZAP_DOMAIN,
+            zmq.ZAP_ENFORCE_DOMAIN: 1,  # without an answer from the gate, nobody comes in
+        }
+    return _made(context, kind, options)
+
+
+def connected(
+    context: zmq.Context[zmq.Socket[bytes]],
+    kind: int,
+    uri: str,
+    keys: ClientKeys | None,
+    options: Mapping[int, Any],
+) -> zmq.Socket[bytes]:
+    """A connecting socket; a wrong address is noticed at once, a wrong key is not.
+
+    Args:
+        context: Its context.
+        kind: DEALER or SUB.
+        uri: ``tcp://host:port``.
+        keys: Who connects, and to which robot; ``None``: to one without keys.
+        options: More socket options.
+
+    Raises:
+        EndpointError: The address cannot be connected to.
+    """
+    place = Endpoint.parse(uri)
+    made = unconnected(context, kind, place, keys, options)
+    try:
+        made.connect(str(place))
+    except zmq.ZMQError as error:
+        made.close()
+        raise EndpointError(f"Cannot connect to {place}: {error.strerror}.") from None
+    return made
+
+
+def unconnected(
+    context: zmq.Context[zmq.Socket[bytes]],
+    kind: int,
+    place: Endpoint,
+    keys: ClientKeys | None,
+    options: Mapping[int, Any],
+) -> zmq.Socket[bytes]:
+    """What ``connected`` makes, before it connects."""
+    if keys is not None:
+        options = dict(options) | {
+            zmq.CURVE_SERVERKEY: keys.robot.encode(),
+            zmq.CURVE_PUBLICKEY: keys.own.public.encode(),
+            zmq.CURVE_SECRETKEY: keys.own.secret.encode(),
+        }
+    return _made(context, kind, {zmq.IPV6: int(place.is_ipv6), **options})
+
+
+def _made(
+    context: zmq.Context[zmq.Socket[bytes]], kind: int, options: Mapping[int, Any]
+) -> zmq.Socket[bytes]:
+    made: zmq.Socket[bytes] = context.socket(kind)
+    made.setsockopt(zmq.LINGER, 0)
+    made.setsockopt(zmq.MAXMSGSIZE, MAX_MESSAGE)
+    for option, value in options.items():
+        made.setsockopt(option, value)
+    return made

@@ -1,0 +1,337 @@
+"""``RobotClient``: a robot, as a program that controls it sees it."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeAlias, TypeVar
+
+import zmq
+
+from protocol.errors import (
+    BodyschemaError,
+    RemoteProtocolError,
+    RobotRestartedError,
+    RobotUnreachableError,
+)
+from protocol.rules.client_core import FIRST_LOOSE_ID, Call, Dialogue
+from protocol.security.keys import ClientKeys, KeyDirectory
+from protocol.sockets.closable import Closing
+from protocol.sockets.endpoints import Endpoint
+from protocol.transport.client_thread import Link
+from protocol.transport.connection_probe import probe
+from protocol.wire.capabilities import Capabilities
+from protocol.wire.declaration import Message
+from protocol.wire.messages import (
+    FINAL_REPLIES,
+    PROTOCOL_VERSION,
+    Acquire,
+    Clear,
+    Heartbeat,
+    Hello,
+    Hold,
+    Observation,
+    Ok,
+    Perform,
+    Progress,
+    Read,
+    Relax,
+    Release,
+    Request,
+    SessionRequest,
+    Status,
+    Stop,
+    Welcome,
+)
+
+OnProgress: TypeAlias = Callable[[Progress], None]
+R = TypeVar("R", bound=Message)
+
+_FAREWELL: Final = 1.0  # s that close waits for its release to be answered
+_LOOK_CLOSER: Final = 1.0  # s in which to find out why nobody answers
+
+
+class RobotClient(Closing):
+    """A connection to a robot, with a session.
+
+    Use it as a context manager: leaving it gives control back. Every method may be called from any
+    thread; ``stop`` and ``hold`` also while another thread waits in ``perform``. Ctrl-C ends the
+    wait; the robot then holds its pose as soon as the client is closed.
+
+    All methods that ask the robot raise ``RobotError`` where it answers with an error,
+    ``RobotUnreachableError`` where it does not answer for ``timeout``, and ``RobotRestartedError``
+    where it no longer knows the session: then ``hello`` opens another, and nothing is repeated
+    unasked.
+
+    Args:
+        uri: Where the robot is, ``tcp://host:port``.
+        client_id: Who is asking, the same over all starts of a program; default: a new UUID.
+        timeout: Seconds without a word from the robot after which to give up. Motions may take
+            longer: the robot is asked about them in between.
+        next_id: The first request id to use; above all ids that this client id has used before.
+        resume_session: The session that earlier requests were made in, to learn whether the robot
+            still knows them (``restarted``).
+        software: Name and version of the program, for people.
+        keys: The key directory, where the robot asks for keys: see ``protocol.security.keys``.
+        on_progress: Called in the waiting thread with each progress of a motion.
+        context: ZeroMQ context; default: its own.
+        clock: The transport clock, s.
+
+    Raises:
+        EndpointError: ``uri`` is no address.
+        KeysError: The key directory cannot be used.
+        RobotUnreachableError: Nothing answers there, or the keys do not fit; it says which.
+        RobotError: ``unsupported_version``, ``too_many_clients`` or ``unauthorised``.
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        *,
+        client_id: str | None = None,
+        timeout: float = 10.0,
+        next_id: int = 1,
+        resume_session: str | None = None,
+        software: str = "bodyschema",
+        keys: str | os.PathLike[str] | None = None,
+        on_progress: OnProgress | None = None,
+        context: zmq.Context[zmq.Socket[bytes]] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._uri = str(Endpoint.parse(uri))
+        self._client = client_id or str(uuid.uuid4())
+        self._timeout = timeout
+        self._software = software
+        self._on_progress = on_progress
+        self._lock = threading.Lock()  # ids leave in the order in which they are drawn
+        self._next_id = next_id
+        self._loose_id = FIRST_LOOSE_ID + 1
+        self._session = resume_session
+        self._first_id = 0
+        self._restarted = False
+        self._holding = False
+        self._dialogue = Dialogue(self._client, peer=self._uri, now=clock())
+        found = KeyDirectory(keys).client_keys() if keys is not None else None
+        self._link = Link(self._uri, self._dialogue, keys=found, context=context, clock=clock)
+        try:
+            self._meet(found)
+        except BaseException:
+            self._link.close()
+            raise
+
+    def close(self) -> None:
+        """Gives control back, if it was had, and closes the connection; idempotent."""
+        try:
+            if self._holding:
+                self._holding = False
+                self._ask(self._in_session(Release), Ok, patience=min(_FAREWELL, self._timeout))
+        except BodyschemaError:
+            return  # the robot frees itself of a controller that it no longer hears
+        finally:
+            self._link.close()
+
+    # --- what is known ----------------------------------------------------------------------------
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What the robot said about itself in the last hello."""
+        return self._capabilities
+
+    @property
+    def telemetry_endpoint(self) -> str:
+        """Where to subscribe to the robot's telemetry."""
+        return str(Endpoint.parse(self._capabilities.telemetry).seen_from(self._uri))
+
+    @property
+    def client_id(self) -> str:
+        """Who is asking; save it to be recognised after a restart of the program."""
+        return self._client
+
+    @property
+    def session(self) -> str:
+        """The session of the last hello; save it beside the request ids."""
+        assert self._session is not None
+        return self._session
+
+    @property
+    def restarted(self) -> bool:
+        """Whether hello found another session than the one to be resumed.
+
+        The fate of requests that were in flight in the old one is unknown.
+        """
+        return self._restarted
+
+    @property
+    def next_id(self) -> int:
+        """The id that the next numbered request will take."""
+        return self._next_id
+
+    def reserve_id(self) -> int:
+        """Takes an id for a later ``perform``, to be written down before the robot moves.
+
+        Ids must reach the robot in growing order: use it before any other request is made.
+        """
+        with self._lock:
+            self._next_id += 1
+            return self._next_id - 1
+
+    # --- what the robot can be asked --------------------------------------------------------------
+
+    def hello(self) -> Welcome:
+        """Opens the session anew: needed only after ``RobotRestartedError``."""
+        welcome = self._ask(
+            lambda _: Hello(
+                id=self._draw_loose_id(),
+                client=self._client,
+                versions=(PROTOCOL_VERSION,),
+                software=self._software,
+            ),
+            Welcome,
+        )
+        if self._session not in (None, welcome.session):
+            self._restarted = True
+            self._holding = False
+            self._first_id = self._next_id
+        self._session = welcome.session
+        self._capabilities = welcome.capabilities
+        return welcome
+
+    def _meet(self, keys: ClientKeys | None) -> None:
+        try:
+            self.hello()
+        except RobotUnreachableError as error:
+            found = probe(self._uri, keys, patience=min(_LOOK_CLOSER, self._timeout))
+            raise RobotUnreachableError(str(error) if found.fine else found.sentence) from None
+
+    def acquire(self) -> Ok:
+        """Takes control; ``held`` tells who has it."""
+        reply = self._ask(self._in_session(Acquire), Ok)
+        self._holding = True
+        return reply
+
+    def release(self) -> Ok:
+        """Gives control back; a motion of ours that is under way ends where it is."""
+        reply = self._ask(self._in_session(Release), Ok)
+        self._holding = False
+        return reply
+
+    def perform(
+        self,
+        targets: Mapping[str, float],
+        *,
+        request_id: int | None = None,
+        on_progress: OnProgress | None = None,
+        timeout: float | None = None,
+    ) -> Observation:
+        """Performs one motor program: return to zero, slew to the targets, settle, read.
+
+        Args:
+            targets: Target angle of every joint, rad.
+            request_id: An id from ``reserve_id``, of this program or of an earlier start of it. The
+                robot carries an id out at most once: asking again brings the same observation.
+            on_progress: Called in this thread with each progress.
+            timeout: Seconds after which not to wait any longer, although the robot answers.
+
+        Raises:
+            RobotRestartedError: Also, without asking the robot, for an id that was drawn in a
+                session that the robot no longer knows.
+        """
+        if request_id is not None and request_id < self._first_id:
+            raise RobotRestartedError(
+                f"Request {request_id} belongs to a session that the robot at {self._uri} no "
+                "longer knows; whether it was carried out is unknown, and it is not repeated."
+            )
+        return self._ask(
+            self._in_session(Perform, request_id=request_id, targets=targets),
+            Observation,
+            on_progress=on_progress or self._on_progress,
+            limit=math.inf if timeout is None else timeout,
+        )
+
+    def read(self, *, on_progress: OnProgress | None = None) -> Observation:
+        """Reads the sensors in the present pose."""
+        return self._ask(
+            self._in_session(Read), Observation, on_progress=on_progress or self._on_progress
+        )
+
+    def hold(self) -> Ok:
+        """Ends a motion and holds the pose."""
+        return self._ask(self._in_session(Hold), Ok)
+
+    def relax(self) -> Ok:
+        """Lets the servos go limp."""
+        return self._ask(self._in_session(Relax), Ok)
+
+    def stop(self) -> Ok:
+        """Freezes the robot, whoever controls it; it stays so until ``clear``."""
+        return self._ask(lambda _: Stop(id=self._draw_loose_id(), client=self._client), Ok)
+
+    def clear(self) -> Ok:
+        """Ends a stop or a fault; needs control."""
+        return self._ask(self._in_session(Clear), Ok)
+
+    def status(self) -> Status:
+        """What the robot is doing, and who controls it."""
+        session = self._require_session()
+        return self._ask(
+            lambda _: Heartbeat(id=self._draw_loose_id(), client=self._client, session=session),
+            Status,
+        )
+
+    # --- asking -----------------------------------------------------------------------------------
+
+    def _draw_loose_id(self) -> int:
+        self._loose_id += 1
+        return self._loose_id - 1
+
+    def _require_session(self) -> str:
+        if self._dialogue.session is None:
+            raise RobotRestartedError(
+                f"The daemon at {self._uri} restarted, or forgot this client: nothing was sent. "
+                "Look at the robot, then say hello again."
+            )
+        return self._dialogue.session
+
+    def _in_session(
+        self, kind: type[SessionRequest], *, request_id: int | None = None, **fields: Any
+    ) -> Callable[[int], Request]:
+        session = self._require_session()
+
+        def build(next_id: int) -> Request:
+            number = next_id if request_id is None else request_id
+            return kind(id=number, client=self._client, session=session, **fields)
+
+        return build
+
+    def _ask(
+        self,
+        build: Callable[[int], Request],
+        expected: type[R],
+        *,
+        patience: float | None = None,
+        limit: float = math.inf,
+        on_progress: OnProgress | None = None,
+    ) -> R:
+        with self._lock:
+            request = build(self._next_id)
+            call = Call(request, patience=patience or self._timeout, limit=limit)
+            if request.id == self._next_id:
+                self._next_id += 1
+            self._link.ask(call)
+        try:
+            while True:
+                word = call.words.get()
+                if isinstance(word, BaseException):
+                    raise word
+                if isinstance(word, expected):
+                    return word
+                if isinstance(word, Progress) and on_progress is not None:
+                    on_progress(word)
+                elif isinstance(word, FINAL_REPLIES):
+                    raise RemoteProtocolError(f"{call} was answered with {word.TYPE}.")
+        finally:
+            self._link.forget(call)

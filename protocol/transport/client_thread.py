@@ -1,0 +1,155 @@
+"""The client's own thread: it owns the socket, keeps heartbeats flowing and repeats requests."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from queue import Empty, SimpleQueue
+from typing import TypeAlias
+
+import zmq
+
+from protocol.rules.client_core import LOOK, Call, Dialogue
+from protocol.security.keys import ClientKeys
+from protocol.sockets.waker import Waker
+from protocol.sockets.zmq_sockets import connected
+
+_Order: TypeAlias = Callable[[float], None]  # something to do in the thread, given the time
+
+
+class Link:
+    """A connection that mends itself.
+
+    Args:
+        uri: Where the robot is, ``tcp://host:port``.
+        dialogue: What to say; from here on it belongs to the link's thread.
+        keys: Who connects, and to which robot; ``None``: to one without keys.
+        context: ZeroMQ context; default: its own.
+        clock: The transport clock, s.
+
+    Raises:
+        EndpointError: The address cannot be connected to.
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        dialogue: Dialogue,
+        *,
+        keys: ClientKeys | None = None,
+        context: zmq.Context[zmq.Socket[bytes]] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._uri = uri
+        self._dialogue = dialogue
+        self._keys = keys
+        self._clock = clock
+        self._own_context = context is None
+        self._context = context if context is not None else zmq.Context()
+        self._orders: SimpleQueue[_Order] = SimpleQueue()
+        self._stopping = False
+        self._ended = False
+        self._closed = False
+        self._waker = Waker()
+        try:
+            self._socket = self._connected()
+        except BaseException:
+            self._dispose()
+            raise
+        self._thread = threading.Thread(target=self._run, name=f"link to {uri}", daemon=True)
+        self._thread.start()
+
+    def ask(self, call: Call) -> None:
+        """Begins a call; its words come in ``call.words``."""
+        self._orders.put(lambda now: self._dialogue.ask(call, now))
+        self._waker.wake()
+        if self._ended:  # set before the thread fails its last calls: none can be missed
+            self._fail()
+
+    def forget(self, call: Call) -> None:
+        """Ends a call for which nobody waits any more."""
+        self._orders.put(lambda now: self._dialogue.forget(call))
+        self._waker.wake()
+
+    def close(self) -> None:
+        """Ends the thread and every call, and closes the socket; idempotent."""
+        self._stopping = True
+        self._waker.wake()
+        self._thread.join()
+        if not self._closed:
+            self._dispose()
+
+    # --- the thread -------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        try:
+            while not self._stopping:
+                self._poll()
+                now = self._clock()
+                self._dialogue.wake(now)
+                self._obey(now)
+                self._hear(now)
+                if self._dialogue.tick(now):
+                    self._socket.close()
+                    self._socket = self._connected()
+                self._speak(now)
+        finally:
+            self._ended = True
+            self._socket.close()
+            self._fail()
+
+    def _poll(self) -> None:
+        now = self._clock()
+        waiting = bool(self._dialogue.frames(now))  # for a connection, else they would be gone
+        due = self._dialogue.give_up_at
+        if not waiting:
+            due = min(due, self._dialogue.send_at)
+        poller = zmq.Poller()
+        poller.register(self._socket, zmq.POLLIN | (zmq.POLLOUT if waiting else 0))
+        poller.register(self._waker.fileno(), zmq.POLLIN)
+        if due == math.inf:
+            poller.poll()
+        else:
+            poller.poll(math.ceil(min(max(due - now, 0.0), LOOK) * 1000))
+        self._waker.rest()
+
+    def _obey(self, now: float) -> None:
+        try:
+            while True:
+                self._orders.get_nowait()(now)
+        except Empty:
+            return
+
+    def _hear(self, now: float) -> None:
+        try:
+            while True:
+                frames = self._socket.recv_multipart(zmq.NOBLOCK)
+                self._dialogue.receive(frames[-1], now)
+        except zmq.Again:
+            return
+
+    def _speak(self, now: float) -> None:
+        try:
+            for frame in self._dialogue.frames(now):
+                self._socket.send(frame, zmq.NOBLOCK)
+                self._dialogue.sent(frame, now)
+        except zmq.Again:
+            return
+
+    def _fail(self) -> None:
+        self._obey(self._clock())
+        self._dialogue.fail(f"The link to {self._uri} is closed.")
+
+    # --- sockets ----------------------------------------------------------------------------------
+
+    def _connected(self) -> zmq.Socket[bytes]:
+        # IMMEDIATE: nothing queues for a robot that is not there.
+        return connected(self._context, zmq.DEALER, self._uri, self._keys, {zmq.IMMEDIATE: 1})
+
+    def _dispose(self) -> None:
+        self._closed = True
+        self._waker.close()
+        if self._own_context:
+            self._context.destroy(linger=0)

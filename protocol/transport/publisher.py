@@ -1,0 +1,89 @@
+"""The robot's publications."""
+
+from __future__ import annotations
+
+import logging
+import selectors
+import time
+from collections.abc import Callable
+from typing import Final
+
+import zmq
+
+from protocol.security.keys import KeyPair
+from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.tcp_listener import Door
+
+TOPIC: Final = b"telemetry"
+
+MAX_SUBSCRIBED: Final = 1024
+"""Bytes of subscriptions, and of what ends them, that one connection may send."""
+
+_WINDOW: Final = 1 << 18  # bytes: heartbeats of ZeroMQ, which nobody sees, for most of an hour
+_BUDGET: Final = 0.002  # s of one turn
+_CHUNK: Final = MAX_SUBSCRIBED  # bytes of one turn: ZeroMQ keeps fifty times as much of each
+
+
+class Publisher:
+    """Publishes at one address, to whoever was let in.
+
+    Args:
+        context: The context; with keys, a ``Gate`` must stand there already.
+        selector: Where to register what is waited for.
+        place: Where; port 0: any free one.
+        pair: The robot's keys, or ``None``.
+        share: Of the connections that a server may have, those that may listen.
+        log: Where to write about listeners that were cut off.
+
+    Attributes:
+        place: Where it really is.
+
+    Raises:
+        EndpointError: The address cannot be bound.
+    """
+
+    def __init__(
+        self,
+        context: zmq.Context[zmq.Socket[bytes]],
+        selector: selectors.BaseSelector,
+        place: Endpoint,
+        pair: KeyPair | None,
+        *,
+        share: float,
+        log: logging.Logger,
+    ):
+        self._door = Door(
+            context,
+            selector,
+            zmq.XPUB,
+            place,
+            pair,
+            window=_WINDOW,
+            chunk=_CHUNK,
+            share=share,
+            log=log,
+        )
+        self.place = self._door.place
+
+    @property
+    def waiting(self) -> bool:
+        """Whether ``listen`` has something to do."""
+        return self._door.waiting
+
+    def listen(self) -> None:
+        """Takes subscriptions, which ZeroMQ has kept already, and cuts off who has too many."""
+        for peer, _, _ in self._door.arrivals(time.monotonic() + _BUDGET):
+            if self._door.received(peer) > MAX_SUBSCRIBED:
+                self._door.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
+
+    def publish(self, frame: bytes) -> None:
+        """Sends to all who listen; never waits."""
+        self._door.broadcast([TOPIC, frame])
+
+    def dismiss(self, unwelcome: Callable[[str | None], bool]) -> None:
+        """Drops those who are not welcome any more."""
+        self._door.dismiss(unwelcome)
+
+    def close(self, linger: int) -> None:
+        """Ends it; what was published has ``linger`` ms to leave."""
+        self._door.close(linger)

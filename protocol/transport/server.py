@@ -1,0 +1,301 @@
+"""The server loop: ZeroMQ sockets around ``ServerCore``, a robot behind it.
+
+One thread runs ``run``. It sleeps until a frame arrives, the robot has something to say, or a
+deadline of the core or the next publication is due; idle, it wakes for nothing else. A turn takes
+few frames, so that none of these waits for the others.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import selectors
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import replace
+from typing import Final
+
+import zmq
+
+from protocol.errors import RemoteProtocolError, RobotError
+from protocol.rules.robot_interface import Finished, Robot
+from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
+from protocol.rules.server_core import ServerCore, allow_all
+from protocol.security.access import Access
+from protocol.security.keys import KeyDirectory
+from protocol.security.zap import Gate
+from protocol.sockets.closable import Closing
+from protocol.sockets.endpoints import DEFAULT_BIND
+from protocol.sockets.tcp_listener import Arrival, Door
+from protocol.sockets.waker import Waker
+from protocol.sockets.zmq_sockets import permitted
+from protocol.transport.log_limiter import Tally
+from protocol.transport.publisher import Publisher
+from protocol.wire.codec import MAX_MESSAGE
+from protocol.wire.messages import ErrorReply, Request
+
+_BUDGET: Final = 0.002  # s for frames before the robot and the clock have their turn
+_WINDOW: Final = MAX_MESSAGE + (1 << 18)  # bytes, of a message and of what stands around it
+_LOOK: Final = 0.5  # s between two looks at the list of clients
+_CHUNK: Final = 8192  # bytes of one connection in one turn
+_SHARE: Final = 2 / 3  # of all connections; the others listen to telemetry
+_QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
+_FAREWELL: Final = 200  # ms that the last replies have to leave
+
+
+class Server(Closing):
+    """Serves one robot at one address.
+
+    Args:
+        robot: What carries requests out.
+        bind: ``tcp://host:port``; port 0 or ``*`` takes any free one.
+        telemetry_bind: The same for publications; default: the port after ``bind``'s.
+        telemetry_rate: Publications per second.
+        keys: The robot's key directory: only clients that it knows can connect, and each may do
+            what its role allows. Changes of the list take effect at once.
+        insecure: Allows an address that other computers can reach without keys, although nothing
+            then keeps anybody there from moving the robot.
+        clock: The transport clock, s; it drives leases and publications.
+        log: Where to write what a person may want to know.
+
+    Attributes:
+        endpoint: Where requests are taken, with the real port.
+        telemetry_endpoint: Where publications are made, with the real port.
+
+    Raises:
+        EndpointError: The address is none, cannot be bound, or would be open to others.
+        KeysError: The key directory cannot be used.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        bind: str = DEFAULT_BIND,
+        telemetry_bind: str | None = None,
+        telemetry_rate: float = 2.0,
+        keys: str | os.PathLike[str] | None = None,
+        insecure: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        log: logging.Logger | None = None,
+    ):
+        self._robot = robot
+        self._clock = clock
+        self._log = log or logging.getLogger(__name__)
+        known = KeyDirectory(keys) if keys is not None else None
+        pair = known.pair() if known is not None else None
+        self._access = Access(known, self._log) if known is not None else None
+        self._list = self._access.version if self._access is not None else 0
+        place = permitted(bind, keys=known is not None, insecure=insecure)
+        telemetry_place = permitted(
+            telemetry_bind or str(place.next_port()), keys=known is not None, insecure=insecure
+        )
+        self._period = 1.0 / telemetry_rate
+        self._stopping = False
+        self._closed = False
+        self._running = threading.Lock()
+        with ExitStack() as made:
+            self._selector = selectors.DefaultSelector()
+            made.callback(self._selector.close)
+            self._waker = Waker()
+            made.callback(self._waker.close)
+            self._selector.register(self._waker, selectors.EVENT_READ, self._waker.rest)
+            self._context = zmq.Context()
+            made.callback(self._context.destroy, linger=0)
+            self._gate: Gate | None = None
+            if self._access is not None:
+                self._gate = Gate(self._context, self._access.admits, self._log)
+                self._selector.register(self._gate, selectors.EVENT_READ, self._gate.answer)
+            self._door = Door(
+                self._context,
+                self._selector,
+                zmq.ROUTER,
+                place,
+                pair,
+                window=_WINDOW,
+                chunk=_CHUNK,
+                share=_SHARE,
+                log=self._log,
+            )
+            made.callback(self._door.close, _FAREWELL)
+            self._publisher = Publisher(
+                self._context,
+                self._selector,
+                telemetry_place,
+                pair,
+                share=1 - _SHARE,
+                log=self._log,
+            )
+            made.callback(self._publisher.close, 0)
+            self._made = made.pop_all()
+        self.endpoint = str(self._door.place)
+        self.telemetry_endpoint = str(self._publisher.place)
+        capabilities = replace(
+            robot.capabilities, telemetry=self.telemetry_endpoint, telemetry_rate=telemetry_rate
+        )
+        self._refusals = Tally()
+        self._core = ServerCore(
+            capabilities,
+            view=robot.snapshot,
+            authorise=self._access.authorise if self._access is not None else allow_all,
+            on_refusal=self._report_refusal,
+        )
+        robot.set_notify(self.wake)
+
+    @property
+    def garbage(self) -> int:
+        """Frames that were no valid request, since the start."""
+        return self._core.garbage
+
+    def run(self) -> None:
+        """Serves until ``request_stop`` or ``close``; call it once."""
+        with self._running:
+            if self._closed:
+                return
+            publish_at = self._clock()
+            while not self._stopping:
+                self._wait(self._patience(publish_at))
+                self._guard()
+                self._take_frames()  # before the clock's turn: a stall of ours is not their silence
+                self._publisher.listen()
+                self._take_events()
+                now = self._clock()
+                self._carry_out(self._core.tick(now))
+                if now >= publish_at:
+                    self._publisher.publish(self._core.publication())
+                    publish_at = max(publish_at + self._period, now)  # late once, not slow
+            self._finish()
+
+    def wake(self) -> None:
+        """Makes the loop look around now; from any thread."""
+        self._waker.wake()
+
+    def request_stop(self) -> None:
+        """Makes ``run`` return soon; from any thread or signal handler."""
+        self._stopping = True
+        self.wake()
+
+    def close(self) -> None:
+        """Stops ``run``, waits for it to return, and closes the sockets; not from ``run``."""
+        self.request_stop()
+        with self._running:
+            if not self._closed:
+                self._dispose()
+
+    # --- the loop's steps -------------------------------------------------------------------------
+
+    def _patience(self, publish_at: float) -> float:
+        if self._door.waiting or self._publisher.waiting:
+            return 0.0
+        due = publish_at
+        if self._access is not None:
+            due = min(due, self._clock() + _LOOK)
+        if self._core.deadline is not None:
+            due = min(due, self._core.deadline)
+        return max(0.0, due - self._clock())
+
+    def _wait(self, patience: float) -> bool:
+        """Sleeps until something happens, and moves what bytes there are; whether there was."""
+        happened = self._selector.select(patience)
+        for key, events in happened:
+            act: Callable[[int], None] = key.data
+            act(events)
+        return bool(happened)
+
+    def _finish(self) -> None:
+        """What has arrived by now gets its answer."""
+        end = time.monotonic() + _FAREWELL / 1000
+        while self._wait(_QUIET) and time.monotonic() < end:
+            self._take_frames()
+            self._take_events()
+        self._take_frames()
+        self._take_events()
+
+    def _guard(self) -> None:
+        """Applies a list of clients that has changed."""
+        if self._access is None:
+            return
+        version = self._access.refresh()
+        if version != self._list:
+            self._list = version
+            role_of = self._access.role_of
+            self._carry_out(self._core.review(role_of))
+            self._publisher.dismiss(lambda user: role_of(user) is None)
+
+    def _take_frames(self) -> None:
+        for arrival in self._door.arrivals(time.monotonic() + _BUDGET):
+            garbage = self._core.garbage
+            self._carry_out(self._taken(arrival))
+            if self._core.garbage != garbage:
+                self._report_garbage()
+
+    def _taken(self, arrival: Arrival) -> Iterable[Action]:
+        peer, user, parts = arrival
+        if len(parts) == 1:
+            return self._core.receive(peer, parts[0], self._clock(), user)
+        error = RemoteProtocolError(f"A message is one frame, not {len(parts)}.")
+        return [self._core.complain(peer, error)]
+
+    def _report_garbage(self) -> None:
+        count = self._core.garbage
+        if count & (count - 1) == 0:  # at 1, 2, 4, 8, …: a flood cannot fill the log
+            self._log.warning("%d frames so far were no valid request", count)
+
+    def _report_refusal(self, request: Request, error: RobotError) -> None:
+        kept_back = self._refusals.count((request.TYPE, error.code), self._clock())
+        if kept_back is None:
+            return
+        self._log.info(
+            "refused: %s of client %s: %s: %s%s",
+            request.TYPE,
+            request.client,
+            error.code,
+            error.message,
+            f" ({kept_back} such refusals before this one are not shown)" if kept_back else "",
+        )
+
+    def _take_events(self) -> None:
+        for event in self._robot.events():
+            if isinstance(event, Finished):
+                self._carry_out(self._core.finish(event))
+            else:
+                self._carry_out(self._core.progress(event))
+
+    def _carry_out(self, actions: Iterable[Action]) -> None:
+        for action in actions:
+            if isinstance(action, Send):
+                self._send(action)
+            elif isinstance(action, Submit):
+                self._submit(action)
+            elif isinstance(action, Silence):
+                self._log.warning("nobody steers any more: the robot holds")
+                self._robot.silence(action.reason)
+            elif isinstance(action, ControllerChanged):
+                self._log.info("control: %s", action.reason)
+                self._robot.controller_changed(action.client)
+
+    def _submit(self, action: Submit) -> None:
+        request = action.request
+        try:
+            self._robot.submit(action.ticket, request)
+        except RobotError as error:
+            refusal = error
+            self._report_refusal(request, error)
+        except Exception:
+            # A bug met by one request must not end the daemon and leave the others without stop.
+            self._log.exception("the robot failed to take on %s", request.TYPE)
+            refusal = RobotError("fault", f"The daemon failed on {request.TYPE}; see its log.")
+        else:
+            self._carry_out(self._core.accept(action.ticket))
+            return
+        reply = ErrorReply.of(refusal, request_id=request.id)
+        self._carry_out(self._core.finish(Finished(ticket=action.ticket, reply=reply)))
+
+    def _send(self, action: Send) -> None:
+        self._door.send(action.peer, [action.frame])
+
+    def _dispose(self) -> None:
+        self._closed = True
+        self._made.close()

@@ -1,0 +1,106 @@
+"""Listening to what a robot publishes about itself."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from typing import Final
+
+import zmq
+
+from protocol.errors import RemoteProtocolError, RobotUnreachableError
+from protocol.security.keys import KeyDirectory
+from protocol.sockets.closable import Closing
+from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import connected
+from protocol.transport.publisher import TOPIC
+from protocol.wire.codec import decode
+from protocol.wire.messages import Telemetry, parse_telemetry
+
+_QUEUE: Final = 16
+
+
+class TelemetrySubscriber(Closing):
+    """Receives publications; for one thread.
+
+    Subscribe before you need it: what is published before the connection stands is lost.
+
+    Args:
+        endpoint: ``RobotClient.telemetry_endpoint``.
+        keys: The key directory, where the robot asks for keys.
+        context: ZeroMQ context; default: its own.
+        clock: The transport clock, s.
+
+    Attributes:
+        garbage: Publications that were no valid telemetry, skipped.
+
+    Raises:
+        EndpointError: The address cannot be connected to.
+        KeysError: The key directory cannot be used.
+    """
+
+    def __init__(
+        self,
+        endpoint: str,
+        *,
+        keys: str | os.PathLike[str] | None = None,
+        context: zmq.Context[zmq.Socket[bytes]] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self.garbage = 0
+        self._endpoint = str(Endpoint.parse(endpoint))
+        self._clock = clock
+        found = KeyDirectory(keys).client_keys() if keys is not None else None
+        self._own_context = context is None
+        self._context = context if context is not None else zmq.Context()
+        try:
+            self._socket = connected(
+                self._context,
+                zmq.SUB,
+                self._endpoint,
+                found,
+                {zmq.RCVHWM: _QUEUE, zmq.SUBSCRIBE: TOPIC},
+            )
+        except BaseException:
+            self._dispose()
+            raise
+
+    def next(self, timeout: float) -> Telemetry:
+        """The newest publication not yet returned; waits up to ``timeout`` s for one.
+
+        Raises:
+            RobotUnreachableError: None came.
+        """
+        end = self._clock() + timeout
+        newest: Telemetry | None = None
+        while newest is None:
+            patience = math.ceil(max(0.0, end - self._clock()) * 1000)
+            if not self._socket.poll(patience):
+                raise RobotUnreachableError(
+                    f"Nothing was published at {self._endpoint} for {timeout:g} s."
+                )
+            newest = self._drain()
+        return newest
+
+    def close(self) -> None:
+        """Closes the connection; idempotent."""
+        self._socket.close()
+        self._dispose()
+
+    def _drain(self) -> Telemetry | None:
+        newest: Telemetry | None = None
+        while True:
+            try:
+                frames = self._socket.recv_multipart(zmq.NOBLOCK)
+            except zmq.Again:
+                return newest
+            try:
+                newest = parse_telemetry(decode(frames[-1]))
+            except RemoteProtocolError:
+                self.garbage += 1
+
+    def _dispose(self) -> None:
+        if self._own_context:
+            self._context.destroy(linger=0)

@@ -1,0 +1,343 @@
+"""Every message of the wire, frozen and validated: an illegal message cannot exist.
+
+A message becomes a map with ``to_map`` and is read back with ``parse_request`` or
+``parse_reply``. Unknown fields are ignored, so that later versions may add some; ``None`` means
+absent. ``SPEC.md`` describes each message in words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Any, ClassVar, Final, TypeVar, cast
+
+from protocol.errors import CLEAR, LocalProtocolError, RemoteProtocolError, RobotError
+from protocol.wire import field_checks
+from protocol.wire.capabilities import Capabilities
+from protocol.wire.codec import request_id_of
+from protocol.wire.declaration import Message, checked, checked_optional
+from protocol.wire.states import State
+
+PROTOCOL_VERSION: Final = 1
+PHASES: Final = ("homing", "moving", "settling", "sampling")
+
+_natural = partial(field_checks.integer, least=0)
+_positive = partial(field_checks.integer, least=1)
+_name = partial(field_checks.text, longest=field_checks.MAX_NAME)
+_state = partial(field_checks.one_of, choices=[state.value for state in State])
+
+
+def _capabilities(name: str, value: Any) -> Capabilities:
+    return Capabilities.of(value)
+
+
+# --- requests -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request(Message):
+    """What a client asks. ``client`` is the UUID it chose; ``id`` correlates the answers."""
+
+    id: int = checked(_natural)
+    client: str = checked(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hello(Request):
+    """Opens or re-opens a session; answered by ``Welcome``."""
+
+    TYPE: ClassVar[str] = "hello"
+    versions: tuple[int, ...] = checked(
+        lambda name, value: field_checks.items(name, value, _positive)
+    )
+    software: str | None = checked_optional(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SessionRequest(Request):
+    """A request inside the session that ``Welcome`` named."""
+
+    session: str = checked(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heartbeat(SessionRequest):
+    """Sign of life, answered by ``Status``; never remembered, so any id will do."""
+
+    TYPE: ClassVar[str] = "heartbeat"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acquire(SessionRequest):
+    """Asks for control of the robot."""
+
+    TYPE: ClassVar[str] = "acquire"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Release(SessionRequest):
+    """Gives control back."""
+
+    TYPE: ClassVar[str] = "release"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perform(SessionRequest):
+    """One interaction: return to zero, slew to the targets (rad), settle, read."""
+
+    TYPE: ClassVar[str] = "perform"
+    targets: Mapping[str, float] = checked(
+        lambda name, value: field_checks.mapping(name, value, field_checks.number)
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Read(SessionRequest):
+    """Reads the sensors in the present pose, without moving."""
+
+    TYPE: ClassVar[str] = "read"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold(SessionRequest):
+    """Ends a motion and holds the present pose."""
+
+    TYPE: ClassVar[str] = "hold"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relax(SessionRequest):
+    """Lets the servos go limp: the only request that does."""
+
+    TYPE: ClassVar[str] = "relax"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop(Request):
+    """Freezes the robot now, for anybody, in any session or none; latches until ``Clear``."""
+
+    TYPE: ClassVar[str] = "stop"
+    session: str | None = checked_optional(_name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clear(SessionRequest):
+    """Ends a latched stop or a fault."""
+
+    TYPE: ClassVar[str] = "clear"
+
+
+# --- replies --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reply(Message):
+    """What the robot answers; ``id`` is the request's."""
+
+    id: int = checked(_natural)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Welcome(Reply):
+    """Answer to ``Hello``."""
+
+    TYPE: ClassVar[str] = "welcome"
+    version: int = checked(_positive)
+    session: str = checked(_name)
+    robot_time: float = checked(field_checks.number)
+    capabilities: Capabilities = checked(_capabilities)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ok(Reply):
+    """Done; ``state`` is the robot's state after it."""
+
+    TYPE: ClassVar[str] = "ok"
+    state: str = checked(_state)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status(Reply):
+    """Answer to ``Heartbeat``."""
+
+    TYPE: ClassVar[str] = "status"
+    state: str = checked(_state)
+    robot_time: float = checked(field_checks.number)
+    sequence: int = checked(_natural)
+    controller: str | None = checked_optional(_name)
+    reason: str | None = checked_optional(field_checks.text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accepted(Reply):
+    """The motion is allowed and begins."""
+
+    TYPE: ClassVar[str] = "accepted"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress(Reply):
+    """How far a motion is: its phase and the share of it that is done, 0 to 1."""
+
+    TYPE: ClassVar[str] = "progress"
+    phase: str = checked(partial(field_checks.one_of, choices=PHASES))
+    fraction: float = checked(partial(field_checks.number, least=0.0))
+    robot_time: float = checked(field_checks.number)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation(Reply):
+    """What the robot felt, after a ``Perform`` or a ``Read``.
+
+    Attributes:
+        sequence: Grows by at least one from observation to observation within one daemon start.
+        robot_time: Robot clock at the end of sampling, s.
+        monotonic: The robot computer's monotonic clock at the same moment, s.
+        angles: The angles actually commanded after quantisation and clamping, rad.
+        saturated_joints: Joints that stand at the end of their reachable range.
+        touch: One bit per touch sensor, or ``None`` without touch sensors.
+        tilt: Left/right and forward/back tilt, rad (left side up and nose up are positive).
+        clearance: Belly to ground along the belly's normal, m.
+        clearance_saturated: The ground lay beyond the sensor's range.
+        settled: Whether the readings came to rest before they were averaged.
+        settle_time: Time waited for rest, s: since the last command of a ``Perform``, or since a
+            ``Read`` began.
+        samples: Samples in the average.
+    """
+
+    TYPE: ClassVar[str] = "observation"
+    sequence: int = checked(_positive)
+    robot_time: float = checked(field_checks.number)
+    monotonic: float = checked(field_checks.number)
+    angles: Mapping[str, float] = checked(
+        lambda name, value: field_checks.mapping(name, value, field_checks.number)
+    )
+    saturated_joints: tuple[str, ...] = checked(
+        lambda name, value: field_checks.items(name, value, _name)
+    )
+    touch: tuple[bool, ...] | None = checked_optional(
+        lambda name, value: field_checks.items(name, value, field_checks.boolean)
+    )
+    tilt: tuple[float, ...] | None = checked_optional(
+        lambda name, value: field_checks.items(name, value, field_checks.number)
+    )
+    clearance: float | None = checked_optional(field_checks.number)
+    clearance_saturated: bool = checked(field_checks.boolean)
+    settled: bool = checked(field_checks.boolean)
+    settle_time: float = checked(partial(field_checks.number, least=0.0))
+    samples: int = checked(_positive)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.tilt is not None and len(self.tilt) != 2:
+            raise LocalProtocolError(f"'tilt' must have 2 angles, not {len(self.tilt)}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorReply(Message):
+    """A typed error; ``id`` is absent where the frame's own could not be read."""
+
+    TYPE: ClassVar[str] = "error"
+    id: int | None = checked_optional(_natural)
+    code: str = checked(_name)  # a later version of the protocol may send others than ours
+    message: str = checked(field_checks.text)
+    advice: str = checked(field_checks.text)
+    retryable: bool = checked(field_checks.boolean)
+
+    @classmethod
+    def of(cls, error: RobotError, *, request_id: int | None) -> ErrorReply:
+        """The reply that carries an error."""
+        return cls(
+            id=request_id,
+            code=error.code,
+            message=error.message[: field_checks.MAX_TEXT],
+            advice=error.advice[: field_checks.MAX_TEXT],
+            retryable=error.retryable,
+        )
+
+    def to_error(self, robot: str) -> RobotError:
+        """The error that the reply carries; a command in its advice names the robot's address."""
+        advice = self.advice.replace(CLEAR, CLEAR.replace("URI", robot))
+        return RobotError(self.code, self.message, advice=advice, retryable=self.retryable)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Telemetry(Message):
+    """Published on topic ``telemetry`` at the rate that ``Welcome`` names."""
+
+    TYPE: ClassVar[str] = "telemetry"
+    robot: str = checked(_name)
+    state: str = checked(_state)
+    robot_time: float = checked(field_checks.number)
+    sequence: int = checked(_natural)
+    angles: Mapping[str, float] = checked(
+        lambda name, value: field_checks.mapping(name, value, field_checks.number)
+    )
+    controller: str | None = checked_optional(_name)
+    reason: str | None = checked_optional(field_checks.text)
+
+
+REQUESTS: Final = {
+    kind.TYPE: kind
+    for kind in (Hello, Heartbeat, Acquire, Release, Perform, Read, Hold, Relax, Stop, Clear)
+}
+REPLIES: Final = {
+    kind.TYPE: kind for kind in (Welcome, Ok, Status, Accepted, Progress, Observation, ErrorReply)
+}
+FINAL_REPLIES: Final = (Welcome, Ok, Status, Observation, ErrorReply)
+
+M = TypeVar("M", bound=Message)
+
+
+def parse_request(found: Mapping[str, Any]) -> Request:
+    """Builds a request from a decoded map.
+
+    Raises:
+        RemoteProtocolError: The map is no valid request; the message names the field.
+    """
+    return cast(Request, _parse(found, REQUESTS))
+
+
+def parse_reply(found: Mapping[str, Any]) -> Reply | ErrorReply:
+    """Builds a reply from a decoded map.
+
+    Raises:
+        RemoteProtocolError: The map is no valid reply; the message names the field.
+    """
+    return cast("Reply | ErrorReply", _parse(found, REPLIES))
+
+
+def parse_telemetry(found: Mapping[str, Any]) -> Telemetry:
+    """Builds a telemetry message from a decoded map.
+
+    Raises:
+        RemoteProtocolError: The map is no valid telemetry message.
+    """
+    return cast(Telemetry, _parse(found, {Telemetry.TYPE: Telemetry}))
+
+
+def _parse(found: Mapping[str, Any], kinds: Mapping[str, type[Any]]) -> Message:
+    request_id = request_id_of(found)
+    name = found.get("type")
+    kind = kinds.get(name) if isinstance(name, str) else None
+    if kind is None:
+        code = "unknown_type" if isinstance(name, str) else "malformed"
+        raise RemoteProtocolError(
+            f"'type' must be one of {', '.join(kinds)}, not {name!r:.60}",
+            code=code,
+            request_id=request_id,
+        )
+    known = {item.name for item in fields(kind)}
+    try:
+        return cast(Message, kind(**{key: found[key] for key in known & found.keys()}))
+    except LocalProtocolError as error:
+        sentence = f"{name}: {error}"
+    except TypeError:
+        missing = sorted(
+            item.name
+            for item in fields(kind)
+            if item.name not in found and item.default is not None
+        )
+        sentence = f"{name}: missing {', '.join(missing)}"
+    raise RemoteProtocolError(sentence, request_id=request_id)

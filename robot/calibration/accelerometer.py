@@ -1,0 +1,169 @@
+"""The accelerometer: six positions, or one.
+
+Gravity is the standard. With an axis straight up and straight down it reads +1 g and −1 g, which
+gives its zero and its gain; a placement that leans by a few degrees hardly matters, because gravity
+along an axis changes with the cosine. Level only finds the zeros, believing the gains, and a lean
+matters in full: so the robot is turned a quarter at a time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+from robot.calibration.questions import Dialogue
+from robot.configuration.calibration_file import AxesCalibration
+from robot.errors import DeviceDataError
+from robot.host.clock import Clock
+from robot.sensing.raw_samples import sample_channels
+from robot.sensing.sensors import Accelerometer, AnalogueInput
+
+POSITIONS: Final = (
+    ("nose up", 0, 1),
+    ("nose down", 0, -1),
+    ("left side up", 1, 1),
+    ("left side down", 1, -1),
+    ("upright", 2, 1),
+    ("upside down", 2, -1),
+)
+QUARTERS: Final = 4
+SAMPLES: Final = 100
+_MOVING: Final = 0.02  # V rms: far above the noise of any such sensor
+_LEAN: Final = math.sin(math.radians(8))
+_MIN_GAIN: Final = 0.05  # V per g
+
+Volts = tuple[float, ...]
+
+
+class AccelerometerSession:
+    """Leads through the accelerometer.
+
+    Args:
+        sensor: Its channels and what was believed so far.
+        adc: The data acquisition board.
+        rate: Samples per second.
+        clock: The robot clock.
+        dialogue: With whom.
+    """
+
+    def __init__(
+        self,
+        sensor: Accelerometer,
+        adc: AnalogueInput,
+        *,
+        rate: float,
+        clock: Clock,
+        dialogue: Dialogue,
+    ):
+        self._sensor = sensor
+        self._adc = adc
+        self._rate = rate
+        self._clock = clock
+        self._dialogue = dialogue
+
+    def run(self) -> AxesCalibration | None:
+        """The calibration, or ``None`` if it was skipped.
+
+        Raises:
+            AbandonedError: Somebody left.
+        """
+        self._dialogue.say(
+            "\nAccelerometer\n"
+            "  six    hold the robot still in six positions, each axis up and down: zero and gain\n"
+            "  level  put it on a level surface: the zeros alone, with the gains that are set"
+        )
+        while True:
+            choice = self._dialogue.choose(
+                "accelerometer: six, level or skip", "six", "level", "skip"
+            )
+            if choice == "skip":
+                return None
+            found = self._six() if choice == "six" else self._level()
+            if found is not None:
+                return found
+
+    def _six(self) -> AxesCalibration | None:
+        seen = {name: self._measure(name) for name, _, _ in POSITIONS}
+        while True:
+            pairs = [
+                tuple(seen[name] for name, axis, _ in POSITIONS if axis == wanted)
+                for wanted in range(3)
+            ]
+            swings = [
+                tuple((up - down) / 2 for up, down in zip(*pair, strict=True)) for pair in pairs
+            ]
+            if not self._sound(swings):
+                return None
+            zero = tuple((pair[0][axis] + pair[1][axis]) / 2 for axis, pair in enumerate(pairs))
+            gains = tuple(swing[axis] for axis, swing in enumerate(swings))
+            leaning = self._leaning(seen, zero, gains)
+            if leaning is None:
+                return AxesCalibration(zero=zero, volts_per_g=gains)
+            self._dialogue.say(f"It leaned too much in the position '{leaning}': that once more.")
+            seen[leaning] = self._measure(leaning)
+
+    def _sound(self, swings: Sequence[Volts]) -> bool:
+        """Whether each axis answers on its own channel."""
+        for axis, swing in enumerate(swings):
+            sizes = [abs(value) for value in swing]
+            best = sizes.index(max(sizes))
+            if sizes[best] < _MIN_GAIN:
+                self._dialogue.say(
+                    f"No channel saw the {'xyz'[axis]} axis turn over ({sizes[best] * 1000:.0f} mV "
+                    "a g). Check the sensor's supply and wires, and that you did turn the robot."
+                )
+                return False
+            if best != axis:
+                self._dialogue.say(
+                    f"The {'xyz'[axis]} axis answers on channel {self._sensor.channels[best]}, and "
+                    f"accelerometer.channels in robot.toml says "
+                    f"{self._sensor.channels[axis]}. Correct it there, or take the six positions "
+                    "in the order that is asked for."
+                )
+                return False
+        return True
+
+    @staticmethod
+    def _leaning(seen: dict[str, Volts], zero: Volts, gains: Volts) -> str | None:
+        """The position that leaned most, if it leaned too much."""
+        leans = {
+            name: max(
+                abs((seen[name][other] - zero[other]) / gains[other])
+                for other in range(3)
+                if other != axis
+            )
+            for name, axis, _ in POSITIONS
+        }
+        worst = max(leans, key=lambda name: leans[name])
+        return worst if leans[worst] > _LEAN else None
+
+    def _level(self) -> AxesCalibration | None:
+        quarters = [
+            self._measure(f"level, {quarter} of {QUARTERS}, a quarter turn after each")
+            for quarter in range(1, QUARTERS + 1)
+        ]
+        gains = self._sensor.volts_per_g
+        mean = [sum(axis) / QUARTERS for axis in zip(*quarters, strict=True)]
+        zero = (mean[0], mean[1], mean[2] - gains[2])
+        shifts = zip(zero, self._sensor.zero, gains, strict=True)
+        if any(abs((new - old) / gain) > 0.5 for new, old, gain in shifts):
+            self._dialogue.say(
+                "That would shift a zero by more than 0.5 g: the robot is not level, or an axis "
+                "points the other way. Take the six positions."
+            )
+            return None
+        return AxesCalibration(zero=zero, volts_per_g=gains)
+
+    def _measure(self, position: str) -> Volts:
+        """Volts of the three axes, once the robot is still."""
+        self._dialogue.choose(f"{position}, hold it still, then Enter", "")
+        return self._dialogue.attempt(self._sample)
+
+    def _sample(self) -> Volts:
+        found = sample_channels(
+            self._adc, self._sensor.channels, count=SAMPLES, rate=self._rate, clock=self._clock
+        )
+        if max(one.deviation for one in found) > _MOVING:
+            raise DeviceDataError("The robot was not still.", "Put it against something solid.")
+        return tuple(one.mean for one in found)

@@ -1,0 +1,227 @@
+"""The whole guided session: joints, accelerometer, gauges, distance.
+
+Each part is saved when it was measured, so that whoever leaves loses one part at most; it may be
+skipped, and then keeps what it had. Whenever the session ends, the servos hold their last counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator
+from functools import partial
+from typing import Final, Protocol
+
+from robot.calibration.accelerometer import AccelerometerSession
+from robot.calibration.distance import DistanceSession
+from robot.calibration.joints import HELP, Mover, calibrate_joint
+from robot.calibration.questions import Dialogue, Terminal
+from robot.calibration.strain_gauges import GaugeSession
+from robot.configuration.calibration_file import (
+    AxesCalibration,
+    Calibration,
+    GaugeCalibration,
+    JointCalibration,
+    Part,
+    RulerCalibration,
+    check_calibration,
+)
+from robot.configuration.robot_config import RobotConfig
+from robot.drivers.servo_bus import ServoBus
+from robot.errors import AbandonedError, CommandError, ConfigError
+from robot.host.clock import Clock
+from robot.sensing.sensors import AnalogueInput, RangeFinder
+
+WELCOME: Final = """\
+Calibrates {robot}. Each part is written when it was measured. 'q' leaves at any question: the robot
+then holds, and the part that you are at keeps what it had.
+Keep clear of the legs: they move when you say so, slowly, and only as far as you say."""
+
+JOINTS: Final = """
+Joints. Put the robot on a stand, so that every leg can move freely. 0° is the planar pose: legs
+straight out, level with the body; upward is positive."""
+
+GAUGES: Final = """
+Strain gauges. Leave the robot on its stand, no foot touching anything. You need one weight that
+you know, 100 g or more, to hang on each foot in turn as the ground would push it: upward."""
+
+
+class Devices(Protocol):
+    """The drivers that a session needs."""
+
+    @property
+    def servos(self) -> ServoBus:
+        """The servo board."""
+
+    @property
+    def adc(self) -> AnalogueInput:
+        """The data acquisition board."""
+
+    @property
+    def distance(self) -> RangeFinder | None:
+        """The distance sensor, if there is one."""
+
+
+def parts(config: RobotConfig) -> list[str]:
+    """The names of everything that can be calibrated, in order."""
+    return [
+        *(joint.name for joint in config.joints),
+        "accelerometer",
+        *(gauge.name for gauge in config.gauges),
+        *(["distance"] if config.distance else []),
+    ]
+
+
+class Session:
+    """One guided session.
+
+    Args:
+        config: The robot, with what is believed of its calibration so far.
+        devices: Its drivers.
+        clock: The robot clock.
+        terminal: With whom.
+        only: Names out of ``parts``; empty for all of them.
+
+    Raises:
+        CommandError: There is no such part.
+    """
+
+    def __init__(
+        self,
+        config: RobotConfig,
+        devices: Devices,
+        *,
+        clock: Clock,
+        terminal: Terminal,
+        only: Collection[str] = (),
+    ):
+        known = parts(config)
+        for name in only:
+            if name not in known:
+                raise CommandError(f"this robot has no {name!r}; it has {', '.join(known)}")
+        self._config = config
+        self._devices = devices
+        self._clock = clock
+        self._dialogue = Dialogue(terminal)
+        self._wanted = set(only or known)
+
+    def run(self, before: Calibration, save: Callable[[str, Calibration], None]) -> None:
+        """Leads through all parts; each is confirmed and saved before the next begins.
+
+        Args:
+            before: What a skipped part keeps.
+            save: Given the name of a part, and the whole calibration with it.
+
+        Raises:
+            AbandonedError: Somebody left.
+        """
+        found = before
+        try:
+            self._dialogue.say(WELCOME.format(robot=self._config.name))
+            for name, part in self._measured():
+                following = found.with_part(name, part)
+                if following != found and self._confirmed(name, found, following):
+                    save(name, following)
+                    found = following
+        except KeyboardInterrupt:
+            raise AbandonedError("You left the session.") from None
+
+    def _confirmed(self, name: str, before: Calibration, found: Calibration) -> bool:
+        try:
+            check_calibration(found)
+        except ConfigError as error:
+            self._dialogue.say(f"{name} is not taken and keeps what it had: {error}")
+            return False
+        self._dialogue.say("\n" + "\n".join(self._changes(before, found)))
+        return self._dialogue.choose("write this: yes or no", "yes", "no") == "yes"
+
+    def _measured(self) -> Iterator[tuple[str, Part]]:
+        """Each part that was not skipped, by name."""
+        yield from self._joints()
+        if (axes := self._accelerometer()) is not None:
+            yield "accelerometer", axes
+        yield from self._gauges()
+        if (ruler := self._distance()) is not None:
+            yield "distance", ruler
+
+    def _joints(self) -> Iterator[tuple[str, JointCalibration]]:
+        wanted = [joint for joint in self._config.joints if joint.name in self._wanted]
+        if wanted:
+            self._dialogue.say(JOINTS + HELP)
+            self._dialogue.choose("on the stand: Enter", "")
+        for joint in wanted:
+            make = partial(Mover, self._devices.servos, joint.output, self._clock)
+            mover = self._dialogue.attempt(make)
+            measured = calibrate_joint(joint, mover, self._dialogue)
+            if measured is not None:
+                yield joint.name, measured
+
+    def _accelerometer(self) -> AxesCalibration | None:
+        if "accelerometer" not in self._wanted:
+            return None
+        return AccelerometerSession(
+            self._config.accelerometer,
+            self._devices.adc,
+            rate=self._config.settling.rate,
+            clock=self._clock,
+            dialogue=self._dialogue,
+        ).run()
+
+    def _gauges(self) -> Iterator[tuple[str, GaugeCalibration]]:
+        wanted = [gauge for gauge in self._config.gauges if gauge.name in self._wanted]
+        if wanted:
+            self._dialogue.say(GAUGES)
+        for gauge in wanted:
+            measured = GaugeSession(
+                gauge,
+                self._devices.adc,
+                rate=self._config.settling.rate,
+                clock=self._clock,
+                dialogue=self._dialogue,
+            ).run()
+            if measured is not None:
+                yield gauge.name, measured
+
+    def _distance(self) -> RulerCalibration | None:
+        belly, finder = self._config.distance, self._devices.distance
+        if "distance" not in self._wanted or belly is None or finder is None:
+            return None
+        return DistanceSession(
+            belly.sensor, finder, noise=self._config.noise.clearance, dialogue=self._dialogue
+        ).run()
+
+    def _changes(self, before: Calibration, found: Calibration) -> Iterator[str]:
+        """What is new, line by line."""
+        for joint in self._config.joints:
+            new = found.joints.get(joint.name)
+            if new != before.joints.get(joint.name) and new is not None:
+                scales = new.scale, joint.scale
+                counts = [scale.count(0.0) for scale in scales]
+                slopes = [math.degrees(scale.resolution) for scale in scales]
+                limits = math.degrees(new.lower_limit), math.degrees(new.upper_limit)
+                yield (
+                    f"{joint.name}: 0° at count {counts[0]} (was {counts[1]}), {slopes[0]:.2f}° a "
+                    f"count (was {slopes[1]:.2f}°), {limits[0]:.1f}° to {limits[1]:.1f}°"
+                )
+        axes, old = found.accelerometer, self._config.accelerometer
+        if axes != before.accelerometer and axes is not None:
+            for index, name in enumerate("xyz"):
+                yield (
+                    f"accelerometer {name}: {axes.zero[index]:.3f} V at 0 g (was "
+                    f"{old.zero[index]:.3f}), {axes.volts_per_g[index]:.3f} V/g (was "
+                    f"{old.volts_per_g[index]:.3f})"
+                )
+        for gauge in self._config.gauges:
+            bridge = found.gauges.get(gauge.name)
+            if bridge != before.gauges.get(gauge.name) and bridge is not None:
+                yield (
+                    f"{gauge.name}: {bridge.tare:.3f} V when free (was {gauge.tare:.3f}), "
+                    f"{bridge.volts_per_newton:.3f} V/N (was {gauge.volts_per_newton:.3f}), "
+                    f"touches above {bridge.on:g} N"
+                )
+        ruler, belly = found.distance, self._config.distance
+        if ruler != before.distance and ruler is not None and belly is not None:
+            yield (
+                f"distance: {ruler.zero * 1000:.1f} mm on the ground (was "
+                f"{belly.sensor.zero * 1000:.1f}), scale {ruler.scale:.3f} (was "
+                f"{belly.sensor.scale:.3f})"
+            )

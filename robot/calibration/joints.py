@@ -1,0 +1,265 @@
+"""One joint: a person moves the count in small steps and types the angle that a protractor shows.
+
+Counts are all that can be trusted here: neither the direction nor the size of a count is known
+before it was measured. So the joint moves one count at a time, far slower than its servo can, and
+only as far as it was told to.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final
+
+from robot.calibration.questions import Dialogue, number
+from robot.configuration.calibration_file import JointCalibration
+from robot.configuration.joint_calibration import (
+    MAX_COUNT,
+    MIN_COUNT,
+    SLOPES,
+    DrivenJoint,
+    JointScale,
+)
+from robot.drivers.servo_bus import ServoBus
+from robot.errors import DeviceDataError
+from robot.host.clock import Clock
+
+HELP: Final = """
+  u 5, d 5      five counts up or down; at most 20, and 5 without a number
+  -12.5         the angle that you measure now, in degrees; 0 is the planar pose, + is upward
+  lower, upper  the joint may go no further down, or up, than here
+  drop          forgets the last angle
+  done          takes the angles over; two are needed, five across the whole range are better
+  skip          leaves this joint as it was
+  ?             this list
+  q             leaves; the robot holds, and this joint keeps what it had"""
+
+MAX_STEP: Final = 20
+PACE: Final = 0.03  # s between counts besides the serial line's own: about 13° a second
+NEUTRAL: Final = 128
+_MIN_APART: Final = 10  # counts between two measured angles
+_ZERO_TOLERANCE: Final = 1.5  # degrees
+_WELL_BEYOND: Final = 30  # counts
+
+
+class Mover:
+    """Moves one servo, count by count.
+
+    Args:
+        servos: The servo board.
+        output: Which of its outputs.
+        clock: Paces the counts.
+
+    Attributes:
+        count: Where the servo was sent; 0 while it is limp.
+    """
+
+    def __init__(self, servos: ServoBus, output: int, clock: Clock):
+        self._servos = servos
+        self._output = output
+        self._clock = clock
+        self.count = servos.read_counts([output])[output]
+
+    def go(self, target: int) -> None:
+        """Moves to a count; a limp servo jumps there.
+
+        Raises:
+            DeviceError: The board failed, or was reset; the next try starts from where it stands.
+        """
+        self.check()
+        if self.count == 0:
+            self._send(target)
+        while self.count != target:
+            self._send(self.count + (1 if target > self.count else -1))
+            self._clock.sleep(PACE)
+
+    def check(self) -> None:
+        """Makes sure that the board still holds the count.
+
+        Raises:
+            DeviceDataError: It does not: it was reset.
+        """
+        if self._servos.verify({self._output: self.count}):
+            before = self.count
+            self.count = self._servos.read_counts([self._output])[self._output]
+            raise DeviceDataError(
+                f"The servo board lost count {before} and stands at {self.count}: it was reset.",
+                "Check the servos' supply.",
+            )
+
+    def _send(self, count: int) -> None:
+        self._servos.set_counts({self._output: count})
+        self.count = count
+
+
+def calibrate_joint(
+    joint: DrivenJoint, mover: Mover, dialogue: Dialogue
+) -> JointCalibration | None:
+    """Leads through one joint.
+
+    Returns:
+        What was measured, or ``None`` if the joint was skipped; it then went back to where it was.
+
+    Raises:
+        AbandonedError: Somebody left.
+    """
+    dialogue.say(f"\n{joint.name}, servo output {joint.output}")
+    if mover.count == 0:
+        dialogue.choose(f"{joint.name} is limp; hold it, then Enter drives it to its middle", "")
+        dialogue.attempt(lambda: mover.go(NEUTRAL))
+    start = mover.count
+    measuring = _Measuring(joint, mover, dialogue)
+    while True:
+        answer = dialogue.ask(measuring.prompt)
+        if answer == "skip":
+            dialogue.attempt(lambda: mover.go(start))
+            return None
+        if answer == "done":
+            found = measuring.finish()
+            if found is not None:
+                return found
+        else:
+            measuring.take(answer)
+
+
+class _Measuring:
+    """The angles of one joint so far."""
+
+    def __init__(self, joint: DrivenJoint, mover: Mover, dialogue: Dialogue):
+        self._joint = joint
+        self._mover = mover
+        self._dialogue = dialogue
+        self._points: list[tuple[int, float]] = []  # count, degrees
+        self._limits: dict[str, int] = {}
+
+    @property
+    def prompt(self) -> str:
+        expected = math.degrees(self._joint.scale.angle(self._mover.count))
+        measured = f"{len(self._points)} angle{'' if len(self._points) == 1 else 's'}"
+        return (
+            f"{self._joint.name}: count {self._mover.count}, was {expected:.1f}°, "
+            f"{measured} measured"
+        )
+
+    def take(self, answer: str) -> None:
+        """Does what an answer asks for."""
+        move = re.fullmatch(r"([ud]) *(\d*)", answer)
+        angle = number(answer)
+        if move is not None:
+            self._move(1 if move[1] == "u" else -1, int(move[2] or 5))
+        elif angle is not None:
+            self._measure(angle)
+        elif answer in ("lower", "upper"):
+            self._limits[answer] = self._mover.count
+            self._dialogue.say(f"Count {self._mover.count} is the {answer} limit.")
+        elif answer == "drop" and self._points:
+            count, angle = self._points.pop()
+            self._dialogue.say(f"{angle:g}° at count {count} is forgotten.")
+        else:
+            self._dialogue.say(HELP)
+
+    def finish(self) -> JointCalibration | None:
+        """Checks the table, goes to its zero, and lets a person look at it."""
+        try:
+            found, scale = self._table()
+        except ValueError as error:
+            self._dialogue.say(f"Not yet: it {error}.")
+            return None
+        before = self._joint.scale
+        if (scale.angle(2) > scale.angle(1)) != (before.angle(2) > before.angle(1)):
+            self._dialogue.say("It turns the other way than was thought; that is put right.")
+        self._say_what_is_guessed(found)
+        self._dialogue.attempt(lambda: self._mover.go(scale.count(0.0)))
+        zero = self._zero_angle()
+        if zero is not None and abs(zero) > _ZERO_TOLERANCE:
+            self._dialogue.say(
+                f"It should be 0° and is {zero:g}°: one of the angles is wrong, or there are too "
+                "few of them near 0°. Add or drop some."
+            )
+            return None
+        return JointCalibration(
+            lower_limit=found.lower_limit, upper_limit=found.upper_limit, scale=scale
+        )
+
+    def _move(self, direction: int, steps: int) -> None:
+        target = self._mover.count + direction * steps
+        if not (1 <= steps <= MAX_STEP and MIN_COUNT <= target <= MAX_COUNT):
+            self._dialogue.say(
+                f"A step has 1 to {MAX_STEP} counts, and counts run from {MIN_COUNT} to "
+                f"{MAX_COUNT}."
+            )
+            return
+        self._dialogue.attempt(lambda: self._mover.go(target))
+
+    def _measure(self, angle: float) -> None:
+        count = self._mover.count
+        self._dialogue.attempt(self._mover.check)
+        if self._mover.count != count:
+            self._dialogue.say(f"It moved to count {self._mover.count}: measure once more.")
+            return
+        others = [point for point in self._points if point[0] != count]
+        reason = _objection([*others, (count, angle)])
+        if reason is not None:
+            self._dialogue.say(f"{angle:g}° at count {count} is not taken: {reason}")
+            return
+        self._points = [*others, (count, angle)]
+        self._dialogue.say(f"{angle:g}° at count {count}.")
+
+    def _table(self) -> tuple[DrivenJoint, JointScale]:
+        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in self._points))
+        limits = {name: scale.angle(count) for name, count in self._limits.items()}
+        lower = limits.get("lower", self._joint.lower_limit)
+        upper = limits.get("upper", self._joint.upper_limit)
+        if lower >= upper:
+            raise ValueError(
+                f"has its lower limit at {math.degrees(lower):.1f}° and its upper one at "
+                f"{math.degrees(upper):.1f}°; mark them again"
+            )
+        found = replace(self._joint, scale=scale, lower_limit=lower, upper_limit=upper)
+        found.check_zero()
+        return found, scale
+
+    def _zero_angle(self) -> float | None:
+        while True:
+            answer = self._dialogue.ask(
+                f"{self._joint.name} at its new 0°: the angle measured, or Enter"
+            )
+            if not answer:
+                return None
+            angle = number(answer)
+            if angle is not None:
+                return angle
+            self._dialogue.say("Answer an angle in degrees, Enter, or q to leave.")
+
+    def _say_what_is_guessed(self, found: DrivenJoint) -> None:
+        counts = [count for count, _ in self._points]
+        ends = [found.scale.count(angle) for angle in found.reachable]
+        if min(counts) - min(ends) > _WELL_BEYOND or max(ends) - max(counts) > _WELL_BEYOND:
+            self._dialogue.say(
+                f"Measured from count {min(counts)} to {max(counts)}; it may go from {min(ends)} "
+                f"to {max(ends)}, where its angle is a guess."
+            )
+
+
+def _objection(points: Sequence[tuple[int, float]]) -> str | None:
+    """What is wrong with a table of counts and degrees, or ``None``."""
+    rising: set[bool] = set()
+    for (count, angle), (following, next_angle) in pairwise(sorted(points)):
+        if following - count < _MIN_APART:
+            return (
+                f"count {count} and count {following} were both measured; move at least "
+                f"{_MIN_APART} counts in between."
+            )
+        slope = (next_angle - angle) / (following - count)
+        if not SLOPES[0] <= abs(slope) <= SLOPES[1]:
+            return (
+                f"from count {count} to {following} that would be {abs(slope):.2f}° a count, and "
+                "0.7° is usual. Is the joint at a stop, or an angle mistyped?"
+            )
+        rising.add(slope > 0)
+    if len(rising) > 1:
+        return "the angles must rise or fall all along the counts. Is one of them mistyped?"
+    return None

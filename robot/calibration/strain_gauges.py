@@ -1,0 +1,100 @@
+"""A strain gauge: its volts with the foot free, and with one known load on it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from robot.calibration.questions import Dialogue, number
+from robot.configuration.calibration_file import GaugeCalibration
+from robot.host.clock import Clock
+from robot.sensing.raw_samples import Spread, sample_channels
+from robot.sensing.sensors import AnalogueInput
+from robot.sensing.touch import TouchGauge
+
+SAMPLES: Final = 100
+GRAVITY: Final = 9.81
+LOADS: Final = (0.05, 200.0)  # N
+_CLEAR_OF_NOISE: Final = 10.0  # a load must stand out of the noise by this
+_QUIET: Final = 6.0  # so many times the noise below the threshold, a free foot never seems to touch
+_MIN_CHANGE: Final = 2e-3  # V
+
+
+class GaugeSession:
+    """Leads through one gauge.
+
+    Args:
+        gauge: Its channel and what was believed so far.
+        adc: The data acquisition board.
+        rate: Samples per second.
+        clock: The robot clock.
+        dialogue: With whom.
+    """
+
+    def __init__(
+        self,
+        gauge: TouchGauge,
+        adc: AnalogueInput,
+        *,
+        rate: float,
+        clock: Clock,
+        dialogue: Dialogue,
+    ):
+        self._gauge = gauge
+        self._adc = adc
+        self._rate = rate
+        self._clock = clock
+        self._dialogue = dialogue
+
+    def run(self) -> GaugeCalibration | None:
+        """The calibration, or ``None`` if it was skipped.
+
+        Raises:
+            AbandonedError: Somebody left.
+        """
+        name = self._gauge.name
+        if self._dialogue.choose(f"{name} free of any load: Enter or skip", "", "skip"):
+            return None
+        free = self._dialogue.attempt(self._sample)
+        while True:
+            load = self._load()
+            loaded = self._dialogue.attempt(self._sample)
+            change = loaded.mean - free.mean
+            if abs(change) > max(_MIN_CHANGE, _CLEAR_OF_NOISE * free.deviation):
+                break
+            self._dialogue.say(
+                f"{load:g} N changed it by {change * 1000:.1f} mV only, with "
+                f"{free.deviation * 1000:.1f} mV of noise. Is the load on this foot, and is "
+                f"channel {self._gauge.channel} this gauge's? Load it again, or leave with q."
+            )
+        gain = change / load
+        return self._thresholds(free, gain)
+
+    def _thresholds(self, free: Spread, gain: float) -> GaugeCalibration:
+        """Keeps the thresholds that are set, unless the noise would cross them."""
+        noise = free.deviation / abs(gain)
+        on = self._gauge.on
+        if on < _QUIET * noise:
+            on = math.ceil(_QUIET * noise * 100) / 100
+            self._dialogue.say(
+                f"The free foot reads {noise:.3f} N of noise, so it touches above {on:g} N "
+                f"instead of {self._gauge.on:g} N."
+            )
+        share = self._gauge.off / self._gauge.on if self._gauge.on else 0.5
+        return GaugeCalibration(tare=free.mean, volts_per_newton=gain, on=on, off=on * share)
+
+    def _load(self) -> float:
+        prompt = f"{self._gauge.name} with a known load: newtons, or grams as in '100 g'"
+        while True:
+            answer = self._dialogue.ask(prompt)
+            found = number(answer.removesuffix("g"))
+            if found is not None:
+                load = found * GRAVITY / 1000 if answer.endswith("g") else found
+                if LOADS[0] <= load <= LOADS[1]:
+                    return load
+            self._dialogue.say(f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, or q to leave.")
+
+    def _sample(self) -> Spread:
+        return sample_channels(
+            self._adc, [self._gauge.channel], count=SAMPLES, rate=self._rate, clock=self._clock
+        )[0]

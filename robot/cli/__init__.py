@@ -1,0 +1,29 @@
+"""The command line of ``robotd``.
+
+=========================== =====================================================================
+Module                      What is in it
+=========================== =====================================================================
+``run``, ``doctor``, …      a subcommand each, by its name: ``calibrate``, ``keys``
+``command_line``            finds the subcommands in ``COMMANDS``
+``startup``                 what a person sees who stops a command before it got to its work
+=========================== =====================================================================
+
+A subcommand's module has ``HELP`` (one line), ``add_arguments(parser)`` and ``run(options)``, which
+returns the exit code and raises ``BodyschemaError`` for whatever a person should read as one
+sentence.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import Final
+
+COMMANDS: Final = MappingProxyType(
+    {
+        "run": "robot.cli.run",
+        "doctor": "robot.cli.doctor",
+        "calibrate": "robot.cli.calibrate",
+        "keys": "robot.cli.keys",
+    }
+)
+"""Subcommand → module."""

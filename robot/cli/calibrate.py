@@ -1,0 +1,118 @@
+"""``robotd calibrate``: a guided session that writes the robot's calibration file."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Collection
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from robot.calibration.guided_session import Devices, Session
+from robot.calibration.questions import Console, Dialogue, Terminal
+from robot.configuration.calibration_file import Calibration, read_calibration, save_calibration
+from robot.configuration.robot_config import RobotConfig, apply_calibration, read_config
+from robot.errors import AbandonedError, ConfigError
+from robot.host.clock import Clock, WallClock
+from robot.service.devices import open_electronics, start_devices
+
+HELP = "measure joints and sensors with a person's help, and write the calibration file"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options."""
+    parser.add_argument(
+        "--config", type=Path, required=True, metavar="FILE", help="the robot's robot.toml"
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="joints or touch sensors by name, accelerometer, distance (default: all of them)",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Calibrates the robot that a configuration describes."""
+    config, file = read_config(options.config)
+    if file is None:
+        raise ConfigError(
+            'names no file to write. Add [calibration] and below it file = "calibration.toml".',
+            file=str(options.config),
+            key="calibration",
+        )
+    before = Calibration(robot=config.name)
+    if file.exists():
+        before = read_calibration(file)
+        config = apply_calibration(config, before, file=str(file))
+    clock = WallClock()
+    devices = start_devices(config, open_electronics(config), clock)
+    try:
+        calibrate(
+            config,
+            before,
+            devices,
+            clock=clock,
+            terminal=Console(),
+            file=file,
+            only=options.only,
+        )
+    finally:
+        devices.close()
+    return 0
+
+
+def calibrate(
+    config: RobotConfig,
+    before: Calibration,
+    devices: Devices,
+    *,
+    clock: Clock,
+    terminal: Terminal,
+    file: Path,
+    only: Collection[str] = (),
+) -> None:
+    """Leads through a session and writes its outcome.
+
+    Args:
+        config: The robot, with what is believed of its calibration so far.
+        before: What the file holds so far.
+        devices: The robot's drivers.
+        clock: The robot clock.
+        terminal: With whom.
+        file: Where each part goes when it was measured; the file before is kept under a number.
+        only: What to calibrate; empty for everything.
+
+    Raises:
+        AbandonedError: Somebody left, or nothing was measured; what was measured is in the file,
+            and the robot holds.
+    """
+    session = Session(config, devices, clock=clock, terminal=terminal, only=only)
+    made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    written: list[str] = []
+    backups: list[str] = []
+
+    def save(name: str, found: Calibration) -> None:
+        found = replace(found, revision=before.revision + 1, made=made)
+        # A full disk is no reason to measure everything again.
+        backup = Dialogue(terminal).attempt(
+            lambda: save_calibration(file, found, keep=not written)  # one revision a session
+        )
+        written.append(name)
+        backups.extend([backup.name] if backup else [])
+        terminal.say(f"{name} is written.")
+
+    try:
+        session.run(before, save)
+        if not written:
+            raise AbandonedError("Nothing new was measured.")
+    except (AbandonedError, KeyboardInterrupt) as error:
+        reason = f"{error} " if isinstance(error, AbandonedError) else ""
+        kept = f"has {', '.join(written)}" if written else "is as it was"
+        raise AbandonedError(f"{reason}The robot holds; {file} {kept}.") from None
+    terminal.say(
+        f"{file} is written, revision {before.revision + 1}"
+        + (f"; the one before is {backups[0]}." if backups else ".")
+        + " Restart robotd to use it."
+    )

@@ -1,0 +1,82 @@
+"""``robotd doctor``: looks at each device, joint and sensor, and says what to check."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+from robot.calibration.guided_session import parts
+from robot.configuration.calibration_file import read_calibration
+from robot.configuration.robot_config import RobotConfig, load_config, read_config
+from robot.diagnosis.doctor import Access, Doctor
+from robot.diagnosis.findings import Finding, Verdict, look, ok
+from robot.host.clock import Clock, WallClock
+from robot.service.devices import (
+    open_bus,
+    open_line,
+    open_ports,
+    start_adc,
+    start_distance,
+    start_servos,
+)
+
+HELP = "look at each device, joint and sensor, and say what to check; moves nothing"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options."""
+    parser.add_argument(
+        "--config", type=Path, required=True, metavar="FILE", help="the robot's robot.toml"
+    )
+    parser.add_argument(
+        "--move",
+        action="store_true",
+        help="also move each joint by some degrees, one after another, and back",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Examines the robot that a configuration describes; 0 when all is well, else 1."""
+    config = load_config(options.config, uncalibrated=True)
+    clock = WallClock()
+    findings = Doctor(config, real_access(config, clock), clock, move=options.move).examine()
+    print_findings([describe_config(config, options.config)], print)
+    return print_findings(findings, print)
+
+
+def real_access(config: RobotConfig, clock: Clock) -> Access:
+    """The devices that a configuration names, each opened by itself."""
+    return Access(
+        servos=lambda: start_servos(config, open_line(config), clock),
+        adc=lambda: start_adc(config, open_ports(config), clock),
+        distance=lambda: start_distance(config, open_bus(config), clock),
+    )
+
+
+def describe_config(config: RobotConfig, path: Path) -> Finding:
+    """What is believed of the robot, and since when."""
+    text = f"{config.name}: {len(config.joints)} joints, {len(config.gauges)} touch sensors"
+    advice = f"robotd calibrate --config {path}; see docs/calibration.md"
+    _, file = read_config(path)
+    if file is None or not file.exists():
+        missing = f"; {file} does not exist yet" if file else ""
+        return look(
+            "configuration", f"{text}; not calibrated, the values of {path} stand{missing}", advice
+        )
+    found = read_calibration(file)
+    text += f"; {file.name} revision {found.revision} of {found.made}"
+    rest = [name for name in parts(config) if not found.has(name)]
+    if rest:
+        return look("configuration", f"{text}; not calibrated yet: {', '.join(rest)}", advice)
+    return ok("configuration", text)
+
+
+def print_findings(findings: Iterable[Finding], show: Callable[[str], None]) -> int:
+    """Shows findings as they come; returns 1 if one of them is bad, else 0."""
+    worst = 0
+    for finding in findings:
+        for line in finding.lines():
+            show(line)
+        worst |= finding.verdict is Verdict.BAD
+    return int(worst)

@@ -1,0 +1,117 @@
+"""``robotd run``: serves a robot until SIGTERM, SIGHUP or Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import metadata, resources
+from pathlib import Path
+from typing import Final
+
+from protocol.sockets.endpoints import DEFAULT_BIND
+from protocol.transport.server import Server
+from robot.configuration.robot_config import RobotConfig, load_config
+from robot.control.controller import Controller
+from robot.host.clock import Clock, WallClock, WatchedClock
+from robot.host.service_manager import ServiceManager
+from robot.service.daemon import HOUSEKEEPING, build_controller, serve
+from robot.service.devices import open_electronics, report_devices, start_devices
+from robot.service.dry_run import dry_config, dry_controller
+
+HELP = "serve the robot until SIGTERM or Ctrl-C"
+EXAMPLE: Final = Path(str(resources.files("robot") / "robot.toml"))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options."""
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="the robot's robot.toml; only a dry run can do without, and takes the example's",
+    )
+    parser.add_argument(
+        "--dry",
+        action="store_true",
+        help="touch no hardware: commanded angles come back, and there are no sensors",
+    )
+    add_server_arguments(parser)
+    parser.set_defaults(refuse=parser.error)
+
+
+def add_server_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declares the options that ``robotd run`` and ``sim-robotd`` share."""
+    parser.add_argument(
+        "--bind",
+        default=DEFAULT_BIND,
+        metavar="URI",
+        help="where to take requests (default %(default)s; telemetry on the next port)",
+    )
+    parser.add_argument(
+        "--keys",
+        type=Path,
+        metavar="DIR",
+        help="let in only clients that this key directory knows (see robotd keys)",
+    )
+    parser.add_argument(
+        "--insecure",
+        action="store_true",
+        help="allow an address that other computers can reach, without keys",
+    )
+
+
+def run(options: argparse.Namespace) -> int:
+    """Serves the robot that a configuration describes."""
+    if options.config is None and not options.dry:
+        options.refuse("give the robot's --config FILE, or say --dry")
+    path = options.config or EXAMPLE
+    config = load_config(path, uncalibrated=options.dry)
+    if options.dry:
+        config = dry_config(config)
+    log = logging.getLogger("robotd")
+    log.info(
+        "bodyschema %s: robot %s, %s (configuration %s)",
+        metadata.version("bodyschema"),
+        config.name,
+        path,
+        config.hash,
+    )
+    manager = ServiceManager()
+    clock = WatchedClock(WallClock(), manager.alive)
+    with _controller(config, clock, log, manager, dry=options.dry) as controller:
+        server = Server(
+            controller,
+            bind=options.bind,
+            keys=options.keys,
+            insecure=options.insecure,
+            log=log,
+        )
+        serve(controller, server, log, manager=manager)
+    return 0
+
+
+@contextmanager
+def _controller(
+    config: RobotConfig, clock: Clock, log: logging.Logger, manager: ServiceManager, *, dry: bool
+) -> Iterator[Controller]:
+    if dry:
+        log.warning("dry run: no hardware is touched, and there are no sensors")
+        yield dry_controller(config, clock=clock, log=log, manager=manager)
+        return
+    devices = start_devices(config, open_electronics(config), clock)
+    try:
+        controller = build_controller(
+            config,
+            devices,
+            clock=clock,
+            attendant=None,
+            housekeeping=HOUSEKEEPING,
+            log=log,
+            manager=manager,
+        )
+        report_devices(config, log)
+        yield controller
+    finally:
+        devices.close()

@@ -1,0 +1,309 @@
+"""``calibration.toml``: what ``robotd calibrate`` found out, in a file of its own.
+
+Its keys are those of ``robot.toml``, which names the file and whose values give way to it. What was
+not calibrated is left out. The last table tells a whole file from one that was cut off. A file is
+replaced in one step, and the one before is kept under a number.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Final
+
+from robot.configuration.device_tables import (
+    read_axes,
+    read_bridge,
+    read_limits,
+    read_ruler,
+    read_scale,
+    read_thresholds,
+)
+from robot.configuration.joint_calibration import JointScale
+from robot.configuration.toml_sections import Section, read_toml, toml_section
+from robot.errors import ConfigError
+
+SCHEMA: Final = 1
+_DIGITS: Final = 5  # behind the point: 0.00001° and 10 µV are beyond any sensor here
+_HEAD: Final = """\
+# Written by robotd calibrate, which keeps the file before it under a number. robot.toml names this
+# file, and its keys mean the same there; what stands here takes their place.
+"""
+_FOOT: Final = """
+
+[end]  # a file without this line was cut off
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCalibration:
+    """Mechanical limits of a joint, rad, and its counts."""
+
+    lower_limit: float
+    upper_limit: float
+    scale: JointScale
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxesCalibration:
+    """Volts at 0 g and volts per g of the accelerometer's axes x, y, z."""
+
+    zero: tuple[float, ...]
+    volts_per_g: tuple[float, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaugeCalibration:
+    """Volts of the free foot, volts per newton, and the loads that switch touch on and off, N."""
+
+    tare: float
+    volts_per_newton: float
+    on: float
+    off: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RulerCalibration:
+    """What the distance sensor reads with the belly on the ground, m, and metres per metre read."""
+
+    zero: float
+    scale: float
+
+
+Part = JointCalibration | AxesCalibration | GaugeCalibration | RulerCalibration
+"""What is calibrated at one go."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """One calibration of one robot.
+
+    Attributes:
+        robot: The robot's name; the file fits no other.
+        revision: Grows by one with each file that replaces another.
+        made: When, ISO 8601, UTC.
+        joints: By name; those that were calibrated.
+        accelerometer: Or ``None``.
+        gauges: By name; those that were calibrated.
+        distance: Or ``None``.
+    """
+
+    robot: str
+    revision: int = 0
+    made: str = "never"
+    joints: Mapping[str, JointCalibration] = field(default_factory=dict)
+    accelerometer: AxesCalibration | None = None
+    gauges: Mapping[str, GaugeCalibration] = field(default_factory=dict)
+    distance: RulerCalibration | None = None
+
+    def has(self, name: str) -> bool:
+        """Whether a part was calibrated: a joint or a gauge, ``accelerometer``, ``distance``."""
+        return (
+            name in self.joints
+            or name in self.gauges
+            or (name == "accelerometer" and self.accelerometer is not None)
+            or (name == "distance" and self.distance is not None)
+        )
+
+    def with_part(self, name: str, part: Part) -> Calibration:
+        """With another calibration of one part; ``name`` is a joint's or a gauge's."""
+        match part:
+            case JointCalibration():
+                return replace(self, joints={**self.joints, name: part})
+            case GaugeCalibration():
+                return replace(self, gauges={**self.gauges, name: part})
+            case AxesCalibration():
+                return replace(self, accelerometer=part)
+            case RulerCalibration():
+                return replace(self, distance=part)
+
+
+def read_calibration(path: Path) -> Calibration:
+    """Reads a calibration file.
+
+    Raises:
+        ConfigError: Names file, key and reason.
+    """
+    return _calibration(read_toml(path))
+
+
+def check_calibration(calibration: Calibration) -> None:
+    """Whether the file that would be written of a calibration could be read again.
+
+    Raises:
+        ConfigError: Names key and reason: it holds what no robot has.
+    """
+    _calibration(toml_section(to_toml(replace(calibration, revision=1)), ""))
+
+
+def _calibration(root: Section) -> Calibration:
+    schema = root.integer("schema", 1, 2**31)
+    if schema != SCHEMA:
+        raise root.refuse(
+            "schema", f"is {schema}, and this robotd reads {SCHEMA}: calibrate anew, or update it."
+        )
+    root.table("end").done()  # missing where the file was cut off
+    found = Calibration(
+        robot=root.text("robot"),
+        revision=root.integer("revision", 1, 2**31),
+        made=root.text("made"),
+        joints=dict(_joint(section) for section in _named(root, "joint")),
+        accelerometer=_axes(root.table("accelerometer")) if root.has("accelerometer") else None,
+        gauges=dict(_gauge(section) for section in _named(root, "touch")),
+        distance=_ruler(root.table("distance")) if root.has("distance") else None,
+    )
+    root.done()
+    return found
+
+
+def _named(root: Section, key: str) -> Iterator[Section]:
+    seen: set[str] = set()
+    for section in root.tables(key) if root.has(key) else []:
+        name = section.text("name")
+        if name in seen:
+            raise section.refuse("name", f"{name!r} comes twice.")
+        seen.add(name)
+        yield section
+
+
+def _joint(section: Section) -> tuple[str, JointCalibration]:
+    lower, upper = read_limits(section)
+    found = JointCalibration(lower_limit=lower, upper_limit=upper, scale=read_scale(section))
+    section.done()
+    return section.text("name"), found
+
+
+def _axes(section: Section) -> AxesCalibration:
+    zero, gains = read_axes(section)
+    section.done()
+    return AxesCalibration(zero=zero, volts_per_g=gains)
+
+
+def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
+    tare, gain = read_bridge(section)
+    on, off = read_thresholds(section)
+    section.done()
+    return section.text("name"), GaugeCalibration(tare=tare, volts_per_newton=gain, on=on, off=off)
+
+
+def _ruler(section: Section) -> RulerCalibration:
+    zero, scale = read_ruler(section)
+    section.done()
+    return RulerCalibration(zero=zero, scale=scale)
+
+
+def to_toml(calibration: Calibration) -> str:
+    """The text of the file."""
+    lines = [
+        f"schema = {SCHEMA}",
+        f"revision = {calibration.revision}",
+        f"robot = {_text(calibration.robot)}",
+        f"made = {_text(calibration.made)}",
+    ]
+    if calibration.accelerometer is not None:
+        lines += [
+            "\n[accelerometer]",
+            f"zero_v = {_numbers(calibration.accelerometer.zero)}",
+            f"volts_per_g = {_numbers(calibration.accelerometer.volts_per_g)}",
+        ]
+    if calibration.distance is not None:
+        lines += [
+            "\n[distance]",
+            f"zero_mm = {_number(calibration.distance.zero * 1000)}",
+            f"scale = {_number(calibration.distance.scale)}",
+        ]
+    for name, joint in calibration.joints.items():
+        limits = math.degrees(joint.lower_limit), math.degrees(joint.upper_limit)
+        points = (_numbers((count, math.degrees(angle))) for count, angle in joint.scale.points)
+        lines += [
+            "\n[[joint]]",
+            f"name = {_text(name)}",
+            f"limits_deg = {_numbers(limits)}",
+            f"calibration = [{', '.join(points)}]",
+        ]
+    for name, gauge in calibration.gauges.items():
+        lines += [
+            "\n[[touch]]",
+            f"name = {_text(name)}",
+            f"tare_v = {_number(gauge.tare)}",
+            f"volts_per_newton = {_number(gauge.volts_per_newton)}",
+            f"on_n = {_number(gauge.on)}",
+            f"off_n = {_number(gauge.off)}",
+        ]
+    return _HEAD + "\n".join(lines) + _FOOT
+
+
+def save_calibration(path: Path, calibration: Calibration, *, keep: bool = True) -> Path | None:
+    """Writes a calibration file in one step: at any moment there is the old one or the new one.
+
+    Args:
+        path: The file.
+        calibration: What it shall hold.
+        keep: Whether the file before is kept under a number.
+
+    Returns:
+        Where the file before was kept, or ``None`` if there was none.
+
+    Raises:
+        ConfigError: The disk is full, the folder is not ours, …; the old file stands.
+    """
+    path = path.resolve()  # a link stays a link
+    backup = None
+    try:
+        if keep and path.exists():
+            backup = _free_name(path)
+            _write(backup, path.read_bytes())
+        _write(path, to_toml(calibration).encode())
+    except OSError as error:
+        raise ConfigError(
+            f"cannot be written: {error.strerror}. The file before, if any, still stands.",
+            file=str(path),
+        ) from error
+    return backup
+
+
+def _free_name(path: Path) -> Path:
+    number = 1
+    while (name := path.with_name(f"{path.name}.{number}")).exists():
+        number += 1
+    return name
+
+
+def _write(path: Path, data: bytes) -> None:
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(name, 0o644)  # whoever calibrates, the daemon must be able to read it
+        os.replace(name, path)
+    except BaseException:
+        with suppress(FileNotFoundError):
+            os.unlink(name)
+        raise
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)  # or the new name could be lost with the power
+    finally:
+        os.close(folder)
+
+
+def _number(value: float) -> str:
+    rounded = round(value, _DIGITS)
+    return str(int(rounded)) if rounded == int(rounded) else repr(rounded)
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return f"[{', '.join(_number(value) for value in values)}]"
+
+
+def _text(value: str) -> str:
+    # A JSON string with its letters as they are is a TOML string, save for the character DEL.
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,298 @@
+"""``robot.toml``: what is connected where, and how it is calibrated.
+
+``robot/robot.toml`` is the documented example; this module is its meaning. Degrees and millimetres
+in the file, because a person writes it; radians and metres in the objects.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from robot.configuration.calibration_file import Calibration, read_calibration
+from robot.configuration.device_tables import (
+    I2CConfig,
+    check_count,
+    read_accelerometer,
+    read_distance,
+    read_gauge,
+    read_joint,
+    read_settling,
+)
+from robot.configuration.joint_calibration import DrivenJoint
+from robot.configuration.toml_sections import Section, numbered, read_toml
+from robot.drivers import ANALOGUE_DRIVERS
+from robot.drivers.dmm32 import BASES, RANGES
+from robot.drivers.sv203 import BAUDS
+from robot.errors import ConfigError
+from robot.sensing.plausibility import Underside
+from robot.sensing.sensors import Accelerometer
+from robot.sensing.settling import RestCriterion
+from robot.sensing.touch import TouchGauge
+
+DENSITIES: Final = (10.0, 20_000.0)
+"""Kilograms per cubic metre of whatever a body can be made of."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyConfig:
+    """What ``hello`` makes public about the body: size (x, y, z) in m and mass in kg."""
+
+    size: tuple[float, ...]
+    mass: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServoBoardConfig:
+    """The serial line to the servo board."""
+
+    port: str
+    baud: int
+    board: int
+    line_gap: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class DaqConfig:
+    """The data acquisition board: its driver, where it is (I/O base or device), input range."""
+
+    base: int
+    input_range: str
+    driver: str = "dmm32"
+    device: str = "/dev/comedi0"
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseConfig:
+    """Root mean square errors of one observation, as ``hello`` announces them (rad, m)."""
+
+    tilt: float
+    clearance: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """Everything the daemon needs to know about its robot."""
+
+    name: str
+    body: BodyConfig
+    servo_board: ServoBoardConfig
+    joints: tuple[DrivenJoint, ...]
+    speed: float
+    daq: DaqConfig
+    accelerometer: Accelerometer
+    gauges: tuple[TouchGauge, ...]
+    distance: I2CConfig | None
+    settling: RestCriterion
+    samples: int
+    noise: NoiseConfig
+
+    def __post_init__(self) -> None:
+        joints = [joint.name for joint in self.joints]
+        gauges = [gauge.name for gauge in self.gauges]
+        _all_different("joint", joints, "name", joints)
+        _all_different("joint", joints, "output", [joint.output for joint in self.joints])
+        _all_different("touch", gauges, "name", gauges)
+        channels = [*self.accelerometer.channels, *(gauge.channel for gauge in self.gauges)]
+        for number, gauge in enumerate(self.gauges, 1):
+            key = numbered("touch", number, gauge.name)
+            if channels.count(gauge.channel) > 1:
+                raise ConfigError(
+                    f"input {gauge.channel} is another sensor's, too: each has one of its own.",
+                    key=f"{key}.channel",
+                )
+            if gauge.debounce > self.samples:
+                raise ConfigError(
+                    f"a debounce of {gauge.debounce} can never set the bit: an observation has "
+                    f"only {self.samples} samples.",
+                    key=f"{key}.debounce",
+                )
+
+    @property
+    def underside(self) -> Underside:
+        """The belly, for readings that err as they are announced to."""
+        return Underside.of(
+            self.body.size, tilt_noise=self.noise.tilt, clearance_noise=self.noise.clearance
+        )
+
+    @property
+    def hash(self) -> str:
+        """Twelve hex digits that change whenever the configuration does.
+
+        The serial port's name does not count: a re-plugged adapter may have another one.
+        """
+        nameless = replace(self, servo_board=replace(self.servo_board, port=""))
+        return hashlib.sha256(repr(nameless).encode()).hexdigest()[:12]
+
+
+def _all_different(table: str, names: Sequence[str], key: str, values: Sequence[str | int]) -> None:
+    for index, value in enumerate(values):
+        first = values.index(value)
+        if first < index:
+            raise ConfigError(
+                f"is {value!r:.80}, as that of {numbered(table, first + 1, names[first])}: each "
+                "has one of its own.",
+                key=f"{numbered(table, index + 1, names[index])}.{key}",
+            )
+
+
+def _dense_enough(section: Section, size: Sequence[float], mass: float) -> float:
+    """The mass, if there can be a body of that mass and size (x, y, z in m)."""
+    density = mass / math.prod(size)
+    if not DENSITIES[0] <= density <= DENSITIES[1]:
+        raise section.refuse(
+            "mass_kg",
+            f"is {mass:g} for a body of {' x '.join(f'{1000 * m:g}' for m in size)} mm: that is "
+            f"{density:.3g} kg per cubic metre, and foam has {DENSITIES[0]:g}, gold "
+            f"{DENSITIES[1]:g}; write kilograms, and size_mm in millimetres.",
+        )
+    return mass
+
+
+def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
+    """Reads ``robot.toml`` and the calibration file that it names, whose values come first.
+
+    Args:
+        path: The ``robot.toml``.
+        uncalibrated: Whether the calibration file may be missing; the values of ``robot.toml``
+            stand then. Nothing that moves by itself should begin like that.
+
+    Raises:
+        ConfigError: Names file, key and reason.
+    """
+    config, calibration = read_config(path)
+    if calibration is None or (uncalibrated and not calibration.exists()):
+        return config
+    if not calibration.exists():
+        raise ConfigError(
+            f"names {calibration}, which does not exist. Write it with: robotd calibrate --config "
+            f"{path}; or leave [calibration] out.",
+            file=str(path),
+            key="calibration.file",
+        )
+    return apply_calibration(config, read_calibration(calibration), file=str(calibration))
+
+
+def apply_calibration(config: RobotConfig, found: Calibration, *, file: str) -> RobotConfig:
+    """A configuration with the values of a calibration in the place of its own.
+
+    Raises:
+        ConfigError: It is another robot's, or does not fit this one; names ``file`` and key.
+    """
+    if found.robot != config.name:
+        raise ConfigError(
+            f"was made for {found.robot!r}, and this robot is {config.name!r}.",
+            file=file,
+            key="robot",
+        )
+    _check_known("joint", found.joints, (joint.name for joint in config.joints), file)
+    _check_known("touch", found.gauges, (gauge.name for gauge in config.gauges), file)
+    joints = tuple(_calibrated(joint, found, file) for joint in config.joints)
+    gauges = tuple(
+        replace(gauge, **vars(found.gauges[gauge.name])) if gauge.name in found.gauges else gauge
+        for gauge in config.gauges
+    )
+    accelerometer, distance = config.accelerometer, config.distance
+    if found.accelerometer is not None:
+        accelerometer = replace(accelerometer, **vars(found.accelerometer))
+    if found.distance is not None:
+        if distance is None:
+            raise ConfigError(
+                "calibrates a sensor that robot.toml does not have. Remove it, or add it there.",
+                file=file,
+                key="distance",
+            )
+        distance = replace(distance, sensor=replace(distance.sensor, **vars(found.distance)))
+    return replace(
+        config, joints=joints, gauges=gauges, accelerometer=accelerometer, distance=distance
+    )
+
+
+def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str) -> None:
+    unknown = sorted(set(names) - set(known))
+    if unknown:
+        raise ConfigError(
+            f"the robot has no {unknown[0]!r}. Remove it here, or add it to robot.toml.",
+            file=file,
+            key=key,
+        )
+
+
+def _calibrated(joint: DrivenJoint, found: Calibration, file: str) -> DrivenJoint:
+    if joint.name not in found.joints:
+        return joint
+    changed = replace(joint, **vars(found.joints[joint.name]))
+    try:
+        changed.check_zero()
+    except ValueError as error:
+        raise ConfigError(f"{joint.name!r} {error}.", file=file, key="joint.calibration") from error
+    return changed
+
+
+def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
+    """Reads ``robot.toml`` alone.
+
+    Returns:
+        Its own values, and the calibration file that it names, if it does.
+
+    Raises:
+        ConfigError: Names file, key and reason.
+    """
+    root = read_toml(path)
+    head = root.table("robot")
+    name = head.text("name")
+    check_count(root, head, "joints", "joint", 1)
+    check_count(root, head, "touch_sensors", "touch", 0)
+    head.done()
+    calibration = None
+    if root.has("calibration"):
+        table = root.table("calibration")
+        calibration = path.parent / table.text("file")
+        table.done()
+    body = root.table("body")
+    board = root.table("servo_board")
+    motion = root.table("motion")
+    daq = root.table("daq")
+    settling = root.table("settling")
+    noise = root.table("noise")
+    try:
+        size = tuple(mm / 1000 for mm in body.numbers("size_mm", 3, 5, 2000))
+        config = RobotConfig(
+            name=name,
+            body=BodyConfig(
+                size=size,
+                mass=_dense_enough(body, size, body.number("mass_kg", 0.01, 100)),
+            ),
+            servo_board=ServoBoardConfig(
+                port=board.text("port"),
+                baud=board.one_of("baud", BAUDS, 9600),
+                board=board.integer("board", 0, 255, 1),
+                line_gap=board.number("line_gap_ms", 3, 100, 3) / 1000,
+            ),
+            joints=tuple(read_joint(section) for section in root.tables("joint")),
+            speed=math.radians(motion.number("speed_deg_s", 5, 60, 60)),
+            daq=DaqConfig(
+                base=daq.one_of("base", BASES, 0x300, written="{:#x}"),
+                input_range=daq.choice("input_range", tuple(RANGES), "±5V"),
+                driver=daq.choice("driver", tuple(ANALOGUE_DRIVERS), "dmm32"),
+                device=daq.text("device", "/dev/comedi0"),
+            ),
+            accelerometer=read_accelerometer(root.table("accelerometer")),
+            gauges=tuple(read_gauge(s) for s in root.tables("touch")) if root.has("touch") else (),
+            distance=read_distance(root.table("distance")) if root.has("distance") else None,
+            settling=read_settling(settling),
+            samples=settling.integer("samples", 1, 1000, 10),
+            noise=NoiseConfig(
+                tilt=math.radians(noise.number_or_zero("tilt_deg", 0.01, 10)),
+                clearance=noise.number_or_zero("clearance_mm", 0.01, 50) / 1000,
+            ),
+        )
+    except ConfigError as error:
+        raise ConfigError(error.reason, file=str(path), key=error.key) from error
+    for section in (body, board, motion, daq, settling, noise, root):
+        section.done()
+    return config, calibration

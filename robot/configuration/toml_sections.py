@@ -1,0 +1,213 @@
+"""Reads a TOML file key by key, so that a wrong one is refused with file, key and reason.
+
+A ``Section`` remembers where it stands in the file and which of its keys were asked for; ``done``
+refuses the rest, so that a misspelt key is never silently ignored.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from protocol.text.toml import TomlError, parse_toml
+from robot.errors import ConfigError
+
+_UNITS: Final = MappingProxyType(
+    {
+        "_deg_s": "degrees per second",
+        "_deg": "degrees",
+        "_mm": "millimetres",
+        "_kg": "kilograms",
+        "_ms": "milliseconds",
+        "_s": "seconds",
+        "_hz": "hertz",
+        "_v": "volts",
+        "_n": "newtons",
+        "volts_per_g": "volts",
+        "volts_per_newton": "volts",
+    }
+)
+"""What the end of a key says about its unit."""
+
+
+def read_toml(path: Path) -> Section:
+    """Opens a TOML file.
+
+    Raises:
+        ConfigError: The file is missing, unreadable, truncated or no TOML.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"cannot be read: {error.strerror}.", file=str(path)) from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"is not UTF-8 text (byte {error.start}).", file=str(path)) from error
+    return toml_section(text, str(path))
+
+
+def toml_section(text: str, file: str) -> Section:
+    """The text of a TOML file; ``file`` names it in sentences.
+
+    Raises:
+        ConfigError: It is no TOML.
+    """
+    try:
+        return Section(file, "", parse_toml(text))
+    except TomlError as error:
+        raise ConfigError(f"is not valid TOML: {error}.", file=file) from error
+
+
+class Section:
+    """One table of a TOML file."""
+
+    def __init__(self, file: str, path: str, found: dict[str, Any]):
+        self._file = file
+        self._path = path
+        self._found = found
+        self._asked: set[str] = set()
+
+    def refuse(self, key: str, reason: str) -> ConfigError:
+        """The error that names this file, the key and the reason."""
+        return ConfigError(reason, file=self._file, key=f"{self._path}{key}")
+
+    def done(self) -> None:
+        """Refuses keys that nobody asked for."""
+        for key in self._found.keys() - self._asked:
+            near = difflib.get_close_matches(key, self._asked, n=1)
+            hint = (
+                f" Did you mean '{near[0]}'?"
+                if near
+                else f" Known: {', '.join(sorted(self._asked))}."
+            )
+            raise self.refuse(key, f"is not a known key.{hint}")
+
+    def table(self, key: str) -> Section:
+        """A required sub-table."""
+        value = self._take(key)
+        if not isinstance(value, dict):
+            raise self.refuse(key, f"must be a table, written [{self._path}{key}].")
+        return Section(self._file, f"{self._path}{key}.", value)
+
+    def has(self, key: str) -> bool:
+        """Whether an optional key or table is present."""
+        self._asked.add(key)
+        return key in self._found
+
+    def tables(self, key: str) -> list[Section]:
+        """A required array of tables, at least one."""
+        value = self._take(key)
+        if not isinstance(value, list) or not value or not all(isinstance(v, dict) for v in value):
+            raise self.refuse(key, f"must be one or more tables, each written [[{key}]].")
+        return [
+            Section(self._file, f"{self._path}{numbered(key, number, item.get('name'))}.", item)
+            for number, item in enumerate(value, 1)
+        ]
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """A non-empty string."""
+        value = self._take(key, default)
+        if not isinstance(value, str) or not value:
+            raise self.refuse(key, f"must be a non-empty string, not {value!r}.")
+        return value
+
+    def choice(self, key: str, choices: Sequence[str], default: str | None = None) -> str:
+        """One of some strings."""
+        value = self.text(key, default)
+        if value not in choices:
+            raise self.refuse(key, f"must be one of {', '.join(choices)}, not {value!r}.")
+        return value
+
+    def integer(self, key: str, least: int, most: int, default: int | None = None) -> int:
+        """An integer from ``least`` to ``most``."""
+        value = self._take(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise self.refuse(key, f"must be an integer from {least} to {most}, not {value!r}.")
+        return value
+
+    def one_of(self, key: str, choices: Sequence[int], default: int, *, written: str = "{}") -> int:
+        """One of some integers; ``written`` is the format in which the sentence shows them."""
+        value = self._take(key, default)
+        if isinstance(value, bool) or not isinstance(value, int) or value not in choices:
+            known = ", ".join(written.format(choice) for choice in choices)
+            found = written.format(value) if isinstance(value, int) else repr(value)
+            raise self.refuse(key, f"must be one of {known}, not {found}.")
+        return value
+
+    def number(self, key: str, least: float, most: float, default: float | None = None) -> float:
+        """A finite number from ``least`` to ``most``."""
+        return self._number(key, self._take(key, default), least, most)
+
+    def number_or_zero(self, key: str, least: float, most: float) -> float:
+        """A number from ``least`` to ``most``, or 0."""
+        value = self._take(key)
+        zero = isinstance(value, int | float) and not isinstance(value, bool) and value == 0
+        return 0.0 if zero else self._number(key, value, least, most, also="0, or ")
+
+    def magnitude(self, key: str, least: float, most: float) -> float:
+        """A number of either sign, from ``least`` to ``most`` without it."""
+        return self._magnitude(key, self._take(key), least, most)
+
+    def magnitudes(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
+        """An array of ``count`` such numbers."""
+        return tuple(self._magnitude(key, item, least, most) for item in self._array(key, count))
+
+    def numbers(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
+        """An array of ``count`` numbers."""
+        return tuple(self._number(key, item, least, most) for item in self._array(key, count))
+
+    def pairs(self, key: str) -> tuple[tuple[float, float], ...]:
+        """An array of two or more pairs of finite numbers."""
+        value = self._take(key)
+        whole = isinstance(value, list) and all(
+            isinstance(pair, list) and len(pair) == 2 for pair in value
+        )
+        if not whole or len(value) < 2:
+            raise self.refuse(key, f"must be two or more pairs [[a, b], [c, d]], not {value!r}.")
+        return tuple(
+            (
+                self._number(key, pair[0], -math.inf, math.inf),
+                self._number(key, pair[1], -math.inf, math.inf),
+            )
+            for pair in value
+        )
+
+    def _array(self, key: str, count: int) -> list[Any]:
+        value = self._take(key)
+        if not isinstance(value, list) or len(value) != count:
+            raise self.refuse(key, f"must be an array of {count} numbers, not {value!r}.")
+        return value
+
+    def _number(self, key: str, value: Any, least: float, most: float, *, also: str = "") -> float:
+        if not _is_number(value) or not least <= value <= most:
+            unit = next((f" {name}" for end, name in _UNITS.items() if key.endswith(end)), "")
+            raise self.refuse(
+                key, f"must be {also}a number from {least:g} to {most:g}{unit}, not {value!r}."
+            )
+        return float(value)
+
+    def _magnitude(self, key: str, value: Any, least: float, most: float) -> float:
+        if _is_number(value) and value < 0:
+            return -self._number(key, -value, least, most, also="(without its sign) ")
+        return self._number(key, value, least, most, also="(without its sign) ")
+
+    def _take(self, key: str, default: Any = None) -> Any:
+        self._asked.add(key)
+        if key in self._found:
+            return self._found[key]
+        if default is None:
+            raise self.refuse(key, "is missing.")
+        return default
+
+
+def numbered(key: str, number: int, name: object) -> str:
+    """How a person finds one of several tables: ``joint 2 (hip_front)``, counted from 1."""
+    return f"{key} {number} ({name:.64})" if name and isinstance(name, str) else f"{key} {number}"
+
+
+def _is_number(value: Any) -> bool:
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    return good and math.isfinite(value)

@@ -1,0 +1,340 @@
+"""The control loop: the only thread that touches devices.
+
+The server's thread calls ``submit``, ``silence`` and ``snapshot``, which never wait for a device;
+the control thread takes jobs from a queue and reports through ``events``. What a request may do in
+which state is ``protocol.rules.transitions.TRANSITIONS``, and what it ends
+``robot.control.jobs.ENDS``: what waits ends at once, what is under way is given an *interrupt*,
+which it meets before its next line, query or sample. A request is judged by the state to which the
+accepted ones lead; a ``snapshot`` shows the state that the devices have reached.
+
+A fault ends all that waits in the queue, too: after it the robot does nothing until a ``clear`` has
+found every device in order. Until then, and when it has not, the state remains ``fault``.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+
+from protocol.errors import CLEAR, RobotError
+from protocol.rules.robot_interface import FinalReply, RobotEvent, RobotRequest, Snapshot
+from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
+from protocol.wire.capabilities import Capabilities
+from protocol.wire.messages import Ok, Perform
+from protocol.wire.states import State
+from robot.control.interaction import Interaction, Outcome
+from robot.control.job_queue import JobQueue
+from robot.control.jobs import ENDS, LEAVING, NEWS, STOPPED, Job, ended_by
+from robot.control.outbox import Outbox
+from robot.errors import DeviceError
+from robot.host.service_manager import ServiceManager
+
+_RARELY = 86_400.0  # s; a wait that needs no end
+_SLEWS = ("homing", "moving")  # the phases in which the joints move
+
+
+class Controller:
+    """Carries out requests, one at a time, on its own thread.
+
+    Args:
+        interaction: The devices and the choreography of one interaction.
+        capabilities: What ``hello`` answers.
+        housekeeping: Seconds between checks of the board while idle, or ``None`` for none (in
+            virtual time, which stands still while the robot is idle).
+        log: Where to write what a person may want to know.
+        manager: Who is told that the control loop turns, and what became of the robot.
+    """
+
+    def __init__(
+        self,
+        interaction: Interaction,
+        *,
+        capabilities: Capabilities,
+        housekeeping: float | None,
+        log: logging.Logger,
+        manager: ServiceManager | None = None,
+    ):
+        self.capabilities = capabilities
+        self._interaction = interaction
+        self._housekeeping = housekeeping
+        self._log = log
+        self._manager = manager or ServiceManager({})
+        self._lock = threading.Condition()  # notified when there is work, or no more to come
+        self._state = State.RELAXED if interaction.limp else State.IDLE
+        self._reason: str | None = None
+        self._leaving = False
+        self._ended = False
+        self._sequence = 0
+        self._jobs = JobQueue()
+        self._outbox = Outbox()
+        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
+
+    # --- called by the server's thread ------------------------------------------------------------
+
+    def set_notify(self, notify: Callable[[], None]) -> None:
+        """``notify`` is called, from any thread, when events wait."""
+        self._outbox.notify = notify
+
+    def submit(self, ticket: int, request: RobotRequest) -> None:
+        """Takes a request; its end comes as a ``Finished`` event.
+
+        Raises:
+            RobotError: The request is refused.
+        """
+        job = Job(ticket, request)
+        with self._lock:
+            if self._leaving and job.event is not Event.STOP:
+                raise ended_by("shutting_down")
+            state = self._jobs.leads_to(self._state)
+            if (state, job.event) not in TRANSITIONS:
+                raise self._refusal(state, job.event)
+            overtaken = self._end(
+                {event: ended_by(code) for event, code in ENDS[job.event].items()}
+            )
+            if under_way := not self._ended:
+                self._jobs.put(job)
+                self._lock.notify()
+        if not under_way:
+            self._carry_out(job)  # a stop, and nothing moves any more
+        self._tell(overtaken)  # after the control thread has heard of it: they may be very many
+
+    def controller_changed(self, client: str | None) -> None:
+        """The next zero pose is the new controller's reference for lying flat."""
+        del client
+        self._interaction.forget_flat()
+
+    def silence(self, reason: str) -> None:
+        """Nobody steers any more: a motion ends, and the robot holds."""
+        with self._lock:
+            overtaken = self._end({Event.PERFORM: RobotError("aborted_silent", reason)})
+        self._tell(overtaken)
+
+    def snapshot(self) -> Snapshot:
+        """What the robot is doing at this moment."""
+        with self._lock:
+            return Snapshot(
+                state=self._state,
+                robot_time=self._interaction.now(),
+                sequence=self._sequence,
+                angles=self._interaction.angles(),
+                reason=self._reason,
+            )
+
+    def events(self) -> list[RobotEvent]:
+        """What happened since the last call, or some of it."""
+        return self._outbox.take()
+
+    # --- life -------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Starts the control thread."""
+        self._thread.start()
+
+    def shut_down(self, timeout: float = 5.0) -> bool:
+        """Ends a motion, parks at zero where the state allows it, ends the control thread.
+
+        A stopped, faulty or limp robot is left as it is: parking would move it. From now on every
+        request but ``stop`` is refused, and that one ends the parking, too.
+
+        Returns:
+            Whether the thread ended in time.
+        """
+        with self._lock:
+            self._leaving = True
+            overtaken = self._end({event: ended_by(code) for event, code in LEAVING.items()})
+            self._lock.notify()
+        self._tell(overtaken)
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    # --- the control thread -----------------------------------------------------------------------
+
+    def _run(self) -> None:
+        self._work()
+        self._guarded(self._park)
+        while not self._ended:
+            self._work()  # a stop that came meanwhile
+            with self._lock:
+                self._ended = not self._jobs
+
+    def _work(self) -> None:
+        while (job := self._next_job()) is not None:
+            self._guarded(partial(self._carry_out, job), job)
+
+    def _next_job(self) -> Job | None:
+        """Waits for work; meanwhile looks after the board and shows that the loop turns."""
+        due = time.monotonic() + (self._housekeeping or _RARELY)
+        while True:
+            self._manager.alive()
+            patience = min(due - time.monotonic(), self._manager.period or _RARELY)
+            with self._lock:
+                if not (self._jobs or self._leaving):
+                    self._lock.wait(max(patience, 0.0))
+                if self._jobs or self._leaving:
+                    return self._jobs.take()
+            if self._housekeeping is not None and time.monotonic() >= due:
+                self._guarded(self._check_board)
+                due = time.monotonic() + self._housekeeping
+
+    def _guarded(self, action: Callable[[], None], job: Job | None = None) -> None:
+        try:
+            action()
+        except DeviceError as error:
+            self._fail(str(error), job)
+        except Exception as error:  # a bug must bring the robot down visibly, not silently
+            self._log.exception("the control loop failed")
+            self._fail(f"internal error: {error!r}", job)
+
+    def _carry_out(self, job: Job) -> None:
+        if job.event in (Event.PERFORM, Event.READ):
+            self._outbox.finish(job, self._measure(job))
+            return
+        before = self._state
+        try:
+            self._command(job.event, partial(self._check, job))
+        except RobotError:
+            event = Event.DONE  # and its interrupt tells why
+        else:
+            event = job.event
+        with self._lock:
+            self._enter(event)
+            if event in (Event.HOLD, Event.RELAX, Event.CLEAR):
+                self._reason = None
+            elif event is Event.STOP and self._state is State.STOPPED:
+                self._reason = STOPPED
+            state = self._state
+            self._jobs.under_way = None
+        if state is not before and event in NEWS:
+            level, sentence = NEWS[event]
+            self._announce(level, sentence.format(job.request.client))
+        aborted = job.interrupt if event is Event.DONE else None
+        self._outbox.finish(
+            job, job.error(aborted) if aborted else Ok(id=job.request.id, state=state)
+        )
+
+    def _command(self, event: Event, check: Callable[[], None]) -> None:
+        if event is Event.RELAX:
+            self._interaction.relax()
+        elif event is Event.CLEAR and self._state is State.FAULT:
+            self._interaction.recover(check)
+        elif event is Event.HOLD or (event is Event.CLEAR and self._state is State.STOPPED):
+            self._interaction.hold(check)  # also when it was limp: that must not move after a stop
+
+    def _measure(self, job: Job) -> FinalReply:
+        measured: Outcome | RobotError
+        report = partial(self._report, job)
+        try:
+            if isinstance(job.request, Perform):
+                measured = self._interaction.perform(job.request.targets, report)
+            else:
+                measured = self._interaction.read(report)
+        except RobotError as error:
+            measured = error
+        with self._lock:
+            self._enter(Event.DONE)
+            self._jobs.under_way = None
+            if job.interrupt is not None:  # maybe since the last report
+                measured = job.interrupt
+                if job.event is Event.PERFORM:
+                    self._reason = measured.message
+            if isinstance(measured, RobotError):
+                return job.error(measured)
+            self._sequence += 1
+            sequence = self._sequence
+        return job.observation(measured, sequence, self._interaction.angles())
+
+    def _report(self, job: Job, phase: str, fraction: float) -> None:
+        self._check(job)
+        if job.event is Event.PERFORM:
+            with self._lock:
+                if self._state not in (State.MOVING, State.SETTLING):
+                    self._enter(Event.PERFORM)
+                    self._reason = None
+                self._enter(Event.DEPARTED if phase in _SLEWS else Event.ARRIVED)
+        self._outbox.progress(job, phase, fraction, self._interaction.now())
+
+    def _check(self, job: Job) -> None:
+        with self._lock:
+            if job.interrupt is not None:
+                raise job.interrupt
+
+    def _check_board(self) -> None:
+        with self._lock:
+            sound = self._state is not State.FAULT
+        if sound:
+            with suppress(RobotError):
+                self._interaction.check_board(self._unless_wanted)
+
+    def _unless_wanted(self) -> None:
+        with self._lock:
+            if self._jobs:
+                raise ended_by("aborted_stop")
+
+    def _park(self) -> None:
+        with self._lock:
+            calm = self._state in (State.IDLE, State.HOLDING)
+            state = self._state
+        if not calm:
+            self._log.info("not parked: the robot is %s", state)
+            return
+        try:
+            self._interaction.park(self._report_parking)
+        except RobotError as error:
+            self._log.warning("not parked: %s", error.message)
+        else:
+            self._log.info("parked")
+        with self._lock:
+            self._enter(Event.DONE)
+
+    def _report_parking(self, phase: str, fraction: float) -> None:
+        del phase, fraction
+        self._unless_wanted()
+        with self._lock:
+            self._enter(Event.PERFORM)
+
+    def _enter(self, event: Event) -> None:
+        """What happened to the robot, if it means a change."""
+        self._state = TRANSITIONS.get((self._state, event), self._state)
+
+    def _end(self, errors: Mapping[Event, RobotError]) -> list[Job]:
+        """Ends requests of some kinds with an error: at the next check, or now if they wait.
+
+        Returns:
+            Those that waited; they have yet to be told.
+        """
+        current = self._jobs.under_way
+        if current is not None and current.interrupt is None:
+            current.interrupt = errors.get(current.event)
+        withdrawn = self._jobs.withdraw(errors)
+        for job in withdrawn:
+            job.interrupt = errors[job.event]
+        return withdrawn
+
+    def _tell(self, withdrawn: Sequence[Job]) -> None:
+        for job in withdrawn:
+            assert job.interrupt is not None
+            self._outbox.finish(job, job.error(job.interrupt))
+
+    def _fail(self, sentence: str, job: Job | None) -> None:
+        self._announce(logging.ERROR, f"fault: {sentence} Once it is mended: {CLEAR}")
+        overtaken = RobotError("fault", f"The robot went down before this was done: {sentence}")
+        with self._lock:
+            self._jobs.under_way = None
+            self._state = TRANSITIONS[self._state, Event.FAILED]
+            self._reason = sentence[:500]
+            withdrawn = self._end(dict.fromkeys(ENDS[Event.STOP], overtaken))
+        self._tell(withdrawn)
+        if job is not None:
+            self._outbox.finish(job, job.error(RobotError("fault", sentence)))
+
+    def _announce(self, level: int, sentence: str) -> None:
+        self._log.log(level, "%s", sentence)
+        self._manager.status(sentence)
+
+    def _refusal(self, state: State, event: Event) -> RobotError:
+        reason = f" ({self._reason})" if self._reason and state is self._state else ""
+        return RobotError(REFUSALS[state], f"The robot is {state}{reason}: {event} is refused.")

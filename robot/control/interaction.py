@@ -1,0 +1,347 @@
+"""The choreography of one interaction, on the devices of one robot.
+
+Return to zero, settle, see that the robot lies flat; slew every joint to its own target, settle,
+average, read. ``report(phase, fraction)`` is called before each serial line, query and sample, and
+may raise ``RobotError`` there: the servos then stay at the last commanded counts.
+
+The servo board acknowledges nothing, so it is asked before a motion and after a reading whether it
+still has the counts that it was sent: what an observation calls commanded was, all along. One that
+was reset in mid-motion ignores the rest of it, and is found out when the motion has ended.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final, Protocol
+
+from protocol.errors import RobotError
+from robot.configuration.joint_calibration import DrivenJoint
+from robot.control.motion import Slew
+from robot.drivers.servo_bus import ServoBus
+from robot.errors import DeviceDataError
+from robot.host.trusted_clock import MAX_GAP, SteadyClock
+from robot.sensing.sensors import OnProgress, Reading, Senses
+from robot.sensing.settling import RestCriterion, RestDetector
+
+SERVOS_PER_LINE: Final = 2
+LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
+FLAT_TILT: Final = math.radians(3)
+FLAT_CLEARANCE: Final = 0.005
+
+_SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
+
+Report = Callable[[str, float], None]
+
+
+class Attendant(Protocol):
+    """Who is with the robot.
+
+    Attributes:
+        lays_down: Whether the attendant puts the robot back on its belly, so that nobody needs to
+            check that it lies flat.
+    """
+
+    lays_down: bool
+
+    def attend(self) -> None:
+        """Called at each interaction, once the joints are at zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What one interaction, or one reading, gave."""
+
+    reading: Reading
+    saturated_joints: tuple[str, ...]
+    settled: bool
+    settle_time: float
+
+
+class Interaction:
+    """Performs motor programs.
+
+    Args:
+        joints: The driven joints, in motor order.
+        servos: The servo board.
+        sensing: The sensors.
+        clock: The robot clock.
+        speed: Top speed of every joint, rad/s.
+        rest: What counts as rest.
+        samples: Samples in an average.
+        revive: Makes the devices work again after a fault, or raises ``DeviceError``.
+        attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
+            pose is compared with the first one since a client took control, and a robot that does
+            not lie flat is refused with ``not_planar``.
+    """
+
+    def __init__(
+        self,
+        *,
+        joints: Sequence[DrivenJoint],
+        servos: ServoBus,
+        sensing: Senses,
+        clock: SteadyClock,
+        speed: float,
+        rest: RestCriterion,
+        samples: int,
+        revive: Callable[[], None],
+        attendant: Attendant | None,
+    ):
+        self._joints = tuple(joints)
+        self._servos = servos
+        self._sensing = sensing
+        self._clock = clock
+        self._speed = speed
+        self._rest = rest
+        self._samples = samples
+        self._revive = revive
+        self._attendant = attendant
+        self._outputs = [joint.output for joint in self._joints]
+        # Where the board stands now: the motion slews from there and never jumps.
+        self._counts = self._board_counts()
+        self._released = False
+        self._flat: Reading | None = None
+
+    @property
+    def limp(self) -> bool:
+        """Whether the board sends no pulses to some joint."""
+        return any(self._counts[output] == 0 for output in self._outputs)
+
+    def now(self) -> float:
+        """Robot time, s."""
+        return self._clock.now()
+
+    def angles(self) -> dict[str, float]:
+        """The angle that each joint is commanded to, rad; none for a joint that is limp."""
+        return {joint.name: joint.scale.angle(count) for joint, count in self._commanded()}
+
+    def perform(self, targets: Mapping[str, float], report: Report) -> Outcome:
+        """One interaction.
+
+        Raises:
+            RobotError: ``report`` ended it; or ``not_settled``, ``not_planar``: in its zero pose
+                the robot does not come to rest, or does not lie flat.
+            DeviceError: A device failed.
+        """
+        self._verify(partial(report, "homing", 0.0))
+        self._clock.watch()
+        self._slew(dict.fromkeys(targets, 0.0), "homing", report)
+        if self._attendant is not None:
+            self._attendant.attend()
+        settled, _ = self._settle(report)
+        if self._attendant is None or not self._attendant.lays_down:
+            flat = self._average(lambda _: report("settling", 1.0))
+            self._check_flat(flat, settled=settled)
+        self._slew(targets, "moving", report)
+        return self._observe(report)
+
+    def read(self, report: Report) -> Outcome:
+        """Waits for rest in the present pose, and averages the sensors.
+
+        Raises:
+            RobotError: ``report`` ended it.
+            DeviceError: A device failed.
+        """
+        self._clock.watch()
+        return self._observe(report)
+
+    def hold(self, check: Callable[[], None]) -> None:
+        """Makes the board hold the last commanded counts.
+
+        A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
+        that was limp when the daemon started returns to zero.
+
+        Args:
+            check: Called before each query; it may raise ``RobotError``, and then nothing is sent.
+
+        Raises:
+            RobotError: ``check`` ended it.
+            DeviceError: A device failed, or the board was reset: then nothing is sent, for the
+                servos would leap back from neutral.
+        """
+        self._verify(check)
+        self._stiffen()
+
+    def relax(self) -> None:
+        """Lets every joint go limp."""
+        self._released = True
+        self._servos.release(self._outputs)
+
+    def recover(self, check: Callable[[], None]) -> None:
+        """After a fault: makes the devices work, tries all of them, goes on from where they stand.
+
+        A board that was reset keeps the counts that it has now. Joints that are limp are held, as
+        after ``hold``.
+
+        Args:
+            check: Called before each sample and query; it may raise ``RobotError``.
+
+        Raises:
+            RobotError: ``check`` ended it.
+            DeviceError: Something still fails.
+        """
+        self._clock.watch()
+        self._servos.forget()
+        self._revive()
+        board = self._board_counts()
+        self._counts = {output: board[output] or self._counts[output] for output in board}
+        self._released = False
+        if not all(board.values()):
+            self._stiffen()
+        self._average(lambda _: check())
+        self._verify(check)
+
+    def check_board(self, check: Callable[[], None]) -> None:
+        """Finds out whether the board was reset behind our back.
+
+        Args:
+            check: Called before each query; it may raise ``RobotError``.
+
+        Raises:
+            RobotError: ``check`` ended it.
+            DeviceDataError: It was.
+        """
+        self._verify(check)
+
+    def park(self, report: Report) -> None:
+        """Slews to zero.
+
+        Raises:
+            RobotError: ``report`` ended it.
+            DeviceError: A device failed.
+        """
+        self._verify(partial(report, "homing", 0.0))
+        self._clock.watch()
+        zero = {joint.name: 0.0 for joint in self._joints}
+        self._slew(zero, "homing", report)
+
+    def forget_flat(self) -> None:
+        """Takes the next zero pose as the reference for lying flat."""
+        self._flat = None
+
+    def _observe(self, report: Report) -> Outcome:
+        """Waits for rest, averages, and makes sure that the board had its commands all along."""
+        settled, settle_time = self._settle(report)
+        reading = self._average(partial(report, "sampling"))
+        self._verify(partial(report, "sampling", 1.0))
+        return Outcome(
+            reading=reading,
+            saturated_joints=self._saturated(),
+            settled=settled,
+            settle_time=settle_time,
+        )
+
+    def _saturated(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint, count in self._commanded() if joint.at_end(count))
+
+    def _commanded(self) -> list[tuple[DrivenJoint, int]]:
+        """The joints that are not limp, and their counts."""
+        if self._released:
+            return []
+        counts = self._counts
+        commanded = [(joint, counts[joint.output]) for joint in self._joints]
+        return [(joint, count) for joint, count in commanded if count]
+
+    def _stiffen(self) -> None:
+        self._counts = {
+            joint.output: self._counts[joint.output] or joint.scale.count(0.0)
+            for joint in self._joints
+        }
+        self._servos.set_counts(self._counts)
+        self._released = False
+
+    def _slew(self, targets: Mapping[str, float], phase: str, report: Report) -> None:
+        slew = Slew(
+            self._joints,
+            start=self._counts,
+            targets={j.output: j.quantise(targets[j.name]) for j in self._joints},
+            speed=self._speed,
+            period=LATENESS * self._servos.seconds_for(len(self._joints)),
+            now=self._clock.now(),
+        )
+        while not slew.arrived:
+            report(phase, slew.fraction)
+            self._clock.check()
+            now = self._clock.now()
+            counts = slew.due(now, at_most=SERVOS_PER_LINE)
+            if not counts:
+                self._clock.sleep(0.005)
+                continue
+            self._counts = self._counts | counts
+            self._servos.set_counts(counts)
+            slew.sent(counts, now)
+        # A board that was reset meanwhile answers to no query.
+        self._verify(partial(report, phase, 1.0), self._outputs[:1])
+
+    def _settle(self, report: Report) -> tuple[bool, float]:
+        detector = RestDetector(self._rest)
+        start = self._clock.now()
+        while True:
+            self._clock.check()
+            now = self._clock.now()
+            report("settling", min(1.0, (now - start) / self._rest.timeout))
+            if detector.feed(now, self._sensing.tilt()):
+                return True, now - start
+            if now - start >= self._rest.timeout:
+                return False, now - start
+            self._clock.sleep(1.0 / self._rest.rate)
+
+    def _check_flat(self, reading: Reading, *, settled: bool) -> None:
+        if not settled and reading.tilt is not None:  # without sensors nobody can tell
+            raise RobotError(
+                "not_settled",
+                f"In its zero pose the robot did not come to rest within {self._rest.timeout:g} s.",
+            )
+        level = Reading(
+            tilt=(0.0, 0.0),
+            touch=None,
+            clearance=0.0,
+            clearance_saturated=False,
+            samples=1,
+            time=0.0,
+        )
+        reference = self._flat or level
+        tilts = zip(reading.tilt or (0.0, 0.0), reference.tilt or (0.0, 0.0), strict=True)
+        lean = max(abs(a - b) for a, b in tilts)
+        lift = abs((reading.clearance or 0.0) - (reference.clearance or 0.0))
+        if lean > FLAT_TILT or lift > FLAT_CLEARANCE:
+            raise RobotError(
+                "not_planar",
+                f"In its zero pose the robot leans by {math.degrees(lean):.1f}° "
+                f"and stands {lift * 1000:.0f} mm off.",
+            )
+        self._flat = reference if self._flat else reading
+
+    def _average(self, report: OnProgress) -> Reading:
+        self._clock.check()
+        reading = self._sensing.average(self._samples, report)
+        self._clock.check(MAX_GAP + self._samples * (1.0 / self._rest.rate + _SAMPLE_TIME))
+        return reading
+
+    def _board_counts(self) -> dict[int, int]:
+        """The board's counts, read twice: a motion that began elsewhere would leap."""
+        counts = self._servos.read_counts(self._outputs)
+        if self._servos.verify(counts):
+            raise DeviceDataError(
+                "Two readings of the servo board's counts differ.",
+                "Check the cable, the ground and the baud rate.",
+            )
+        return counts
+
+    def _verify(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
+        """Compares the board's counts, of all outputs or of some, with those that it was sent."""
+        lost = []
+        for output in self._outputs if outputs is None else outputs:
+            check()  # one at a time: eight queries take a while
+            count = 0 if self._released else self._counts[output]
+            lost += self._servos.verify({output: count})
+        if lost:
+            names = [joint.name for joint in self._joints if joint.output in lost]
+            raise DeviceDataError(
+                f"The servo board does not have the commands for {', '.join(names)}: "
+                "it was reset, or bytes were lost on the line.",
+                "Check the servo supply, then the serial cable.",
+            )

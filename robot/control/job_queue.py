@@ -1,0 +1,62 @@
+"""The order in which requests are carried out: commands as they came, then reads as they came."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection
+
+from protocol.rules.transitions import TRANSITIONS, Event
+from protocol.wire.states import State
+from robot.control.jobs import Job
+
+
+class JobQueue:
+    """The requests that were accepted and have not ended; not thread-safe.
+
+    Attributes:
+        under_way: The one that is being carried out.
+    """
+
+    def __init__(self) -> None:
+        self.under_way: Job | None = None
+        self._commands: deque[Job] = deque()
+        self._reads: deque[Job] = deque()
+
+    def __bool__(self) -> bool:
+        """Whether some wait."""
+        return bool(self._commands or self._reads)
+
+    def put(self, job: Job) -> None:
+        """Adds one at the end of its kind."""
+        (self._reads if job.event is Event.READ else self._commands).append(job)
+
+    def take(self) -> Job | None:
+        """The next one, which is under way from now on; ``None``: none waits."""
+        waiting = self._commands or self._reads
+        self.under_way = waiting.popleft() if waiting else None
+        return self.under_way
+
+    def withdraw(self, events: Collection[Event]) -> list[Job]:
+        """Takes out those of some kinds that wait, in their order."""
+        withdrawn = [job for job in self._commands if job.event in events]
+        self._commands = deque(job for job in self._commands if job.event not in events)
+        if Event.READ in events:
+            withdrawn += self._reads
+            self._reads = deque()
+        return withdrawn
+
+    def leads_to(self, state: State) -> State:
+        """The state in which the robot will be when everything here is done.
+
+        A fault lasts until the devices are found in order, so a ``clear`` that has yet to see to
+        that does not count; neither does the rest of a motion that was interrupted.
+
+        Args:
+            state: The robot's state now.
+        """
+        for job in (self.under_way, *self._commands):
+            if job is None or state is State.FAULT:
+                continue
+            event = Event.DONE if job.interrupt is not None else job.event
+            state = TRANSITIONS.get((state, event), state)
+        return state

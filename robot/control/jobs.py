@@ -1,0 +1,127 @@
+"""A request on its way through the control loop, its answers, and what they say in words."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+from typing import Final
+
+from protocol.errors import CLEAR, RobotError
+from protocol.rules.robot_interface import RobotRequest
+from protocol.rules.transitions import Event
+from protocol.wire.messages import ErrorReply, Observation
+from robot.control.interaction import Outcome
+
+SENTENCES: Final = MappingProxyType(
+    {
+        "aborted_read": "A command of the controller ended the read.",
+        "aborted_hold": "A hold request ended the motion.",
+        "aborted_relax": "A relax request ended the motion.",
+        "aborted_stop": "A stop request came before this was done; the robot is frozen.",
+        "shutting_down": "The daemon is shutting down.",
+    }
+)
+"""What the codes mean with which a request ends that was interrupted."""
+
+_READ = MappingProxyType({Event.READ: "aborted_read"})
+
+ENDS: Final = MappingProxyType(
+    {
+        Event.PERFORM: _READ,
+        Event.READ: MappingProxyType({}),
+        Event.HOLD: _READ | {Event.PERFORM: "aborted_hold"},
+        Event.RELAX: _READ | {Event.PERFORM: "aborted_relax"},
+        Event.CLEAR: _READ,
+        Event.STOP: dict.fromkeys(
+            (Event.READ, Event.PERFORM, Event.HOLD, Event.RELAX, Event.CLEAR), "aborted_stop"
+        ),
+    }
+)
+"""What each request ends that was accepted before it, and the error code with which that ends."""
+
+LEAVING: Final = MappingProxyType({Event.READ: "shutting_down", Event.PERFORM: "shutting_down"})
+"""What the end of the daemon ends, likewise."""
+
+STOPPED: Final = "A client sent stop."
+
+NEWS: Final = MappingProxyType(
+    {
+        Event.STOP: (logging.WARNING, f"stopped by client {{}}; frozen until: {CLEAR}"),
+        Event.RELAX: (logging.WARNING, "limp; relaxed by client {}"),
+        Event.CLEAR: (logging.INFO, "cleared by client {}"),
+    }
+)
+"""What a person wants to know afterwards: level, and a sentence about a client."""
+
+
+PROGRESS_PERIOD: Final = 0.1
+"""Seconds of robot time between progress messages of one phase."""
+
+
+@dataclass(eq=False)
+class Job:
+    """One request that was accepted.
+
+    Attributes:
+        ticket: Ties its events to it.
+        request: What was asked.
+        interrupt: The error with which it shall end.
+        reported: Phase and robot time of the last progress that was told.
+    """
+
+    ticket: int
+    request: RobotRequest
+    interrupt: RobotError | None = None
+    reported: tuple[str, float] = ("", 0.0)
+
+    @cached_property
+    def event(self) -> Event:
+        """Its row in the table of states."""
+        return Event(self.request.TYPE)
+
+    def progresses(self, phase: str, now: float) -> bool:
+        """Notes how far it is, and tells whether clients want to hear of that, too.
+
+        Args:
+            phase: As in ``protocol.wire.messages.Progress``.
+            now: Robot time, s.
+        """
+        last_phase, last_time = self.reported
+        if phase == last_phase and now - last_time < PROGRESS_PERIOD:
+            return False
+        self.reported = (phase, now)
+        return True
+
+    def observation(
+        self, outcome: Outcome, sequence: int, angles: Mapping[str, float]
+    ) -> Observation:
+        """Its answer when it measured something; ``angles`` are the joints', rad."""
+        reading = outcome.reading
+        return Observation(
+            id=self.request.id,
+            sequence=sequence,
+            robot_time=reading.time,
+            monotonic=time.monotonic(),
+            angles=angles,
+            saturated_joints=outcome.saturated_joints,
+            touch=reading.touch,
+            tilt=reading.tilt,
+            clearance=reading.clearance,
+            clearance_saturated=reading.clearance_saturated,
+            settled=outcome.settled,
+            settle_time=outcome.settle_time,
+            samples=reading.samples,
+        )
+
+    def error(self, error: RobotError) -> ErrorReply:
+        """Its answer when it failed."""
+        return ErrorReply.of(error, request_id=self.request.id)
+
+
+def ended_by(code: str) -> RobotError:
+    """The error with which a request ends that was interrupted, or came too late."""
+    return RobotError(code, SENTENCES[code])

@@ -1,0 +1,76 @@
+"""A clock that can be trusted with time stamps and slews.
+
+The kernel's monotonic clock neither jumps nor runs backwards, but a control loop can stand still
+(a stopped process, a suspended computer), which looks the same from inside; and a virtual clock
+does what it is told. A motion that met such a jump would command a leap, and an observation would
+carry a time that never was.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Final
+
+from robot.errors import DeviceDataError
+from robot.host.clock import Clock
+
+MAX_GAP: Final = 2.0
+"""Seconds between two looks at the clock during a motion that are no longer ordinary delay."""
+
+
+class SteadyClock:
+    """Never runs backwards, whatever the clock below does, and tells when that one jumped.
+
+    Args:
+        clock: The robot clock.
+    """
+
+    def __init__(self, clock: Clock):
+        self._clock = clock
+        self._lock = threading.Lock()  # the server's thread asks for the time, too
+        self._last = clock.now()
+        self._lost = 0.0
+        self._backwards = 0.0
+        self._looked = self._last
+
+    def now(self) -> float:
+        """Seconds that only grow."""
+        with self._lock:
+            time = self._clock.now()
+            back = max(0.0, self._last - time)
+            self._last = time
+            self._lost += back
+            self._backwards += back
+            return time + self._lost
+
+    def sleep(self, seconds: float) -> None:
+        """Lets ``seconds`` pass."""
+        self._clock.sleep(seconds)
+
+    def charge(self, seconds: float) -> None:
+        """Accounts for time that a blocking device call took."""
+        self._clock.charge(seconds)
+
+    def watch(self) -> None:
+        """Forgets jumps so far: something begins that a jump would spoil."""
+        self._looked = self.now()
+        self._backwards = 0.0
+
+    def check(self, at_most: float = MAX_GAP) -> None:
+        """To be called again and again while that goes on.
+
+        Args:
+            at_most: Seconds that may have passed since the last call, or since ``watch``.
+
+        Raises:
+            DeviceDataError: More time passed than that, or time ran backwards.
+        """
+        gap = self.now() - self._looked
+        backwards = self._backwards
+        self.watch()
+        jump = -backwards if backwards else gap
+        if backwards or gap > at_most:
+            raise DeviceDataError(
+                f"The robot clock jumped by {jump:+.1f} s in mid-motion.",
+                "Find out what stopped the daemon or set its clock.",
+            )

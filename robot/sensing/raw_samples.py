@@ -1,0 +1,63 @@
+"""Raw samples of the sensors and what they look like, for calibration and diagnosis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from robot.host.clock import Clock
+from robot.sensing.sensors import AnalogueInput, RangeFinder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """What some samples of one thing look like; all in its unit."""
+
+    mean: float
+    deviation: float
+    least: float
+    most: float
+    count: int
+
+
+def spread(values: Sequence[float]) -> Spread:
+    """Mean, standard deviation and extremes of at least one sample."""
+    mean = sum(values) / len(values)
+    square = sum((value - mean) ** 2 for value in values) / max(1, len(values) - 1)
+    return Spread(
+        mean=mean,
+        deviation=math.sqrt(square),
+        least=min(values),
+        most=max(values),
+        count=len(values),
+    )
+
+
+def sample_channels(
+    adc: AnalogueInput, channels: Sequence[int], *, count: int, rate: float, clock: Clock
+) -> list[Spread]:
+    """Volts at some channels, ``count`` scans at ``rate`` per second.
+
+    Raises:
+        DeviceError: The board failed.
+    """
+    low, high = min(channels), max(channels)
+    scans = []
+    for _ in range(count):
+        scans.append(adc.scan(low, high))
+        clock.sleep(1.0 / rate)
+    return [spread([scan[channel - low] for scan in scans]) for channel in channels]
+
+
+def sample_distance(finder: RangeFinder, *, count: int) -> Spread | None:
+    """Millimetres, ``count`` measurements one after another.
+
+    Returns:
+        Those that saw a target, or ``None`` when more than half saw none.
+
+    Raises:
+        DeviceError: The sensor failed.
+    """
+    seen = [value for value in (finder.range_mm() for _ in range(count)) if value is not None]
+    return spread(seen) if 2 * len(seen) >= count else None

@@ -1,0 +1,228 @@
+"""Puts a robot together and serves it: devices, control loop, server, signals."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from importlib import metadata
+from types import FrameType
+
+from protocol.transport.server import Server
+from protocol.wire.capabilities import Capabilities, Joint, Sensor
+from robot.configuration.robot_config import RobotConfig
+from robot.control.controller import Controller
+from robot.control.interaction import Attendant, Interaction
+from robot.drivers.dmm32 import RANGES
+from robot.drivers.servo_bus import ServoBus
+from robot.host.clock import Clock
+from robot.host.service_manager import ServiceManager
+from robot.host.trusted_clock import SteadyClock
+from robot.sensing.sensors import Senses, Sensing
+from robot.service.devices import Devices, revive
+
+HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
+TURN = 0.0005  # s that one thread may keep the other waiting
+
+
+def build_controller(
+    config: RobotConfig,
+    devices: Devices,
+    *,
+    clock: Clock,
+    attendant: Attendant | None,
+    housekeeping: float | None,
+    log: logging.Logger,
+    manager: ServiceManager | None = None,
+) -> Controller:
+    """The control loop of a robot, not yet started.
+
+    Args:
+        config: What is connected where.
+        devices: The drivers.
+        clock: The robot clock.
+        attendant: Who puts the robot back on its belly, or ``None``.
+        housekeeping: Seconds between checks of the idle board, or ``None`` for none.
+        log: Where to write what a person may want to know.
+        manager: Who is told that the control loop turns.
+    """
+    steady = SteadyClock(clock)
+    inputs = RANGES[config.daq.input_range]
+    belly = None
+    if config.distance is not None and devices.distance is not None:
+        belly = (devices.distance, config.distance.sensor)
+    sensing = Sensing(
+        devices.adc,
+        belly=belly,
+        accelerometer=config.accelerometer,
+        gauges=config.gauges,
+        clock=steady,
+        rate=config.settling.rate,
+        rails=(inputs.low, inputs.high),
+        underside=config.underside,
+    )
+    return assemble(
+        config,
+        servos=devices.servos,
+        sensing=sensing,
+        capabilities=describe(config),
+        clock=steady,
+        revive=partial(revive, config, devices),
+        attendant=attendant,
+        housekeeping=housekeeping,
+        log=log,
+        manager=manager,
+    )
+
+
+def assemble(
+    config: RobotConfig,
+    *,
+    servos: ServoBus,
+    sensing: Senses,
+    capabilities: Capabilities,
+    clock: SteadyClock,
+    attendant: Attendant | None,
+    housekeeping: float | None,
+    log: logging.Logger,
+    manager: ServiceManager | None,
+    revive: Callable[[], None] = lambda: None,
+) -> Controller:
+    """The control loop around given servos and sensors; arguments as in ``build_controller``.
+
+    ``revive`` makes the devices work again after a fault, or raises ``DeviceError``.
+    """
+    interaction = Interaction(
+        joints=config.joints,
+        servos=servos,
+        sensing=sensing,
+        clock=clock,
+        speed=config.speed,
+        rest=config.settling,
+        samples=config.samples,
+        revive=revive,
+        attendant=attendant,
+    )
+    return Controller(
+        interaction,
+        capabilities=capabilities,
+        housekeeping=housekeeping,
+        log=log,
+        manager=manager,
+    )
+
+
+def describe(config: RobotConfig) -> Capabilities:
+    """What ``hello`` tells about a robot; the server adds where it publishes telemetry."""
+    rate = config.settling.rate
+    sensors = [
+        Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate),
+    ]
+    if config.gauges:
+        sensors.insert(
+            0, Sensor(modality="touch", unit="bool", count=len(config.gauges), noise=0.0, rate=rate)
+        )
+    if config.distance is not None:
+        sensors.append(
+            Sensor(
+                modality="clearance",
+                unit="m",
+                count=1,
+                noise=config.noise.clearance,
+                rate=rate,
+                upper=config.distance.sensor.reach,
+            )
+        )
+    return Capabilities(
+        robot=config.name,
+        software=f"bodyschema {metadata.version('bodyschema')}",
+        config_hash=config.hash,
+        base_size=config.body.size,
+        base_mass=config.body.mass,
+        part_radii=tuple(joint.part_radius for joint in config.joints),
+        joints=tuple(
+            Joint(
+                name=joint.name,
+                lower=joint.reachable[0],
+                upper=joint.reachable[1],
+                speed=config.speed,
+                resolution=joint.scale.resolution,
+            )
+            for joint in config.joints
+        ),
+        sensors=tuple(sensors),
+        telemetry="*",
+        telemetry_rate=1.0,
+    )
+
+
+def serve(
+    controller: Controller,
+    server: Server,
+    log: logging.Logger,
+    *,
+    manager: ServiceManager | None = None,
+) -> None:
+    """Serves until SIGTERM, SIGINT or SIGHUP; then ends a motion, parks and returns."""
+    manager = manager or ServiceManager({})
+
+    def shut_down(reason: signal.Signals) -> None:
+        log.info("%s: shutting down", reason.name)
+        manager.stopping("parking")
+        if not controller.shut_down():
+            log.error("the control loop did not end in time; the servos keep their last commands")
+        server.request_stop()
+
+    with _quick_turns(), _on_signals(shut_down):
+        controller.start()
+        status = f"serving {controller.capabilities.robot} on {server.endpoint}"
+        log.info("%s, telemetry on %s", status, server.telemetry_endpoint)
+        manager.ready(status)
+        with server:
+            server.run()
+    log.info("shut down")
+
+
+@contextmanager
+def _quick_turns() -> Iterator[None]:
+    """Lets the server have its turn soon while the control loop computes.
+
+    Python's threads hand over every 5 ms by default; an answer would wait for that long.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(TURN)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)
+
+
+@contextmanager
+def _on_signals(action: Callable[[signal.Signals], None]) -> Iterator[None]:
+    """Calls ``action`` in a thread of its own at the first signal; the next ones are ignored.
+
+    A signal that is ignored already, as SIGHUP under ``nohup``, stays so.
+    """
+    seen = threading.Event()
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        del frame
+        if not seen.is_set():
+            seen.set()
+            reason = signal.Signals(number)
+            threading.Thread(target=action, args=(reason,), name="shutdown").start()
+
+    kept = {
+        number: signal.signal(number, handler)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+        if signal.getsignal(number) is not signal.SIG_IGN
+    }
+    try:
+        yield
+    finally:
+        for number, previous in kept.items():
+            signal.signal(number, previous)

@@ -1,0 +1,113 @@
+"""A robot without any hardware, for trying out a network, a client or an installation.
+
+Commanded angles come back, quantised and in the time that they would take. There is nothing to
+feel, and nothing is made up: the robot's name ends in "(dry run)", ``hello`` lists no sensors,
+observations carry no touch, tilt or clearance, and no motion is ever said to have come to rest.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Final
+
+from robot.configuration.robot_config import RobotConfig
+from robot.control.controller import Controller
+from robot.host.clock import Clock
+from robot.host.service_manager import ServiceManager
+from robot.host.trusted_clock import SteadyClock
+from robot.sensing.sensors import OnProgress, Reading, ignore
+from robot.service.daemon import HOUSEKEEPING, assemble, describe
+
+SUFFIX: Final = " (dry run)"
+_LONGEST_NAME: Final = 64
+_SECONDS_PER_SERVO: Final = 0.01
+_NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
+
+
+class NullServos:
+    """A servo board that is not there; it remembers what it was sent."""
+
+    def __init__(self, counts: Mapping[int, int]):
+        self._counts = dict(counts)
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Remembers counts."""
+        self._counts.update(counts)
+
+    def read_counts(self, outputs: Iterable[int]) -> dict[int, int]:
+        """Gives them back."""
+        return {output: self._counts[output] for output in outputs}
+
+    def release(self, outputs: Iterable[int]) -> None:
+        """Remembers that nothing is commanded."""
+        self._counts.update(dict.fromkeys(outputs, 0))
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Compares what it remembers."""
+        return [output for output, count in expected.items() if self._counts[output] != count]
+
+    def forget(self) -> None:
+        """Does nothing: everything is sent every time."""
+
+    def seconds_for(self, changed: int) -> float:
+        """As long as over the usual line."""
+        return changed * _SECONDS_PER_SERVO
+
+
+class NoSensors:
+    """What a robot without sensors feels."""
+
+    def __init__(self, clock: Clock):
+        self._clock = clock
+
+    def tilt(self) -> tuple[float, float]:
+        """Keeps the control loop going; it is shown to nobody."""
+        return 0.0, 0.0
+
+    def average(self, samples: int, report: OnProgress = ignore) -> Reading:
+        """A reading that holds nothing; messages demand that it counts for one sample."""
+        del samples
+        report(1.0)
+        return Reading(
+            tilt=None,
+            touch=None,
+            clearance=None,
+            clearance_saturated=False,
+            samples=1,
+            time=self._clock.now(),
+        )
+
+
+def dry_config(config: RobotConfig) -> RobotConfig:
+    """The configuration, under a name that says what it is."""
+    return replace(
+        config,
+        name=config.name[: _LONGEST_NAME - len(SUFFIX)] + SUFFIX,
+        settling=replace(config.settling, timeout=_NO_WAIT),
+    )
+
+
+def dry_controller(
+    config: RobotConfig, *, clock: Clock, log: logging.Logger, manager: ServiceManager
+) -> Controller:
+    """The control loop of a robot that is not there, not yet started; it begins at zero.
+
+    Args:
+        config: From ``dry_config``.
+        clock: The robot clock.
+        log: Where to write what a person may want to know.
+        manager: Who is told that the control loop turns.
+    """
+    return assemble(
+        config,
+        servos=NullServos({joint.output: joint.quantise(0.0) for joint in config.joints}),
+        sensing=NoSensors(clock),
+        capabilities=replace(describe(config), sensors=()),
+        clock=SteadyClock(clock),
+        attendant=None,
+        housekeeping=HOUSEKEEPING,
+        log=log,
+        manager=manager,
+    )

@@ -1,0 +1,1 @@
+"""The command line of ``sim-robotd``: ``command_line``, and ``calibrate`` for ``--calibrate``."""

@@ -1,0 +1,60 @@
+"""``sim-robotd --calibrate``: a simulated person goes through the guided session, on the screen."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+from robot.cli.calibrate import calibrate
+from robot.configuration.calibration_file import Calibration, read_calibration
+from sim_robot.simulator.daemon import emulation
+from sim_robot.simulator.person import SimulatedPerson
+from sim_robot.world.body import Body
+from sim_robot.world.sensor_noise import NoiseLevels
+
+
+def calibrate_simulated(
+    body: Body,
+    *,
+    seed: int,
+    levels: NoiseLevels,
+    wrong: int | None,
+    file: Path,
+    echo: Callable[[str], None],
+    log: logging.Logger,
+) -> None:
+    """Runs the session of ``robotd calibrate`` on emulated electronics.
+
+    Args:
+        body: The body.
+        seed: Seed of the sensor noise and of the person's errors.
+        levels: Sensor noise.
+        wrong: Seed of electronics that differ from their configuration, or ``None`` for true ones.
+        file: The calibration file; if it exists, its values are where the session begins.
+        echo: Shown everything that is said and answered.
+        log: Where to write what a person may want to know.
+
+    Raises:
+        AbandonedError: The person was refused; the file has what was measured before.
+    """
+    known = file if file.exists() else None
+    with emulation(
+        body,
+        seed=seed,
+        levels=levels,
+        real_time=False,
+        log=log,
+        wrong=wrong,
+        calibration=known,
+    ) as parts:
+        calibrate(
+            parts.config,
+            read_calibration(known) if known else Calibration(robot=parts.config.name),
+            parts.devices,
+            clock=parts.clock,
+            terminal=SimulatedPerson(
+                body, parts.world, parts.noise, parts.clock, seed=seed, echo=echo
+            ),
+            file=file,
+        )

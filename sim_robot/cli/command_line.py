@@ -1,0 +1,209 @@
+"""What ``sim-robotd`` understands and does."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from protocol.errors import BodyschemaError
+from protocol.transport.server import Server
+from robot.cli.run import add_server_arguments
+from robot.host.logs import complain, set_up_logging
+from robot.service.daemon import serve
+from sim_robot.errors import BodyError, FaultError
+from sim_robot.faults.control_socket import FaultSocket
+from sim_robot.faults.fault_panel import KNOWN, FaultSpec
+from sim_robot.world.body import body_path, default_body_path, load_body, shipped_bodies
+from sim_robot.world.sensor_noise import load_noise
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command; returns 0 when done, 1 after a sentence on standard error."""
+    options = _parser().parse_args(arguments)
+    set_up_logging()
+    try:
+        if options.print_body:
+            load_body(options.body)
+            print(options.body.read_text(encoding="utf-8"), end="")
+        elif options.list_bodies:
+            list_bodies()
+        elif options.calibrate:
+            calibrate(options)
+        else:
+            run(options)
+    except BodyschemaError as error:
+        complain("sim-robotd", error)
+        return 1
+    return 0
+
+
+def run(options: argparse.Namespace) -> None:
+    """Serves the simulated robot until a signal."""
+    from sim_robot.simulator.daemon import simulated_robot  # noqa: PLC0415 - keeps --help fast
+
+    log = logging.getLogger("sim-robotd")
+    with ExitStack() as stack:
+        robot = stack.enter_context(
+            simulated_robot(
+                load_body(options.body),
+                seed=options.seed,
+                levels=load_noise(options.noise),
+                real_time=options.real_time,
+                attendant=options.attendant,
+                log=log,
+                wrong=options.miscalibrated,
+                calibration=options.calibration,
+            )
+        )
+        for fault in options.fault:
+            robot.panel.order(fault)
+        if options.control is not None:
+            socket = stack.enter_context(
+                FaultSocket(
+                    robot.panel,
+                    options.control,
+                    report=lambda: {
+                        "pulses": robot.servo_board.pulses(),
+                        "robot_time": robot.clock.now(),
+                    },
+                )
+            )
+            log.info("faults can be injected at %s", socket.endpoint)
+        server = Server(
+            robot.controller,
+            bind=options.bind,
+            keys=options.keys,
+            insecure=options.insecure,
+            log=log,
+        )
+        serve(robot.controller, server, log)
+
+
+def calibrate(options: argparse.Namespace) -> None:
+    """Lets a simulated person calibrate the simulated robot."""
+    from sim_robot.cli.calibrate import calibrate_simulated  # noqa: PLC0415 - keeps --help fast
+
+    if options.calibration is None:
+        options.refuse("--calibrate needs --calibration FILE, which it writes")
+    calibrate_simulated(
+        load_body(options.body),
+        seed=options.seed,
+        levels=load_noise(options.noise),
+        wrong=options.miscalibrated,
+        file=options.calibration,
+        echo=print,
+        log=logging.getLogger("sim-robotd"),
+    )
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="sim-robotd",
+        description="A simulated robot: the daemon of a real one, on emulated electronics.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=_faults(),
+    )
+    parser.add_argument(
+        "--body",
+        type=_body,
+        default=default_body_path(),
+        metavar="NAME|FILE.urdf",
+        help="the body, by name (see --list-bodies) or file (default: the paper's quadruped)",
+    )
+    parser.add_argument("--print-body", action="store_true", help="print the body's URDF and exit")
+    parser.add_argument(
+        "--list-bodies", action="store_true", help="list the bodies that have a name and exit"
+    )
+    parser.add_argument(
+        "--seed", type=_seed, default=0, help="seed of the sensor noise (default 0)"
+    )
+    parser.add_argument(
+        "--noise",
+        default="default",
+        metavar="default|none|FILE",
+        help="sensor noise (a file is TOML with the keys of the documentation)",
+    )
+    parser.add_argument(
+        "--real-time",
+        action="store_true",
+        help="let time pass as on a wall clock (default: as fast as the physics goes)",
+    )
+    parser.add_argument(
+        "--no-attendant",
+        dest="attendant",
+        action="store_false",
+        help="leave the body as it fell, instead of laying it down before each interaction",
+    )
+    parser.add_argument(
+        "--miscalibrated",
+        type=_seed,
+        metavar="SEED",
+        help="wire the electronics otherwise than the configuration says: offsets, gains, signs",
+    )
+    parser.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="FILE",
+        help="take the calibration from this file, as robotd does",
+    )
+    parser.add_argument(
+        "--calibrate",
+        action="store_true",
+        help="let a simulated person calibrate the robot, write --calibration FILE, and exit",
+    )
+    parser.add_argument(
+        "--fault",
+        type=_fault,
+        action="append",
+        default=[],
+        metavar="SPEC",
+        help="inject a fault, as in daq.stuck_channel=3@2i+10s: see below; may be repeated",
+    )
+    parser.add_argument(
+        "--control",
+        metavar="URI",
+        help="inject and mend faults there while it runs: ipc://PATH or tcp://127.0.0.1:PORT "
+        "(python -m sim_robot.faults.control_socket URI …)",
+    )
+    add_server_arguments(parser)
+    parser.set_defaults(refuse=parser.error)
+    return parser
+
+
+def _faults() -> str:
+    width = max(map(len, KNOWN))
+    lines = "\n".join(f"  {name:{width}}  {what}" for name, what in KNOWN.items())
+    return (
+        "faults: SPEC is DEVICE.FAULT[=N][@START][+DURATION], with START 3i (third interaction)\n"
+        "or 12.5s (robot time) and DURATION 2i, 5s or 5w (wall clock):\n\n" + lines
+    )
+
+
+def _fault(text: str) -> FaultSpec:
+    try:
+        return FaultSpec.parse(text)
+    except FaultError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def list_bodies() -> None:
+    """Prints the bodies that come with the simulator."""
+    for name, path in shipped_bodies().items():
+        body = load_body(path)
+        print(f"{name:<14} {len(body.motors)} joints, {len(body.touch)} touch sensors")
+
+
+def _body(text: str) -> Path:
+    try:
+        return body_path(text)
+    except BodyError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal() or int(text) >= 2**32:
+        raise argparse.ArgumentTypeError(f"must be an integer from 0 to 2^32-1, not {text!r}")
+    return int(text)

@@ -1,0 +1,135 @@
+"""The clocks of a simulated robot: whoever sleeps moves the world.
+
+Both wait, before they let time pass, until the emulated servo board has read every byte that was
+written to it: otherwise a command could take effect before or after it was due, by the luck of the
+operating system's scheduling.
+
+``HostClock`` is the clock of the computer that the daemon runs on: over one of these, and able to
+jump, which leaves the world and its electronics untouched.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import ClassVar
+
+from robot.drivers.sv203 import SV203
+from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.sv203 import SV203Emulator
+
+SYNCHRONISE_TIMEOUT = 2.0  # s of real time for the emulated board to read what was written
+MAX_SLICE = 0.02  # s of real time between two advances of a real-time world
+
+
+class VirtualClock:
+    """Time that advances only when the control loop sleeps or a device is touched.
+
+    Args:
+        advance: Brings the world to a time, s.
+    """
+
+    def __init__(self, advance: Callable[[float], None]):
+        self._advance = advance
+        self._now = 0.0
+        self.synchronise: Callable[[], None] = lambda: None
+
+    def now(self) -> float:
+        """Virtual time, s."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Lets the world go on by ``seconds``."""
+        if seconds <= 0:
+            return
+        deadline = self._now + seconds
+        self.synchronise()
+        self._now = max(self._now, deadline)
+        self._advance(self._now)
+
+    def charge(self, seconds: float) -> None:
+        """Adds the time of a device access; the world catches up at the next sleep."""
+        self._now += seconds
+
+
+class RealTimeClock:
+    """The wall clock, with the world following it.
+
+    Args:
+        advance: Brings the world to a time, s.
+    """
+
+    def __init__(self, advance: Callable[[float], None]):
+        self._advance = advance
+        self._start = time.monotonic()
+        self.synchronise: Callable[[], None] = lambda: None
+
+    def now(self) -> float:
+        """Seconds since the clock was made."""
+        return time.monotonic() - self._start
+
+    def sleep(self, seconds: float) -> None:
+        """Blocks for ``seconds`` while the world goes on."""
+        deadline = self.now() + seconds
+        self.synchronise()
+        while (left := deadline - self.now()) > 0:
+            self._advance(self.now())
+            time.sleep(min(left, MAX_SLICE))
+        self._advance(self.now())
+
+    def charge(self, seconds: float) -> None:
+        """Does nothing: the time has really passed."""
+
+
+class Follower:
+    """Waits, when called, until an emulated board has read all that its driver wrote.
+
+    Args:
+        board: The board.
+        driver: Its driver.
+    """
+
+    def __init__(self, board: SV203Emulator, driver: SV203):
+        self._board = board
+        self._driver = driver
+        self._lost = 0
+
+    def __call__(self) -> None:
+        """Waits; bytes that never came are waited for only once."""
+        due = self._driver.bytes_written - self._lost
+        if not self._board.wait_until_read(due, SYNCHRONISE_TIMEOUT):
+            self._lost += due - self._board.bytes_read
+
+
+class HostClock(FaultSwitch):
+    """What the daemon takes for the time.
+
+    Args:
+        clock: The time in which the world goes on.
+    """
+
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"jump": "the robot clock jumps by n seconds, which may be negative"}
+    )
+
+    def __init__(self, clock: Clock):
+        super().__init__()
+        self._clock = clock
+        self._offset = 0
+
+    def now(self) -> float:
+        """Seconds on this clock."""
+        return self._clock.now() + self._offset
+
+    def sleep(self, seconds: float) -> None:
+        """Lets ``seconds`` pass."""
+        self._clock.sleep(seconds)
+
+    def charge(self, seconds: float) -> None:
+        """Accounts for the time of a device access."""
+        self._clock.charge(seconds)
+
+    def _happen(self, event: str, value: int) -> None:
+        self._offset += value

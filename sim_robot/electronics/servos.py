@@ -1,0 +1,47 @@
+"""What lies between the servo board's outputs and the joints: plugs and servos that can fail.
+
+Servos answer nothing, so no daemon can notice any of these faults by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import ClassVar
+
+from sim_robot.electronics.fault_switch import FaultSwitch
+
+
+class Servos(FaultSwitch):
+    """The servos of one robot and their plugs."""
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "dead": "the servo at output n gets no power and goes limp",
+            "jammed": "the servo at output n stays where it is when the fault begins",
+            "swapped": "the servos at outputs n and n+1 have exchanged their plugs",
+        }
+    )
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._last: tuple[int, ...] = ()
+        self._jammed: int | None = None
+
+    def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:
+        """What the servos do when the board sends these pulses; 0 is limp."""
+        found = list(pulses)
+        faults = self.faults
+        swapped, dead, jammed = (faults.get(name) for name in ("swapped", "dead", "jammed"))
+        if swapped is not None and 1 <= swapped < len(found):
+            found[swapped - 1], found[swapped] = found[swapped], found[swapped - 1]
+        if dead is not None and 1 <= dead <= len(found):
+            found[dead - 1] = 0
+        if jammed is not None and 1 <= jammed <= len(found):
+            if self._jammed is None:
+                self._jammed = (self._last or found)[jammed - 1]
+            found[jammed - 1] = self._jammed
+        else:
+            self._jammed = None
+        self._last = tuple(found)
+        return self._last

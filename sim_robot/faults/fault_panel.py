@@ -1,0 +1,238 @@
+"""Faults on order: which one, from when on, for how long.
+
+A fault is written ``DEVICE.FAULT[=N][@START][+DURATION]``, for instance ``servo_board.unplugged``,
+``daq.stuck_channel=3@2i``, ``distance.nak@12.5s+3i``, ``servo_board.brown_out@4i``.
+
+* ``DEVICE.FAULT`` is one of ``KNOWN``, and N its number, where it needs one.
+* START is ``3i``, at the zero pose of the third interaction, or ``12.5s``, at that robot time.
+  Without it the fault begins at once.
+* DURATION is ``2i`` (interactions), ``5s`` (robot time) or ``5w`` (seconds on the wall; virtual
+  time stands still in a robot that is down, so it never ends a fault there). Without it a fault
+  lasts until it is mended; those that happen once have none.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from sim_robot.electronics.clock import HostClock
+from sim_robot.electronics.dmm32 import DMM32Emulator
+from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.servos import Servos
+from sim_robot.electronics.sv203 import SV203Emulator
+from sim_robot.electronics.vl6180x import VL6180XEmulator
+from sim_robot.errors import FaultError
+
+DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
+    {
+        "servo_board": SV203Emulator,
+        "servos": Servos,
+        "daq": DMM32Emulator,
+        "distance": VL6180XEmulator,
+        "clock": HostClock,
+    }
+)
+"""What can fail."""
+
+KNOWN: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        f"{device}.{fault}": what
+        for device, kind in DEVICES.items()
+        for fault, what in {**kind.FAULTS, **kind.EVENTS}.items()
+    }
+)
+"""Every fault and what it does."""
+
+_SPEC: Final = re.compile(
+    r"(?P<name>\w+\.\w+)"
+    r"(?:=(?P<value>-?\d{1,9}))?"
+    r"(?:@(?P<start>\d+(?:\.\d+)?[si]))?"
+    r"(?:\+(?P<duration>\d+(?:\.\d+)?[siw]))?"
+)
+
+
+@dataclass(frozen=True)
+class Span:
+    """A point in time or a length of it: seconds of robot time, interactions, wall seconds."""
+
+    amount: float
+    unit: str
+
+    @classmethod
+    def parse(cls, text: str | None) -> Span | None:
+        """From ``12.5s``, ``3i`` or ``5w``."""
+        return None if text is None else cls(float(text[:-1]), text[-1])
+
+    def __str__(self) -> str:
+        return f"{self.amount:g}{self.unit}"
+
+
+@dataclass(frozen=True)
+class FaultSpec:
+    """One fault on order."""
+
+    device: str
+    fault: str
+    value: int = 0
+    start: Span | None = None
+    duration: Span | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> FaultSpec:
+        """Reads a fault as it is written.
+
+        Raises:
+            FaultError: It cannot be; the message says what to write instead.
+        """
+        found = _SPEC.fullmatch(text)
+        if found is None:
+            raise FaultError(
+                f"{text!r} is no fault: write DEVICE.FAULT[=N][@START][+DURATION], for instance "
+                "daq.stuck_channel=3@2i+10s."
+            )
+        name = check_name(found["name"])
+        device, _, fault = name.partition(".")
+        duration = Span.parse(found["duration"])
+        if duration is not None and fault in DEVICES[device].EVENTS:
+            raise FaultError(f"{text!r}: {name} happens once, so leave out the duration.")
+        return cls(device, fault, int(found["value"] or 0), Span.parse(found["start"]), duration)
+
+    @property
+    def name(self) -> str:
+        """Device and fault."""
+        return f"{self.device}.{self.fault}"
+
+    def __str__(self) -> str:
+        number = f"={self.value}" if self.value else ""
+        start = f"@{self.start}" if self.start else ""
+        return f"{self.name}{number}{start}{f'+{self.duration}' if self.duration else ''}"
+
+
+def check_name(name: str) -> str:
+    """A fault's name, if there is such a fault.
+
+    Raises:
+        FaultError: There is none; the message names one that sounds like it.
+    """
+    if name not in KNOWN:
+        near = difflib.get_close_matches(name, KNOWN, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(KNOWN)}."
+        raise FaultError(f"There is no fault {name!r}: {hint}")
+    return name
+
+
+class FaultPanel:
+    """Injects faults when they are due and mends them when their time is over.
+
+    The control loop says how time goes on (``advance``, ``begin_interaction``); everything else may
+    be called from any thread.
+
+    Args:
+        devices: What can fail here, by the names of ``DEVICES``.
+        now: The robot clock.
+    """
+
+    def __init__(self, devices: Mapping[str, FaultSwitch], now: Callable[[], float]):
+        self.interactions = 0
+        self._devices = devices
+        self._now = now
+        self._lock = threading.RLock()
+        self._waiting: list[FaultSpec] = []
+        self._ending: list[tuple[Span, FaultSpec]] = []  # the first is when, in absolute terms
+        self._timers: list[threading.Timer] = []
+
+    def order(self, spec: FaultSpec) -> None:
+        """Injects a fault, at once or when it is due.
+
+        Raises:
+            FaultError: This robot has no such device.
+        """
+        if spec.device not in self._devices:
+            raise FaultError(f"This robot has no {spec.device}; it has {', '.join(self._devices)}.")
+        with self._lock:
+            self._waiting.append(spec)
+            self._look()
+
+    def mend(self, name: str | None = None) -> None:
+        """Ends a fault, or all of them; also those that have not begun.
+
+        Raises:
+            FaultError: There is no such fault.
+        """
+        if name is not None:
+            check_name(name)
+        with self._lock:
+            self._waiting = [s for s in self._waiting if name not in (None, s.name)]
+            self._ending = [item for item in self._ending if name not in (None, item[1].name)]
+            for device, switch in self._devices.items():
+                for fault in switch.faults:
+                    if name in (None, f"{device}.{fault}"):
+                        switch.mend(fault)
+
+    def active(self) -> list[str]:
+        """The faults that are on, with their numbers."""
+        return [
+            str(FaultSpec(device, fault, value))
+            for device, switch in self._devices.items()
+            for fault, value in switch.faults.items()
+        ]
+
+    def waiting(self) -> list[str]:
+        """The faults that have not begun."""
+        with self._lock:
+            return [str(spec) for spec in self._waiting]
+
+    def advance(self) -> None:
+        """Robot time went on."""
+        if self._waiting or self._ending:
+            with self._lock:
+                self._look()
+
+    def begin_interaction(self) -> None:
+        """The robot lies in its zero pose, and the next interaction begins."""
+        with self._lock:
+            self.interactions += 1
+            self._look()
+
+    def close(self) -> None:
+        """Forgets what is still to come."""
+        with self._lock:
+            self._waiting.clear()
+            self._ending.clear()
+            for timer in self._timers:
+                timer.cancel()
+
+    def _look(self) -> None:
+        for spec in [spec for spec in self._waiting if self._reached(spec.start)]:
+            self._waiting.remove(spec)
+            self._begin(spec)
+        for item in [item for item in self._ending if self._reached(item[0])]:
+            self._ending.remove(item)
+            self._devices[item[1].device].mend(item[1].fault)
+
+    def _reached(self, when: Span | None) -> bool:
+        if when is None:
+            return True
+        reached = self.interactions if when.unit == "i" else self._now()
+        return reached >= when.amount
+
+    def _begin(self, spec: FaultSpec) -> None:
+        device = self._devices[spec.device]
+        device.inject(spec.fault, spec.value)
+        length = spec.duration
+        if length is None:
+            return
+        if length.unit == "w":
+            timer = threading.Timer(length.amount, device.mend, [spec.fault])
+            timer.daemon = True
+            self._timers = [t for t in self._timers if t.is_alive()] + [timer]
+            timer.start()
+        else:
+            start = self.interactions if length.unit == "i" else self._now()
+            self._ending.append((Span(start + length.amount, length.unit), spec))

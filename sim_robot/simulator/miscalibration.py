@@ -1,0 +1,75 @@
+"""Electronics that are not what their configuration says, by a seed.
+
+A servo sits on its spline a few teeth off and turns the other way, an axis of the accelerometer
+points down, a gauge is glued on the wrong side, the distance sensor sits deeper than drawn: all
+that a person finds out by measuring.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from robot.configuration.joint_calibration import MAX_COUNT, MIN_COUNT, DrivenJoint, JointScale
+from robot.configuration.robot_config import RobotConfig
+
+COUNTS_OFF: Final = 15.0  # at most, either way
+JOINT_GAIN: Final = 0.1  # share of the true one, at most, either way; and so on
+AXIS_VOLTS_OFF: Final = 0.3
+AXIS_GAIN: Final = 0.2
+TARE_VOLTS_OFF: Final = 0.3
+BRIDGE_GAIN: Final = 0.5
+ZERO_OFF: Final = 0.006  # m
+RULER_GAIN: Final = 0.04
+
+
+def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
+    """The electronics as they really are, where ``config`` is what the daemon believes."""
+    rng = np.random.default_rng(seed)
+    axes, distance = config.accelerometer, config.distance
+    joints = tuple(_joint(joint, rng) for joint in config.joints)
+    axes = replace(
+        axes,
+        zero=tuple(zero + _off(rng, AXIS_VOLTS_OFF) for zero in axes.zero),
+        volts_per_g=tuple(gain * _gain(rng, AXIS_GAIN) * _sign(rng) for gain in axes.volts_per_g),
+    )
+    gauges = tuple(
+        replace(
+            gauge,
+            tare=gauge.tare + _off(rng, TARE_VOLTS_OFF),
+            volts_per_newton=gauge.volts_per_newton * _gain(rng, BRIDGE_GAIN) * _sign(rng),
+        )
+        for gauge in config.gauges
+    )
+    if distance is not None:
+        sensor = distance.sensor
+        zero = max(0.0, sensor.zero + _off(rng, ZERO_OFF))
+        scale = sensor.scale * _gain(rng, RULER_GAIN)
+        distance = replace(distance, sensor=replace(sensor, zero=zero, scale=scale))
+    return replace(config, joints=joints, accelerometer=axes, gauges=gauges, distance=distance)
+
+
+def _joint(joint: DrivenJoint, rng: np.random.Generator) -> DrivenJoint:
+    """The same joint with its line of counts shifted, stretched and perhaps turned round."""
+    (low, start), (high, end) = joint.scale.points[0], joint.scale.points[-1]
+    middle = (low + high) / 2 + _off(rng, COUNTS_OFF)
+    slope = (end - start) / (high - low) * _gain(rng, JOINT_GAIN) * _sign(rng)
+    points = tuple(
+        (float(count), (start + end) / 2 + slope * (count - middle))
+        for count in (MIN_COUNT, MAX_COUNT)
+    )
+    return replace(joint, scale=JointScale(points))
+
+
+def _off(rng: np.random.Generator, most: float) -> float:
+    return float(rng.uniform(-most, most))
+
+
+def _gain(rng: np.random.Generator, most: float) -> float:
+    return 1.0 + _off(rng, most)
+
+
+def _sign(rng: np.random.Generator) -> float:
+    return float(rng.choice((-1.0, 1.0)))

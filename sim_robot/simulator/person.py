@@ -1,0 +1,225 @@
+"""A person for guided sessions: reads the questions, handles the simulated body, measures.
+
+What this person knows comes from the world, never from the electronics or their calibration: the
+angle that a protractor shows, which side is up, the weight on a foot, the height of a plate.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from robot.calibration.joints import MAX_STEP
+from robot.configuration.joint_calibration import MAX_COUNT, MIN_COUNT
+from robot.errors import CommandError
+from robot.host.clock import Clock
+from sim_robot.world.body import Body
+from sim_robot.world.sensor_noise import Noise
+from sim_robot.world.simulation import World
+
+PROTRACTOR: Final = 0.2  # degrees: the worst error of one reading, rounding to 0.1° included
+UNEVEN: Final = 1.5  # degrees: how far a body in the hands leans, at most, about each axis
+PLATE_MM: Final = 150
+WEIGHT_G: Final = 200
+STAND: Final = 2.0  # m
+
+_EVERY: Final = 40  # counts between measured angles
+_APART: Final = 10  # counts below which two angles say little
+_STEEPEST: Final = 0.9  # degrees a count; no servo turns further
+_STILL: Final = 0.5  # s until what was moved by hand, or by a servo, is still
+
+_UP: Final = MappingProxyType(
+    {
+        "nose up": (1.0, 0.0, 0.0),
+        "nose down": (-1.0, 0.0, 0.0),
+        "left side up": (0.0, 1.0, 0.0),
+        "left side down": (0.0, -1.0, 0.0),
+        "upright": (0.0, 0.0, 1.0),
+        "upside down": (0.0, 0.0, -1.0),
+    }
+)
+
+
+class SimulatedPerson:
+    """Sits at the terminal of a guided session, with the simulated body at hand.
+
+    Args:
+        body: The body.
+        world: Where it is.
+        noise: Drawn anew whenever the body is put somewhere.
+        clock: The robot clock; handling takes time.
+        seed: Of this person's own errors.
+        echo: Shown everything that is said and answered.
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        world: World,
+        noise: Noise,
+        clock: Clock,
+        *,
+        seed: int,
+        echo: Callable[[str], None],
+    ):
+        self._body = body
+        self._world = world
+        self._noise = noise
+        self._clock = clock
+        self._rng = np.random.default_rng(seed)
+        self._echo = echo
+        self._placed = 0
+        self._joint = _Joint()
+        self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
+            ("on the stand", self._on_the_stand),
+            (r"(?P<name>.+): count (?P<count>\d+), was .* measured", self._at_a_count),
+            (r"(?P<name>.+) at its new 0°", self._at_zero),
+            ("accelerometer: six", lambda _: "six"),
+            (r"(?P<position>.+), hold it still", self._in_position),
+            (r"(?P<name>.+) free of any load", self._unloaded),
+            (r"(?P<name>.+) with a known load", self._loaded),
+            ("distance: Enter", lambda _: ""),
+            ("belly flat on the ground", self._on_the_ground),
+            ("height of a plate", lambda _: str(PLATE_MM)),
+            (r"plate at (?P<height>\d+) mm", self._over_a_plate),
+            ("write this", lambda _: "yes"),
+        )
+
+    def say(self, text: str) -> None:
+        """Listens."""
+        self._echo(text)
+
+    def ask(self, prompt: str) -> str:
+        """Does what is asked for, and answers.
+
+        Raises:
+            CommandError: Nobody told this person what to do then.
+        """
+        for pattern, act in self._answers:
+            found = re.match(pattern, prompt)
+            if found is not None:
+                answer = act(found)
+                self._echo(f"{prompt} > {answer}")
+                return answer
+        raise CommandError(f"the simulated person does not understand {prompt!r}")
+
+    def _on_the_stand(self, found: re.Match[str]) -> str:
+        del found
+        self._hold(STAND)
+        return ""
+
+    def _in_position(self, found: re.Match[str]) -> str:
+        lean = np.tan(np.radians(self._rng.uniform(-UNEVEN, UNEVEN, 3)))
+        up = [u or float(slope) for u, slope in zip(_UP[found["position"]], lean, strict=True)]
+        length = math.hypot(*up)
+        self._hold(STAND, tuple(u / length for u in up))
+        return ""
+
+    def _on_the_ground(self, found: re.Match[str]) -> str:
+        del found
+        self._world.lay_down()
+        self._wait()
+        return ""
+
+    def _over_a_plate(self, found: re.Match[str]) -> str:
+        self._hold(float(found["height"]) / 1000)
+        return ""
+
+    def _unloaded(self, found: re.Match[str]) -> str:
+        del found
+        self._hold(STAND)
+        return ""
+
+    def _loaded(self, found: re.Match[str]) -> str:
+        for name in self._body.touch:
+            self._world.press(name, WEIGHT_G * 9.81e-3 if name == found["name"] else 0.0)
+        self._clock.sleep(_STILL)
+        return f"{WEIGHT_G} g"
+
+    def _at_zero(self, found: re.Match[str]) -> str:
+        return f"{self._protractor(self._index(found['name'])):.1f}"
+
+    def _at_a_count(self, found: re.Match[str]) -> str:
+        if self._joint.name != found["name"]:
+            self._joint = _Joint(found["name"])
+        index = self._index(found["name"])
+        motor = self._body.motors[index]
+        limits = math.degrees(motor.lower), math.degrees(motor.upper)
+        return self._joint.next(int(found["count"]), self._protractor(index), limits)
+
+    def _index(self, name: str) -> int:
+        return [motor.name for motor in self._body.motors].index(name)
+
+    def _protractor(self, index: int) -> float:
+        """The angle of a joint, degrees, as a person reads it."""
+        self._clock.sleep(_STILL)
+        slip = PROTRACTOR - 0.05
+        return round(
+            math.degrees(self._world.angles()[index]) + float(self._rng.uniform(-slip, slip)), 1
+        )
+
+    def _hold(self, height: float, up: tuple[float, ...] = _UP["upright"]) -> None:
+        for name in self._body.touch:
+            self._world.press(name, 0.0)
+        self._world.hold(height, up)
+        self._wait()
+
+    def _wait(self) -> None:
+        self._placed += 1
+        self._noise.begin(self._placed)
+        self._clock.sleep(_STILL)
+
+
+class _Joint:
+    """How this person goes through one joint: up to its end, then down to the other one."""
+
+    def __init__(self, name: str = ""):
+        self.name = name
+        self._points: dict[int, float] = {}
+        self._way = 1
+        self._marked: set[str] = set()
+        self._done = False
+
+    def next(self, count: int, angle: float, limits: tuple[float, float]) -> str:
+        """What to type at a count where the protractor shows an angle, both limits in degrees."""
+        nearest = min((abs(count - other) for other in self._points), default=_EVERY)
+        steps = self._steps(count, angle, limits)
+        if nearest >= (_EVERY if steps else _APART):
+            self._points[count] = angle
+            return f"{angle:.1f}"
+        if steps:
+            return f"{'u' if self._way > 0 else 'd'} {steps}"
+        end = self._end(angle, limits)
+        if end is not None and end not in self._marked:
+            self._marked.add(end)
+            return end
+        if self._way > 0:
+            self._way = -1
+            return self.next(count, angle, limits)
+        if self._done:
+            return "q"  # it was refused: better ask somebody
+        self._done = True
+        return "done"
+
+    def _steps(self, count: int, angle: float, limits: tuple[float, float]) -> int:
+        """How many counts are safe and possible on this way."""
+        room = limits[1] - angle, angle - limits[0]
+        points = sorted(self._points.items())
+        if len(points) < 2:
+            left = min(room)
+        else:
+            rises = (points[-1][1] > points[0][1]) == (self._way > 0)
+            left = room[0] if rises else room[1]
+        counts = MAX_COUNT - count if self._way > 0 else count - MIN_COUNT
+        return max(0, min(MAX_STEP, counts, int(left / _STEEPEST)))
+
+    @staticmethod
+    def _end(angle: float, limits: tuple[float, float]) -> str | None:
+        if abs(angle - limits[0]) < 2 * _STEEPEST:
+            return "lower"
+        return "upper" if abs(angle - limits[1]) < 2 * _STEEPEST else None

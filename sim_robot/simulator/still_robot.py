@@ -1,0 +1,143 @@
+"""A robot on emulated electronics in a world that never moves: it lies flat, whatever it does.
+
+It needs neither numpy nor PyBullet, so it shows what the daemon itself costs, and lets tests drive
+the control loop with a clock of their own.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from importlib import resources
+from pathlib import Path
+
+from robot.configuration.robot_config import RobotConfig, load_config
+from robot.control.controller import Controller
+from robot.drivers.sv203 import SV203, open_serial
+from robot.host.clock import Clock, WatchedClock
+from robot.host.service_manager import ServiceManager
+from robot.service.daemon import build_controller
+from robot.service.devices import Electronics, start_devices
+from sim_robot.electronics.clock import HostClock
+from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
+from sim_robot.electronics.sv203 import SV203Emulator
+from sim_robot.electronics.vl6180x import VL6180XEmulator
+from sim_robot.faults.fault_panel import FaultPanel
+
+
+@dataclass(kw_only=True)
+class StillWorld:
+    """What the sensors are exposed to; a test may change it.
+
+    Attributes:
+        volts: At each analogue input; an input that is not listed reads 0.
+        distance_mm: In front of the distance sensor, or ``None``.
+    """
+
+    volts: list[float]
+    distance_mm: float | None
+    _dither: Dither = field(default_factory=Dither)
+    _error: float = 0.0
+
+    @classmethod
+    def around(cls, config: RobotConfig) -> StillWorld:
+        """What a robot feels that lies flat on its belly with its feet in the air."""
+        rest = [*config.accelerometer.zero[:2], config.accelerometer.zero[2] + 1.0]
+        return cls(
+            volts=rest + [gauge.tare for gauge in config.gauges],
+            distance_mm=config.distance.sensor.zero * 1000 if config.distance else None,
+        )
+
+    def input(self, channel: int) -> float:
+        """Volts at an analogue input; a scan begins at the first."""
+        if channel == 0:
+            self._error = self._dither.next_scan()
+        return self.volts[channel] + self._error if channel < len(self.volts) else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillRobot:
+    """The robot, and the parts behind it."""
+
+    config: RobotConfig
+    controller: Controller
+    servos: SV203
+    world: StillWorld
+    panel: FaultPanel
+    servo_board: SV203Emulator
+    daq: DMM32Emulator
+    distance: VL6180XEmulator
+
+
+class Bystander:
+    """Counts interactions, and touches nothing."""
+
+    lays_down = False
+
+    def __init__(self, panel: FaultPanel):
+        self._panel = panel
+
+    def attend(self) -> None:
+        """Called at each interaction, once the joints are at zero."""
+        self._panel.begin_interaction()
+
+
+def example_config(port: str) -> RobotConfig:
+    """The documented ``robot.toml``, on another serial port."""
+    config = load_config(Path(str(resources.files("robot") / "robot.toml")))
+    return replace(config, servo_board=replace(config.servo_board, port=port))
+
+
+@contextmanager
+def still_robot(
+    clock: Clock,
+    *,
+    housekeeping: float | None,
+    log: logging.Logger,
+    manager: ServiceManager | None = None,
+) -> Iterator[StillRobot]:
+    """Builds the robot of the documented configuration; its control loop is not yet started."""
+    with ExitStack() as stack:
+        board = SV203Emulator()
+        stack.callback(board.close)
+        config = example_config(board.port)
+        world = StillWorld.around(config)
+
+        daq = DMM32Emulator(world.input, clock)
+        distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+
+        def look() -> None:
+            panel.advance()
+
+        host = HostClock(WatchedClock(clock, look))
+        panel = FaultPanel(
+            {"servo_board": board, "daq": daq, "distance": distance, "clock": host}, host.now
+        )
+        stack.callback(panel.close)
+        devices = start_devices(
+            config,
+            Electronics(serial=open_serial(board.port), ports=daq, i2c=distance),
+            host,
+        )
+        stack.callback(devices.close)
+        controller = build_controller(
+            config,
+            devices,
+            clock=host,
+            attendant=Bystander(panel),
+            housekeeping=housekeeping,
+            log=log,
+            manager=manager,
+        )
+        yield StillRobot(
+            config=config,
+            controller=controller,
+            servos=devices.servos,
+            world=world,
+            panel=panel,
+            servo_board=board,
+            daq=daq,
+            distance=distance,
+        )

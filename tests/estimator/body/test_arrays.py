@@ -1,0 +1,113 @@
+"""Bodies as arrays, against the objects that they stand for."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import BASE, Base, Morphology, Part
+from estimator.errors import MorphologyError, SearchStateError
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from protocol.wire.capabilities import Capabilities
+from tests.estimator.model_robot import make_capabilities
+
+BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+SMALL = Morphology(
+    base=BODY,
+    parts=(
+        Part(parent=BASE, side=1, hinge=2, length=0.1, radius=0.01, motor=0),
+        Part(parent=0, side=1, hinge=4, length=0.2, radius=0.02, sensor=0),
+    ),
+    density=1000.0,
+)
+
+
+def robot(joints: int, touch: int) -> Capabilities:
+    model = make_capabilities()
+    return replace(
+        model,
+        joints=tuple(replace(model.joints[0], name=f"joint_{joint}") for joint in range(joints)),
+        part_radii=(0.006,) * joints,
+        sensors=(replace(model.sensors[0], count=touch), *model.sensors[1:]),
+    )
+
+
+def assert_same(one: Bodies, two: Bodies) -> None:
+    for item in fields(Bodies):
+        first, second = getattr(one, item.name), getattr(two, item.name)
+        assert np.array_equal(first, second), item.name
+        assert first.dtype == second.dtype
+
+
+@pytest.mark.parametrize(
+    ("name", "joints", "touch"),
+    [
+        ("parametric", 8, 4),
+        ("topological", 8, 4),
+        ("topological", 5, 5),
+        ("topological", 4, 2),  # fewer sensors than legs: they sit where nothing else does
+        ("topological-20", 8, 4),
+        ("topological-24", 8, 4),
+    ],
+)
+def test_a_population_is_decoded_at_once_as_one_by_one(name: str, joints: int, touch: int) -> None:
+    problem = Problem.load(name).for_robot(robot(joints, touch))
+    genome = Genome(problem, BODY)
+    genes = np.random.default_rng(1).random((40, genome.size))
+    genes[0], genes[1] = 0.0, 1.0
+    assert_same(genome.bodies(genes), Bodies.of(genome.decode_all(genes)))
+
+
+def test_genes_are_checked() -> None:
+    genome = Genome(Problem.load("parametric"), BODY)
+    with pytest.raises(SearchStateError, match=r"genomes have 8 genes, not shape \(8,\)"):
+        genome.bodies(np.zeros(8))
+    for gene in (1.5, np.nan):
+        with pytest.raises(SearchStateError, match="every gene must lie in 0 to 1"):
+            genome.bodies(np.full((2, 8), gene))
+
+
+def test_bodies_of_different_sizes_share_arrays() -> None:
+    bare = replace(SMALL, parts=())
+    found = Bodies.of([bare, SMALL, bare])
+    assert found.count.tolist() == [0, 2, 0]
+    assert found.motor[1].tolist() == [0, -1]
+    assert found.sensor[1].tolist() == [-1, 0]
+    assert (found.motors, found.sensors) == (1, 1)
+    assert_same(found[1:2], Bodies.of([SMALL]))
+    assert_same(found[np.array([False, True, False])], Bodies.of([SMALL]))
+    assert len(Bodies.of([])) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sentence"),
+    [
+        ("parent", 1, "body 1, part 2: its parent cannot be 1"),
+        ("side", 4, "side cannot be 4"),
+        ("hinge", -1, "hinge cannot be -1"),
+        ("motor", -2, "motor cannot be -2"),
+        ("length", np.nan, "length cannot be nan"),
+        ("length", 1e7, "length cannot be"),
+        ("radius", 0.0, "radius cannot be 0.0"),
+    ],
+)
+def test_impossible_bodies_are_refused(name: str, value: float, sentence: str) -> None:
+    whole = Bodies.of([SMALL])
+    array = getattr(whole, name).copy()
+    array[0, 1] = value
+    with pytest.raises(MorphologyError, match=sentence):
+        replace(whole, **{name: array})
+
+
+def test_impossible_arrays_are_refused() -> None:
+    whole = Bodies.of([SMALL])
+    with pytest.raises(MorphologyError, match="number of parts cannot be 3"):
+        replace(whole, count=np.array([3]))
+    with pytest.raises(MorphologyError, match="main body or density cannot be inf"):
+        replace(whole, base=np.full((1, 5), np.inf))
+    with pytest.raises(MorphologyError, match=r"length of 1 bodies of 2 parts must be float64"):
+        replace(whole, length=np.zeros((1, 3)))
+    with pytest.raises(MorphologyError, match="side of 1 bodies"):
+        replace(whole, side=whole.side.astype(np.int32))

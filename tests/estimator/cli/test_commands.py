@@ -1,0 +1,287 @@
+"""The command line, as a person uses it: sentences, exit codes, files."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from estimator.cli.commands import app
+from estimator.storage.store import RunStore
+from tests.estimator.evaluation.test_score import make_run, write_truth
+from tests.estimator.identification.test_run import generations_reach, start_identify
+from tests.estimator.model_robot import (
+    TRUE_LENGTHS,
+    ModelRobot,
+    make_capabilities,
+    make_order,
+    serving,
+)
+
+
+def estimator(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def readings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three interactions, written down by hand."""
+    folder = tmp_path_factory.mktemp("by_hand")
+    (folder / "robot.json").write_text(json.dumps(make_capabilities().to_map()))
+    path = folder / "readings.csv"
+    path.write_text(
+        "angle_deg_left,angle_deg_front,angle_deg_right,angle_deg_back,"
+        "touch_1,touch_2,touch_3,touch_4,tilt_lr_deg,tilt_fb_deg,clearance_mm\n"
+        "-25,10,-20,15,1,0,1,0,2,0.5,40\n"
+        "10,-20,5,-30,0,1,0,1,,-3,35\n"
+        "20,20,20,20,0,0,0,0,0,0,0\n"
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, readings: Path) -> Path:
+    folder = tmp_path_factory.mktemp("cli")
+    problem = make_order(folder, "").problem
+    found = estimator(
+        *("identify", "--robot", f"file:{readings}", "--problem", problem, "--seed", "1"),
+        *("--population", "4", "--generations", "1", "--jobs", "1", "--out", folder / "run"),
+    )
+    assert found.exit_code == 0, found.output
+    assert "Interaction 3" in found.stderr
+    assert "Sensor (subjective) error" in found.stdout
+    return folder / "run"
+
+
+def test_identify_takes_all_that_was_recorded(run: Path) -> None:
+    result = json.loads((run / "result.json").read_text())
+    assert result["complete"]
+    assert result["interactions"] == 3
+    assert (result["population"], result["generations"]) == (4, 1)
+    assert result["simulations_requested"] == 4 * (1 + 1 + 2 + 2 + 3 + 3)
+    assert (run / "plots" / "lengths.png").exists()
+
+
+def test_show_says_how_far_a_run_has_come(run: Path) -> None:
+    found = estimator("show", run)
+    assert found.exit_code == 0
+    assert "Problem legs, seed 1" in found.stdout
+    assert "complete" in found.stdout
+    assert "spread (mm)" in found.stdout
+
+
+def test_score_as_json_is_nothing_but_json(tmp_path: Path) -> None:
+    store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store.close()
+    truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
+    found = estimator("score", tmp_path / "run", "--truth", truth, "--json", "--jobs", "1")
+    assert found.exit_code == 0, found.output
+    assert json.loads(found.stdout)["mean_leg_error_m"] == pytest.approx(0.015)
+    assert (tmp_path / "run" / "plots" / "lengths_with_truth.png").exists()
+
+
+def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
+    store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store.close()
+    truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
+    found = estimator("score", tmp_path / "run", "--truth", truth, "--jobs", "1")
+    text = " ".join(found.stdout.split())
+    assert "+40.0 never" in text
+    assert "legs that touched the ground 6.7 mm; legs that never did 40.0 mm" in text
+    assert "given by the problem, not searched" in text
+
+
+def test_validate_over_the_wire(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
+    store, _ = make_run(tmp_path, TRUE_LENGTHS)
+    store.close()
+    with serving(ModelRobot()) as uri:
+        found = estimator(
+            "validate", tmp_path / "run", "--robot", uri, "--programs", "2", "--jobs", "1"
+        )
+    assert found.exit_code == 0, found.output
+    assert "Prediction error on 2 fresh motor programs" in found.stdout
+    saved = json.loads((tmp_path / "run" / "validation.json").read_text())
+    assert saved["best_model"]["touch"] == 0
+
+
+def test_ctrl_c_leaves_a_run_that_can_be_resumed(tmp_path: Path) -> None:
+    with serving(ModelRobot()) as uri:
+        process = start_identify(tmp_path, uri)
+        reached = generations_reach(tmp_path / "run", 1)
+        while not reached():
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(0.02)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 1
+        assert "estimator: interrupted" in said
+        assert f"estimator resume {tmp_path / 'run'}" in said
+        assert "Traceback" not in said
+        found = estimator("resume", tmp_path / "run", "--jobs", "1")
+    assert found.exit_code == 0, found.output
+    assert "complete" in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["resume", "nowhere"], "nowhere holds no run"),
+        (["show", "nowhere"], "nowhere holds no run"),
+        (["score", "nowhere", "--truth", "body.urdf"], "nowhere holds no run"),
+        (["identify", "--robot", "bob", "--problem", "parametric"], "'bob' names no robot"),
+        (["identify", "--robot", "bob", "--problem", "x.toml"], "x.toml cannot be read"),
+        (
+            ["identify", "--robot", "file:no.csv", "--problem", "parametric"],
+            "no.csv cannot be read",
+        ),
+    ],
+)
+def test_failure_is_a_sentence_and_exit_code_1(arguments: list[str], sentence: str) -> None:
+    found = estimator(*arguments)
+    assert found.exit_code == 1
+    assert f"estimator: {sentence}" in found.stderr
+    assert not found.stdout
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["identify"],
+        ["identify", "--robot", "bob", "--problem", "parametric", "--seed", "-1"],
+        ["identify", "--robot", "bob", "--problem", "parametric", "--jobs", "0"],
+        ["score", "run"],
+        ["dance"],
+    ],
+)
+def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
+    assert estimator(*arguments).exit_code == 2
+
+
+def test_a_run_is_not_overwritten(run: Path, readings: Path) -> None:
+    problem = run.parent / "legs.toml"
+    found = estimator("identify", "--robot", f"file:{readings}", "--problem", problem, "--out", run)
+    assert found.exit_code == 1
+    assert "holds a run already" in found.stderr
+
+
+def test_a_hand_written_table_with_a_missing_column_is_a_sentence(
+    tmp_path: Path, readings: Path
+) -> None:
+    shutil.copy(readings.with_name("robot.json"), tmp_path)
+    lines = readings.read_text().splitlines()
+    table = "\n".join(line.partition(",")[2] for line in lines)
+    (tmp_path / "readings.csv").write_text(table)
+    problem = make_order(tmp_path, "").problem
+    found = estimator(
+        *("identify", "--robot", f"file:{tmp_path}/readings.csv", "--problem", problem),
+        *("--out", tmp_path / "run"),
+    )
+    assert found.exit_code == 1
+    assert "write the columns angle_deg_left" in found.stderr
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_run_that_another_process_works_on_is_left_alone(run: Path) -> None:
+    with RunStore.open(run):
+        found = estimator("resume", run)
+        assert found.exit_code == 1
+        assert "Another process works on" in found.stderr
+        assert estimator("show", run).exit_code == 0
+
+
+def test_help_lists_the_commands() -> None:
+    found = subprocess.run(
+        [sys.executable, "-m", "estimator", "--help"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    for command in ("identify", "resume", "show", "score", "validate"):
+        assert command in found.stdout
+
+
+@pytest.mark.parametrize("library", ["numpy", "matplotlib.backends"])
+def test_ctrl_c_while_the_libraries_load_is_no_traceback(library: str) -> None:
+    code = f"""
+import os, signal, sys
+class Interruption:
+    def find_spec(self, name, path=None, target=None):
+        if name == {library!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interruption())
+from estimator.__main__ import main
+sys.argv = ["estimator", "show", "nowhere"]
+main()
+"""
+    found = subprocess.run(
+        [sys.executable, "-c", code], check=False, capture_output=True, text=True
+    )
+    assert (found.returncode, found.stderr) == (1, "estimator: interrupted\n")
+
+
+EVIL = "le[/x]ft $\\frac{ \x1b[31m"
+
+
+def test_a_joint_may_have_any_name(tmp_path: Path, readings: Path) -> None:
+    for name in ("readings.csv", "robot.json"):
+        escaped = json.dumps(EVIL)[1:-1] if name == "robot.json" else EVIL
+        text = readings.with_name(name).read_text().replace("left", escaped)
+        (tmp_path / name).write_text(text)
+    run = tmp_path / "run"
+    found = estimator(
+        *("identify", "--robot", f"file:{tmp_path / 'readings.csv'}", "--seed", "1"),
+        *("--problem", make_order(tmp_path, "").problem, "--population", "2"),
+        *("--generations", "1", "--physics", "statics", "--jobs", "1", "--out", run),
+    )
+    assert found.exit_code == 0, found.output
+    shown = estimator("show", run)
+    assert shown.exit_code == 0, shown.output
+    assert "le[/x]ft" in shown.stdout
+    assert "\x1b" not in found.output + shown.output
+
+
+@contextmanager
+def unwritable(folder: Path) -> Iterator[None]:
+    """A directory that this process can read and not write, also where root runs the tests."""
+    for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
+        place.chmod(0o555)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)  # nobody
+    try:
+        yield
+    finally:
+        os.seteuid(user)
+        for place in (folder, *(path for path in folder.rglob("*") if path.is_dir())):
+            place.chmod(0o755)
+
+
+def test_show_and_score_need_no_writable_directory() -> None:
+    with TemporaryDirectory() as name:  # pytest's own is closed to others
+        folder = Path(name)
+        folder.chmod(0o755)
+        store, _ = make_run(folder, (0.17, 0.15, 0.2, 0.16))
+        store.close()
+        truth = write_truth(folder / "t.urdf", lengths=(0.16,) * 4)
+        commands = (("show", folder / "run"), ("score", folder / "run", "--truth", truth))
+        for command in commands:  # with what libraries load late
+            assert estimator(*command).exit_code == 0
+        before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+        with unwritable(folder):
+            found = [estimator(*command) for command in commands]
+        assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
+    for item, words in zip(found, ("not finished", "The run is not finished"), strict=True):
+        assert item.exit_code == 0, item.output
+        assert "cannot be written (Permission denied): its files are as they were" in item.stderr
+        assert words in item.stdout

@@ -1,0 +1,162 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.errors import EstimatorError, InteractionError
+from estimator.evaluation.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
+from estimator.identification.listener import Listener
+from estimator.identification.run import problem_of
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.robot_link.replay import Record
+from estimator.robot_link.wire import WireLink
+from estimator.storage.records import Prediction
+from estimator.storage.store import RunStore
+from protocol.errors import RobotError
+from tests.estimator.evaluation.test_score import make_run
+from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, make_capabilities, serving
+
+PROGRAMS = 4
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> tuple[RunStore, Problem]:
+    """A run whose best model is the robot itself."""
+    return make_run(tmp_path, TRUE_LENGTHS)
+
+
+def performed(
+    run: tuple[RunStore, Problem], uri: str, physics: PyBulletPhysics, first_id: int = 1
+) -> Validation:
+    link = WireLink(uri, client_id="me", first_id=first_id)
+    try:
+        return validate(*run, physics, link, programs=PROGRAMS, listener=Listener())
+    finally:
+        link.close()
+
+
+def test_the_true_model_foretells_what_random_ones_do_not(
+    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri, run[0]:
+        found = performed(run, uri, physics)
+        again = performed(run, uri, physics, first_id=1000)
+    assert found.programs == PROGRAMS
+    assert found.best_model.tilt_deg == pytest.approx(0, abs=1e-3)
+    assert found.best_model.clearance_mm == pytest.approx(0, abs=1e-3)
+    assert found.best_model.touch == 0
+    assert found.random_models.tilt_deg is not None
+    assert found.random_models.tilt_deg > 0.1
+    assert again.programs == PROGRAMS
+    targets = [tuple(motion.targets.values()) for motion in robot.motions]
+    assert len(set(targets)) == 2 * PROGRAMS  # fresh programs each time
+
+
+def test_predictions_are_on_disk_before_the_robot_moves(
+    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    robot = ModelRobot()
+    robot.refusals.append(RobotError("fault", "A servo fell off."))
+    with serving(robot) as uri, run[0] as store:
+        with pytest.raises(InteractionError, match="A servo fell off"):
+            performed(run, uri, physics)
+        assert len(robot.motions) == 1
+        (predictions,) = store.validations()
+        assert len(predictions) == PROGRAMS
+        performed(run, uri, physics, first_id=1000)
+        (finished,) = store.validations()
+        assert [item.readings for item in finished] == [item.readings for item in predictions]
+    assert len(robot.motions) == 1 + PROGRAMS
+
+
+def make_prediction(touch: float | None, tilt: float, clearance: float) -> Prediction:
+    row = {
+        "touch": [None if touch is None else [touch, 0.0]],
+        "tilt": [None if touch is None else [tilt, 0.0]],
+        "clearance": [None if touch is None else [clearance]],
+    }
+    rows = {name: value * 3 for name, value in row.items()}
+    return Prediction(program=(0.0,), readings={BEST: row, POPULATION: rows, RANDOM: rows})
+
+
+def test_errors_by_hand() -> None:
+    predictions = [
+        make_prediction(1.0, np.radians(4.0), 0.050),
+        make_prediction(0.0, np.radians(1.0), 0.010),
+    ]
+    observations = [
+        Observation(angles=(0.0,), touch=(False, False), tilt=(0.0, 0.0), clearance=0.040),
+        Observation(angles=(0.0,), touch=(False, None), tilt=(None, 0.0), clearance=None),
+    ]
+    found = compare(predictions, observations)
+    assert found.best_model.touch == pytest.approx(1 / 3)
+    assert found.best_model.tilt_deg == pytest.approx(4 / 3)
+    assert found.best_model.clearance_mm == pytest.approx(10.0)
+    assert found.population_median == found.random_models == found.best_model
+    assert found.invalid_predictions == 0
+
+
+def test_an_invalid_prediction_is_counted_and_left_out() -> None:
+    predictions = [make_prediction(None, 0.0, 0.0), make_prediction(0.0, 0.0, 0.010)]
+    wanted = Observation(angles=(0.0,), touch=(False, True), tilt=(0.0, 0.0), clearance=0.0)
+    found = compare(predictions, [wanted, wanted])
+    assert found.best_model.touch == pytest.approx(0.5)
+    assert found.best_model.clearance_mm == pytest.approx(10.0)
+    assert found.invalid_predictions == 1 + 3 + 3
+
+
+def test_a_robot_without_touch_sensors_has_no_touch_error() -> None:
+    wanted = Observation(angles=(0.0,), tilt=(0.0, 0.0), clearance=0.0)
+    found = compare([make_prediction(0.0, 0.0, 0.0)], [wanted])
+    assert found.best_model.touch is None
+    assert found.best_model.tilt_deg == 0
+
+
+def test_a_run_without_models_predicts_nothing(
+    tmp_path: Path, run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    settings, capabilities = run[0].settings, run[0].capabilities
+    run[0].close()
+    with (
+        serving(ModelRobot()) as uri,
+        RunStore.create(tmp_path / "empty", settings, capabilities, "me") as empty,
+        pytest.raises(EstimatorError, match="has no model yet"),
+    ):
+        performed((empty, problem_of(empty)), uri, physics)
+
+
+class Fresh(Record):
+    """A record of one motor program that the run was fitted to, and of two others."""
+
+    def __init__(self) -> None:
+        programs = ((0.0,) * 4, (0.1, 0.2, 0.3, 0.4), (-0.3, -0.2, 0.1, 0.0), (0.0005,) * 4)
+        seen = (
+            Observation(angles=program, touch=(True,) * 4, clearance=number / 100)
+            for number, program in enumerate(programs)
+        )
+        super().__init__(make_capabilities(), programs, tuple(seen))
+
+
+def test_a_record_counts_as_fresh_only_what_no_model_was_fitted_to(
+    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    with run[0] as store:
+        with pytest.raises(InteractionError, match="fitted to 2, so 2 are fresh, not 3: ask for"):
+            validate(*run, physics, Fresh(), programs=3, listener=Listener())
+        assert not store.validations()
+        assert validate(*run, physics, Fresh(), programs=2, listener=Listener()).programs == 2
+        (predictions,) = store.validations()
+    clearances = [item.observation and item.observation.clearance for item in predictions]
+    assert clearances == [0.01, 0.02]  # each program's own, not the record's first
+
+
+def test_a_record_without_what_was_predicted_is_refused(
+    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+) -> None:
+    with run[0] as store:
+        store.predict([Prediction(program=(0.9,) * 4, readings={})])
+        with pytest.raises(InteractionError, match="the record lacks a motor program"):
+            validate(*run, physics, Fresh(), programs=2, listener=Listener())

@@ -1,0 +1,299 @@
+"""Whole runs with real physics over a real wire, on a small budget; and what interrupts them."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
+from estimator.identification.listener import Listener
+from estimator.identification.run import Order, identify, resume
+from estimator.physics.backends import in_processes
+from estimator.physics.base import Physics, Settings
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.report.result import Result
+from estimator.report.run_files import write_report
+from estimator.storage.records import Generation
+from estimator.storage.store import RunStore
+from protocol.errors import RobotError, RobotUnreachableError
+from tests.estimator.model_robot import ModelRobot, make_order, serving
+
+
+def here(name: str, settings: Settings) -> Physics:
+    return PyBulletPhysics(settings)
+
+
+class Witness(Listener):
+    """Notes what is said, and interrupts after some pieces of work."""
+
+    def __init__(self, interrupt_after: int | None = None):
+        self.heard: list[str] = []
+        self.pieces = 0
+        self._interrupt_after = interrupt_after
+
+    def say(self, sentence: str) -> None:
+        self.heard.append(sentence)
+
+    def worked(self, work: float, what: str) -> None:
+        self.pieces += 1
+        if self.pieces == self._interrupt_after:
+            raise KeyboardInterrupt
+
+
+def outcome(result: Result) -> dict[str, object]:
+    """What must not depend on interruptions."""
+    kept = result.model_dump(exclude={"wall_seconds", "robot_uri", "robot", "versions"})
+    assert kept["complete"]
+    return kept
+
+
+def history(directory: Path) -> list[Generation]:
+    with RunStore.open(directory, to_write=False) as store:
+        return store.generations()
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    folder = tmp_path_factory.mktemp("uninterrupted")
+    with serving(ModelRobot()) as uri:
+        result = identify(
+            folder / "run", make_order(folder, uri), here, Witness(), report=write_report
+        )
+    return result, folder / "run"
+
+
+def test_a_run_finds_the_legs_that_touched(uninterrupted: tuple[Result, Path]) -> None:
+    result, directory = uninterrupted
+    assert result.complete
+    assert (result.interactions, result.simulations_requested) == (2, 8 * (1 + 2 + 2 + 2 * 2))
+    assert 0 < result.simulations_run <= result.simulations_requested
+    assert result.simulations_run < result.steps < 300 * result.simulations_run  # stops at rest
+    assert [leg.joint for leg in result.legs] == ["left", "front", "right", "back"]
+    errors = [min(generation.errors) for generation in history(directory)]
+    assert errors[2] <= errors[1] <= errors[0]
+    for name in ("result.json", "readings.csv", "robot.json", "plots/errors.png"):
+        assert (directory / name).stat().st_size > 0
+    assert Result.model_validate_json((directory / "result.json").read_text()) == result
+
+
+@pytest.mark.parametrize("pieces", [1, 3, 4, 6])
+def test_an_interrupted_run_resumes_to_the_same_result(
+    tmp_path: Path, uninterrupted: tuple[Result, Path], pieces: int
+) -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        with pytest.raises(KeyboardInterrupt):
+            identify(
+                tmp_path / "run",
+                make_order(tmp_path, uri),
+                here,
+                Witness(pieces),
+                report=write_report,
+            )
+        result = resume(tmp_path / "run", here, Witness(), report=write_report)
+    assert outcome(result) == outcome(uninterrupted[0])
+    assert len(robot.motions) == 2
+
+
+def test_a_finished_run_needs_no_robot_to_resume(
+    uninterrupted: tuple[Result, Path],
+) -> None:
+    result, directory = uninterrupted
+    assert outcome(resume(directory, here, Witness(), report=write_report)) == outcome(result)
+
+
+def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Result, Path]) -> None:
+    result, directory = uninterrupted
+    again = identify(
+        tmp_path / "run",
+        make_order(tmp_path, f"replay:{directory}"),
+        here,
+        Witness(),
+        report=write_report,
+    )
+    assert outcome(again) == outcome(result)
+
+
+def test_its_own_readings_serve_as_readings_by_hand(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    result, directory = uninterrupted
+    order = make_order(tmp_path, f"file:{directory}/readings.csv")
+    again = identify(tmp_path / "run", order, here, Witness(), report=write_report)
+    assert again.interactions == 2
+    for one, two in zip(again.legs, result.legs, strict=True):
+        assert (one.joint, one.touched) == (two.joint, two.touched)
+        assert one.length_m == pytest.approx(two.length_m, abs=1e-3)
+
+
+def test_the_number_of_processes_does_not_show(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    result, directory = uninterrupted
+    order = make_order(tmp_path, f"replay:{directory}")
+    again = identify(tmp_path / "run", order, in_processes(2), Witness(), report=write_report)
+    assert outcome(again) == outcome(result)
+
+
+# --- killed ---------------------------------------------------------------------------------------
+
+
+def start(*arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "estimator", *arguments, "--jobs", "1"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def start_identify(folder: Path, uri: str) -> subprocess.Popen[str]:
+    order = make_order(folder, uri)
+    arguments = ["--robot", uri, "--problem", order.problem, "--seed", str(order.seed)]
+    return start("identify", *arguments, "--out", str(folder / "run"))
+
+
+def kill(process: subprocess.Popen[str]) -> None:
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+def test_killed_while_the_robot_moves_the_outcome_is_fetched(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    robot, witness = ModelRobot(manual=True), Witness()
+    with serving(robot) as uri:
+        process = start_identify(tmp_path, uri)
+        assert robot.begun.acquire(timeout=20)
+        kill(process)
+        robot.complete()
+        robot.manual = False
+        result = resume(tmp_path / "run", here, witness, report=write_report)
+    assert "Interaction 1 was under way; its outcome was still there." in witness.heard
+    assert len(robot.motions) == 2
+    assert outcome(result) == outcome(uninterrupted[0])
+
+
+def generations_reach(directory: Path, count: int) -> Callable[[], bool]:
+    def reached() -> bool:
+        try:
+            return len(history(directory)) >= count
+        except RunDirectoryError:
+            return False
+
+    return reached
+
+
+def test_killed_while_it_models_nothing_is_lost(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri:
+        process = start_identify(tmp_path, uri)
+        reached = generations_reach(tmp_path / "run", 2)
+        while not reached():
+            with pytest.raises(subprocess.TimeoutExpired):
+                process.wait(0.02)
+        kill(process)
+        result = resume(tmp_path / "run", here, Witness(), report=write_report)
+    assert outcome(result) == outcome(uninterrupted[0])
+    assert len(robot.motions) == 2
+    done, reference = history(tmp_path / "run"), history(uninterrupted[1])
+    assert [item.errors for item in done] == [item.errors for item in reference]
+    assert [item.best for item in done] == [item.best for item in reference]
+
+
+def test_the_daemon_restarts_in_mid_motion(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    robot, witness = ModelRobot(manual=True), Witness()
+    with serving(robot) as uri:
+        process = start_identify(tmp_path, uri)
+        assert robot.begun.acquire(timeout=20)
+    fresh = ModelRobot()
+    with serving(fresh, bind=uri):
+        _, said = process.communicate(timeout=30)
+        assert process.returncode == 1
+        assert "the robot's daemon restarted while the motion was under way" in said
+        assert f"Go on with: estimator resume {tmp_path / 'run'}" in said
+        assert not fresh.motions
+        result = resume(tmp_path / "run", here, witness, report=write_report)
+    assert any("performed anew" in sentence for sentence in witness.heard)
+    assert len(fresh.motions) == 2
+    assert outcome(result) == outcome(uninterrupted[0])
+
+
+def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
+    robot = ModelRobot()
+    robot.refusals.append(RobotError("not_planar", "It leans."))
+    with serving(robot) as uri:
+        with pytest.raises(InteractionError, match="back on its belly"):
+            identify(
+                tmp_path / "run", make_order(tmp_path, uri), here, Witness(), report=write_report
+            )
+        result = resume(tmp_path / "run", here, Witness(), report=write_report)
+    assert result.complete
+    assert len(robot.motions) == 3
+
+
+# --- refused --------------------------------------------------------------------------------------
+
+
+def test_nothing_is_left_behind_where_no_robot_answers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("estimator.robot_link.wire.PATIENCE", 0.5)
+    with serving(ModelRobot()) as uri:
+        pass
+    order = make_order(tmp_path, uri)
+    with pytest.raises(RobotUnreachableError, match="no robot daemon runs"):
+        identify(tmp_path / "run", order, here, Witness(), report=write_report)
+    assert not (tmp_path / "run").exists()
+
+
+def changed(order: Order, **changes: object) -> Order:
+    return Order(**{**vars(order), **changes})
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "sentence"),
+    [
+        ({"problem": "nonsense"}, ProblemError, "no problem named 'nonsense'"),
+        ({"modalities": ("smell",)}, EstimatorError, "modalities must be"),
+        ({"population": 7}, EstimatorError, "population: must be even, not 7: members mate in"),
+        ({"interactions": 9}, EstimatorError, "holds 2 interactions, not 9"),
+        ({"physics": "clay"}, EstimatorError, "no physics 'clay': choose pybullet"),
+        ({"explore": "boldly"}, EstimatorError, "no exploration rule 'boldly': choose random"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_with_a_sentence(
+    tmp_path: Path,
+    uninterrupted: tuple[Result, Path],
+    changes: dict[str, object],
+    kind: type[Exception],
+    sentence: str,
+) -> None:
+    order = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), **changes)
+    with pytest.raises(kind, match=sentence):
+        identify(tmp_path / "run", order, in_processes(1), Witness(), report=write_report)
+    assert not (tmp_path / "run").exists()
+
+
+def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:
+    robot = ModelRobot()
+    with serving(robot) as uri, pytest.raises(KeyboardInterrupt):
+        identify(tmp_path / "run", make_order(tmp_path, uri), here, Witness(1), report=write_report)
+    other = ModelRobot()
+    object.__setattr__(other.capabilities, "base_mass", 9.0)
+    with (
+        serving(other) as uri,
+        pytest.raises(InteractionError, match="other joints, sensors or another main body"),
+    ):
+        resume(tmp_path / "run", here, Witness(), report=write_report, robot=uri)
+    assert not other.motions

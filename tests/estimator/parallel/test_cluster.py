@@ -1,0 +1,364 @@
+"""Work on a Dask cluster: the same results, whatever becomes of its workers."""
+
+from __future__ import annotations
+
+import _thread
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+from typer.testing import CliRunner, Result
+
+from estimator.body.morphology import Morphology
+from estimator.cli.commands import app
+from estimator.errors import ClusterError, PhysicsError
+from estimator.identification.listener import Listener
+from estimator.parallel.cluster import Cluster
+from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.dask import DaskPhysics
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.reproduction.runs.plan import Budget, PlannedRun, typical_runs
+from estimator.reproduction.runs.robot_process import print_body
+from estimator.reproduction.runs.run_processes import Ended, Worked
+from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
+from estimator.reproduction.runs.single_run import TRUTH, see_through
+from estimator.storage.store import RunStore
+from tests.estimator.dask_cluster import (
+    ROOT,
+    Dask,
+    HeldPhysics,
+    Process,
+    dask,
+    gate,
+    pretend,
+    robots,
+)
+from tests.estimator.model_robot import ModelRobot, make_order, serving
+from tests.estimator.physics.test_pool import assert_same
+
+MakeBody = Callable[[np.random.Generator], Morphology]
+SETTINGS = Settings(steps=60)
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    with dask(tmp_path_factory.mktemp("dask")) as found:
+        yield found
+
+
+@pytest.fixture
+def two_workers(cluster: Dask) -> list[Process]:
+    cluster.have_workers(2)
+    return cluster.workers
+
+
+@pytest.fixture
+def connected(cluster: Dask, two_workers: list[Process]) -> Iterator[Cluster]:
+    with Cluster(cluster.address, patience=1.0) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def pairs(random_tree: MakeBody) -> list[Pair]:
+    rng = np.random.default_rng(0)
+    return [(random_tree(rng), np.radians(rng.uniform(-30, 30, 8))) for _ in range(21)]
+
+
+@pytest.fixture(scope="module")
+def expected(pairs: list[Pair]) -> tuple[Readings, int]:
+    with PyBulletPhysics(SETTINGS) as here:
+        return here.read(pairs), here.steps
+
+
+# --- populations ----------------------------------------------------------------------------------
+
+
+def test_a_cluster_reads_what_this_process_reads(
+    connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+) -> None:
+    assert connected.workers == 2
+    with DaskPhysics(partial(PyBulletPhysics, SETTINGS), connected) as physics:
+        assert_same(physics.read(pairs), expected[0])
+        assert (physics.simulations, physics.steps) == (21, expected[1])
+        with pytest.raises(PhysicsError, match="must be finite"):
+            physics.read([*pairs[:3], (pairs[3][0], np.full(8, np.nan))])
+        assert_same(physics.read(pairs[:3]), expected[0][:3])
+        assert len(physics.read([])) == 0
+    other = Settings(steps=60, touch_gap=0.05)  # the workers' engines are for the settings before
+    with (
+        PyBulletPhysics(other) as here,
+        DaskPhysics(partial(PyBulletPhysics, other), connected) as there,
+    ):
+        assert_same(there.read(pairs), here.read(pairs))
+
+
+def test_a_worker_killed_in_its_work_costs_time_not_results(
+    cluster: Dask, connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+) -> None:
+    victims: list[int] = []
+
+    def asked(pid: int) -> None:
+        if not victims:
+            os.kill(pid, signal.SIGKILL)
+            victims.append(pid)
+
+    with gate(asked) as address:
+        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        assert_same(physics.read(pairs), expected[0])
+    assert (physics.simulations, physics.steps) == (21, expected[1])
+    assert len(victims) == 1
+    assert victims[0] not in [worker.pid for worker in cluster.workers]
+
+
+def test_a_cluster_that_loses_all_workers_is_a_sentence(
+    cluster: Dask, connected: Cluster, pairs: list[Pair]
+) -> None:
+    with gate(lambda pid: os.kill(pid, signal.SIGKILL)) as address:
+        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        with pytest.raises(ClusterError, match="has no worker: start one with `dask worker tcp://"):
+            physics.read(pairs)
+    assert not cluster.workers
+
+
+def test_an_interrupt_cancels_what_is_outstanding(
+    connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+) -> None:
+    begun: list[int] = []
+    released = threading.Event()
+
+    def asked(pid: int) -> None:
+        begun.append(pid)
+        if len(begun) == 1:
+            _thread.interrupt_main()
+        assert released.wait(20)
+
+    with gate(asked) as address:
+        held = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        with pytest.raises(KeyboardInterrupt):
+            held.read(pairs)
+        released.set()
+        physics = DaskPhysics(partial(PyBulletPhysics, SETTINGS), connected)
+        assert_same(physics.read(pairs), expected[0])
+    assert len(begun) <= 4  # of 11 chunks: one on each worker, and one that it may have fetched
+
+
+# --- the command ----------------------------------------------------------------------------------
+
+
+def estimator(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def content(directory: Path) -> dict[str, Any]:
+    """All of a run that must not depend on where it was done."""
+    found: dict[str, Any] = json.loads((directory / "result.json").read_text())
+    for name in ("wall_seconds", "robot_uri", "robot"):
+        del found[name]
+    with RunStore.open(directory, to_write=False) as store:
+        found["errors"] = [item.errors for item in store.generations()]
+        found["felt"] = [item.observation for item in store.interactions()]
+        predictions = [item for one in store.validations() for item in one]
+        found["predictions"] = [(item.program, item.readings) for item in predictions]
+        found["felt"] += [item.observation for item in predictions]
+    assert None not in found["felt"]
+    return found
+
+
+def test_identify_resume_and_validate_on_a_cluster(
+    tmp_path: Path, cluster: Dask, two_workers: list[Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
+    found = {}
+    for place, where in (("here", ("--jobs", "1")), ("there", ("--dask", cluster.address))):
+        out = tmp_path / place
+        with serving(ModelRobot()) as uri:
+            order = ("--robot", uri, "--problem", make_order(tmp_path, uri).problem, "--seed", "3")
+            for command in (
+                ("identify", *order, "--interactions", "1", "--out", out),
+                ("resume", out),
+                ("validate", out, "--robot", uri, "--programs", "2"),
+            ):
+                done = estimator(*command, *where)
+                assert done.exit_code == 0, done.output
+        found[place] = content(out), (out / "validation.json").read_text()
+    assert found["there"] == found["here"]
+
+
+def unused() -> str:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        return f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+
+
+def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
+    started = time.monotonic()
+    found = estimator(
+        *("identify", "--robot", "bob", "--problem", "parametric", "--dask", unused()),
+        *("--out", tmp_path / "run"),
+    )
+    assert found.exit_code == 1
+    assert "estimator: No Dask scheduler answers at tcp://127.0.0.1" in found.stderr
+    assert time.monotonic() - started < 6
+    assert not (tmp_path / "run").exists()
+
+
+def test_nobody_pays_for_dask_who_does_not_use_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = "import estimator.cli.commands, sys; sys.exit('distributed' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(ClusterError, match=r"pip install 'bodyschema\[cluster\]'"):
+        Cluster(unused())
+
+
+@pytest.mark.parametrize("address", ["bob", "tcp://127.0.0.1", "carrier://pigeon:1"])
+def test_a_wrong_address_is_a_sentence(address: str) -> None:
+    with pytest.raises(ClusterError, match="is no address of a Dask scheduler"):
+        Cluster(address)
+
+
+def test_another_server_is_no_scheduler(
+    two_workers: list[Process], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("estimator.parallel.cluster._ANSWER", 1.0)
+    with pytest.raises(ClusterError, match="there is no Dask scheduler, but a worker"):
+        Cluster(two_workers[0].address)
+    with serving(ModelRobot()) as uri, pytest.raises(ClusterError, match="No Dask scheduler"):
+        Cluster(uri)
+
+
+def test_who_is_not_like_us_does_not_work_for_us(
+    tmp_path: Path, pairs: list[Pair], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shutil.copytree(
+        ROOT / "estimator",
+        tmp_path / "old" / "estimator",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
+    (tmp_path / "old" / "estimator" / "old.py").write_text("# gone since\n")
+    with dask(tmp_path) as cluster:
+        with monkeypatch.context() as impatient:
+            impatient.setattr("estimator.parallel.cluster._ANSWER", 1.0)
+            with pytest.raises(ClusterError, match="has no worker: start one with `dask worker"):
+                Cluster(cluster.address)
+        cluster.have_workers(1)
+        with Cluster(cluster.address) as early:
+            other = cluster.start_worker(path=[pretend(tmp_path / "new", {"pybullet": "3.2.6"})])
+            many = cluster.start_worker(threads=2)
+            old = cluster.start_worker(path=[tmp_path / "old"])
+            cluster.have_workers(4)
+            physics = DaskPhysics(partial(PyBulletPhysics, SETTINGS), early)
+            with pytest.raises(ClusterError, match=r"Worker tcp://.* (threads|not like this)"):
+                physics.read(pairs)
+        with pytest.raises(ClusterError, match=r"pybullet is 3\.2\.6 there and .* here"):
+            Cluster(cluster.address)
+        other.kill()
+        with pytest.raises(ClusterError, match=r"has 2 threads.*start it with --nthreads 1"):
+            Cluster(cluster.address)
+        many.kill()
+        with pytest.raises(ClusterError, match=r"code of bodyschema is .* there and"):
+            Cluster(cluster.address)
+        old.kill()
+        Cluster(cluster.address).close()
+
+
+# --- whole runs -----------------------------------------------------------------------------------
+
+SMALL = Budget(interactions=1, population=4, generations=1)
+RUN = typical_runs(SMALL)[0]
+
+
+@pytest.fixture(scope="module")
+def truth() -> str:
+    return print_body()
+
+
+@pytest.fixture(scope="module")
+def done_here(tmp_path_factory: pytest.TempPathFactory, truth: str) -> Path:
+    root = tmp_path_factory.mktemp("here")
+    (root / TRUTH).write_text(truth)
+    see_through(RUN, root, Listener())
+    return RUN.directory(root)
+
+
+def when_robots_run(
+    workers: list[Process], act: Callable[[psutil.Process], object]
+) -> threading.Thread:
+    """Does something, in a thread, with the first robot that a worker starts."""
+
+    def watch() -> None:
+        while True:
+            for worker in workers:
+                for robot in robots(worker.pid):
+                    act(robot)
+                    return
+            assert not workers[0].ends_within(0.05)
+
+    thread = threading.Thread(target=watch)
+    thread.start()
+    return thread
+
+
+def test_a_run_in_turns_whose_worker_is_killed_ends_as_it_would_have(
+    tmp_path: Path, two_workers: list[Process], connected: Cluster, truth: str, done_here: Path
+) -> None:
+    orphans: list[psutil.Process] = []
+
+    def kill(robot: psutil.Process) -> None:
+        orphans.append(robot)
+        os.kill(robot.ppid(), signal.SIGKILL)
+
+    (tmp_path / TRUTH).write_text(truth)
+    watch = when_robots_run(two_workers, kill)
+    with ClusterWorkers(connected, tmp_path, turn=0.0) as workers:
+        news = [item for _, item in workers.do([RUN])]
+    watch.join()
+    assert [item for item in news if isinstance(item, Ended)] == [Ended(None)]
+    assert [item.work for item in news if isinstance(item, Worked) and item.work] == [4, 4]
+    assert content(RUN.directory(tmp_path)) == content(done_here)
+    for name in ("score.json", "readings.csv"):
+        here, there = done_here / name, RUN.directory(tmp_path) / name
+        assert there.read_text() == here.read_text()
+    assert psutil.wait_procs(orphans, timeout=10)[1] == []
+
+
+def test_an_interrupt_ends_runs_and_their_robots(
+    tmp_path: Path, two_workers: list[Process], connected: Cluster, truth: str
+) -> None:
+    (tmp_path / TRUTH).write_text(truth)
+    budget = Budget(population=20, generations=1000)
+    long = PlannedRun(problem=RUN.problem, variant=RUN.variant, seed=1, budget=budget)
+    left: list[psutil.Process] = []
+
+    def interrupt(robot: psutil.Process) -> None:
+        left.append(robot)
+        _thread.interrupt_main()
+
+    watch = when_robots_run(two_workers, interrupt)
+    with pytest.raises(KeyboardInterrupt), ClusterWorkers(connected, tmp_path) as workers:
+        list(workers.do([long]))
+    watch.join()
+    assert psutil.wait_procs(left, timeout=30)[1] == []
+
+
+def test_a_figure_from_runs_on_a_cluster(
+    tmp_path: Path, cluster: Dask, two_workers: list[Process], done_here: Path
+) -> None:
+    found = estimator(
+        *("reproduce", "fig2", "--interactions", "1", "--population", "4", "--generations", "1"),
+        *("--dask", cluster.address, "--out", tmp_path),
+    )
+    assert found.exit_code == 0, found.output
+    assert (tmp_path / "fig2.png").stat().st_size > 0
+    assert content(RUN.directory(tmp_path)) == content(done_here)

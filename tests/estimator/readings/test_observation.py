@@ -1,0 +1,71 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from estimator.readings.observation import Observation, by_joint_name, touched
+from protocol.wire import messages
+from tests.estimator.model_robot import make_capabilities
+
+
+def wire(**changes: object) -> messages.Observation:
+    found = messages.Observation(
+        id=1,
+        sequence=3,
+        robot_time=2.0,
+        monotonic=1.0,
+        angles={"back": 0.4, "front": 0.2, "left": 0.1, "right": 0.3},
+        saturated_joints=("back",),
+        touch=(True, False, False, True),
+        tilt=(0.1, -0.1),
+        clearance=0.05,
+        clearance_saturated=False,
+        settled=True,
+        settle_time=0.5,
+        samples=20,
+    )
+    return replace(found, **changes)  # type: ignore[arg-type]
+
+
+def test_joints_come_in_motor_order_whatever_the_wire_says() -> None:
+    found = Observation.from_wire(wire(), make_capabilities())
+    assert found.angles == (0.1, 0.2, 0.3, 0.4)
+    assert by_joint_name(found.angles, make_capabilities()) == wire().angles
+    assert (found.touch, found.tilt, found.clearance) == (
+        (True, False, False, True),
+        (0.1, -0.1),
+        0.05,
+    )
+
+
+def test_a_reading_that_was_not_taken_stays_absent() -> None:
+    found = Observation.from_wire(wire(touch=None, tilt=None, clearance=None), make_capabilities())
+    assert found.touch == (None, None, None, None)
+    assert found.tilt == (None, None)
+    assert found.clearance is None
+
+
+def test_json_brings_it_back_exactly() -> None:
+    found = Observation.from_wire(wire(clearance=1 / 3), make_capabilities())
+    assert Observation.model_validate_json(found.model_dump_json()) == found
+
+
+def test_a_reading_that_is_no_number_cannot_exist() -> None:
+    with pytest.raises(ValidationError):
+        Observation(angles=(0.0,), clearance=float("nan"))
+
+
+def test_whether_a_limb_touched_is_unknown_where_no_sensor_said() -> None:
+    silent = Observation(angles=(0.0,), touch=(True, None))
+    assert touched((1,), [silent]) is None
+    assert touched((1,), [silent, Observation(angles=(0.0,), touch=(True, False))]) is False
+    assert touched((1,), [Observation(angles=(0.0,), touch=())]) is None
+
+
+def test_as_an_array_a_missing_reading_is_nan() -> None:
+    observation = Observation(angles=(0.1,), touch=(True, None), tilt=(None, 0.2), clearance=None)
+    readings = observation.as_arrays()
+    assert np.array_equal(readings.touch, [1.0, np.nan], equal_nan=True)
+    assert np.array_equal(readings.tilt, [np.nan, 0.2], equal_nan=True)
+    assert np.isnan(readings.clearance)

@@ -1,0 +1,158 @@
+"""Verdicts that must follow from samples that could not be clearer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.reproduction.claims.claims_table import ClaimsTable
+from estimator.reproduction.claims.paper_claims import (
+    STATEMENTS,
+    Panel,
+    judge,
+    judge_successes,
+    overall,
+    tilt_alone,
+)
+from estimator.reproduction.claims.statistics import share
+
+WITH_TILT = {1, 2, 4, 6}
+PANELS: tuple[Panel, ...] = ("3a", "3b")
+
+
+def samples(level: Callable[[Panel, int], float]) -> dict[tuple[Panel, int], dict[int, float]]:
+    rng = np.random.default_rng(0)
+    return {
+        (panel, number): dict(enumerate(level(panel, number) + rng.normal(0, 0.001, 30)))
+        for panel in PANELS
+        for number in range(1, 8)
+    }
+
+
+def as_the_paper_has_it(panel: Panel, number: int) -> float:
+    good = number in WITH_TILT if panel == "3a" else number in (1, 2)
+    return 0.02 if good else 0.06
+
+
+def test_the_claims_are_those_that_were_declared() -> None:
+    found = [(item.panel, item.better, item.worse) for item in judge({})]
+    assert len(found) == len(set(found)) == 4 * 3 + 2 * 5
+    assert {better for panel, better, _ in found if panel == "3a"} == WITH_TILT
+    assert {worse for panel, _, worse in found if panel == "3b"} == {3, 4, 5, 6, 7}
+
+
+def test_what_the_paper_says_would_hold() -> None:
+    found = judge(samples(as_the_paper_has_it))
+    assert {item.verdict for item in found} == {"holds"}
+    assert [overall(statement, found) for statement in STATEMENTS] == ["holds", "holds"]
+    assert all(item.corrected >= item.p for item in found if item.p and item.corrected)
+
+
+def test_the_opposite_contradicts() -> None:
+    found = judge(samples(lambda panel, number: -as_the_paper_has_it(panel, number)))
+    assert {item.verdict for item in found} == {"contradicted"}
+    assert overall(STATEMENTS[0], found) == "contradicted"
+
+
+def test_no_difference_shows_nothing() -> None:
+    found = judge(samples(lambda panel, number: 0.05))
+    assert "holds" not in {item.verdict for item in found}
+    assert overall(STATEMENTS[0], found) == "not shown"
+
+
+def test_one_weak_claim_weakens_the_sentence() -> None:
+    found = judge(
+        samples(lambda panel, number: 0.06 if number == 6 else as_the_paper_has_it(panel, number))
+    )
+    assert overall(STATEMENTS[0], found) == "not shown"
+    assert overall(STATEMENTS[1], found) == "holds"
+
+
+def test_a_variant_without_runs_is_not_shown() -> None:
+    known = samples(as_the_paper_has_it)
+    del known["3a", 7]
+    missing = [item for item in judge(known) if item.panel == "3a" and item.worse == 7]
+    assert {item.verdict for item in missing} == {"not shown"}
+    assert all(item.p is None for item in missing)
+
+
+def test_runs_are_compared_seed_by_seed() -> None:
+    """Seeds differ a hundred times as much as the variants, of which one is always a little better.
+
+    A test for independent samples sees nothing there; and the order of the seeds does not matter.
+    """
+    rng = np.random.default_rng(0)
+    level = rng.uniform(0.0, 0.1, 30)
+    worse = dict(enumerate(level))
+    better = {seed: worse[seed] - 0.001 - 1e-5 * seed for seed in rng.permutation(30).tolist()}
+    found = judge({("3a", 1): better, ("3a", 3): worse})
+    (item,) = [item for item in found if (item.panel, item.better, item.worse) == ("3a", 1, 3)]
+    assert item.verdict == "holds"
+    assert item.p == pytest.approx(0.5**30)
+    assert item.difference is not None
+    assert item.difference.mean == pytest.approx(-0.001 - 1e-5 * 14.5)
+
+
+def test_a_seed_that_only_one_variant_has_is_left_out() -> None:
+    known = samples(as_the_paper_has_it)
+    known["3a", 1][1029] = 1e6
+    del known["3a", 3][4]
+    found = [item for item in judge(known) if item.panel == "3a" and item.worse == 3]
+    assert [item.pairs for item in found] == [29] * 4
+    assert found[0].means == pytest.approx((0.02, 0.06), abs=0.001)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_differences_below_zero_speak_for_the_paper(sign: int) -> None:
+    found = judge(samples(lambda panel, number: sign * as_the_paper_has_it(panel, number)))
+    for item in found:
+        difference = item.difference
+        assert difference is not None
+        assert difference.low is not None
+        assert difference.high is not None
+        assert difference.low < difference.mean < difference.high
+        assert difference.mean == pytest.approx(-0.04 * sign, abs=0.001)
+
+
+@pytest.mark.parametrize(
+    ("successes", "runs", "verdict", "refuting"),
+    [
+        (1, 10, "not refuted", 7),
+        (0, 10, "not refuted", 7),
+        (0, 2, "not refuted", 2),
+        (0, 1, "not refuted", None),  # nothing that one run gives can be told from 1 of 10
+        (12, 30, "not refuted", 15),
+        (28, 30, "contradicted", 15),
+    ],
+)
+def test_success_rates(successes: int, runs: int, verdict: str, refuting: int | None) -> None:
+    found = judge_successes(share(successes, runs))
+    assert (found.verdict, found.refuting) == (verdict, refuting)
+
+
+def test_tilt_alone_is_compared_but_claimed_neither_way() -> None:
+    found = tilt_alone(samples(as_the_paper_has_it))
+    assert [(item.panel, item.other) for item in found] == [
+        *(("3a", 1), ("3a", 2), ("3b", 1), ("3b", 2))
+    ]
+    assert found[2].p is not None
+    assert found[2].p < 1e-6
+
+
+def test_the_table_says_that_the_paper_contradicts_itself(tmp_path: Path) -> None:
+    table = ClaimsTable.of(samples(as_the_paper_has_it), share(12, 30))
+    text = "\n".join(table.markdown())
+    assert "The paper says both" in text
+    assert "Figure 3b: variant 6 (tilt) is worse than 2 (tilt, clearance)" in text
+    assert "Figure 3a: variant 6 (tilt) is not told apart from 1" in text
+    assert "Figure 6: not refuted" in text
+    assert "at least 15 successes in 30 runs" in text
+    assert "Wilcoxon" in text
+    first = table.findings[0].difference
+    assert first is not None
+    assert f"{first.mean * 1000:+.1f} (" in text
+    table.write(tmp_path)
+    assert len((tmp_path / "claims.csv").read_text().splitlines()) == 1 + 22

@@ -1,0 +1,152 @@
+"""One run on robots of its own, broken off wherever it can be."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import pytest
+
+from estimator.errors import RunDirectoryError
+from estimator.identification.listener import Listener
+from estimator.readings.observation import Observation
+from estimator.report.result import Result
+from estimator.report.run_files import RESULT, VALIDATION
+from estimator.reproduction.runs import single_run
+from estimator.reproduction.runs.finished_run import FinishedRun
+from estimator.reproduction.runs.plan import PlannedRun, work_of
+from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
+from estimator.reproduction.runs.single_run import (
+    SCORE,
+    has_begun,
+    is_finished,
+    see_through,
+    work_done,
+)
+from estimator.storage.database import DATABASE
+from estimator.storage.records import Generation
+from estimator.storage.store import RunStore
+
+
+class Breaking(Listener):
+    """Ctrl-C after some pieces of work; never, unless told."""
+
+    def __init__(self, after: int = -1) -> None:
+        self.work = 0.0
+        self._left = after
+
+    def worked(self, work: float, what: str) -> None:
+        self.work += work
+        self._left -= 1
+        if not self._left:
+            raise KeyboardInterrupt
+
+
+def history(run: PlannedRun, root: Path) -> tuple[list[Generation], list[Observation | None]]:
+    """What must not depend on interruptions; wall time does."""
+    with RunStore.open(run.directory(root), to_write=False) as store:
+        generations = [
+            Generation(
+                number=item.number,
+                iteration=item.iteration,
+                errors=item.errors,
+                best=item.best,
+                counters=item.counters.model_copy(update={"wall_seconds": 0.0}),
+            )
+            for item in store.generations()
+        ]
+        felt = [item.observation for item in store.interactions()]
+        felt += [item.observation for found in store.validations() for item in found]
+    return generations, felt
+
+
+def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
+    topological: PlannedRun,
+    root: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    body: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
+    whole = tmp_path_factory.mktemp("whole")
+    (whole / single_run.TRUTH).write_text(body)
+    counting = Breaking()
+    see_through(topological, whole, counting)
+    assert counting.work == work_of(topological)
+
+    breaks = 0
+    while not is_finished(topological, root):
+        try:
+            see_through(topological, root, Breaking(after=breaks + 1))
+        except KeyboardInterrupt:
+            breaks += 1
+    assert breaks == 4  # of 4 generations, then 2 predictions, twice, and 2 performances
+    assert history(topological, root) == history(topological, whole)
+    for name in (SCORE, VALIDATION):
+        ours, theirs = (topological.directory(place) / name for place in (root, whole))
+        assert ours.read_text() == theirs.read_text()
+    results = [
+        Result.model_validate_json((topological.directory(place) / RESULT).read_text())
+        for place in (root, whole)
+    ]
+    assert results[0].best_models == results[1].best_models
+    found = FinishedRun.read(topological, root)
+    assert len(found.predictions) == 2
+    assert len(found.configurations_right(found.generations[-1])) == 12
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        (SCORE, b'{"of": "another version"}'),
+        (RESULT, b"{}"),
+        (VALIDATION, b"\xff damaged"),
+    ],
+)
+def test_what_is_damaged_or_of_another_version_is_written_again(
+    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: bytes
+) -> None:
+    monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
+    see_through(topological, root, Breaking())
+    assert is_finished(topological, root)
+    before = history(topological, root)
+    file = topological.directory(root) / name
+    file.write_bytes(text)
+    assert not is_finished(topological, root)
+    see_through(topological, root, Breaking())
+    assert is_finished(topological, root)
+    assert history(topological, root) == before
+
+
+def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        see_through(topological, root, Breaking(after=1))
+    with (
+        RunStore.open(topological.directory(root), to_write=False) as store,
+        RobotProcess(topological.seed + 1) as robot,
+        pytest.raises(RunDirectoryError, match="does not feel again"),
+    ):
+        catch_up(store, robot.uri)
+
+
+def test_how_far_a_run_is(topological: PlannedRun, root: Path) -> None:
+    assert not has_begun(topological, root)
+    assert work_done(topological, root) == 0
+    breaking = Breaking(after=1)
+    with pytest.raises(KeyboardInterrupt):
+        see_through(topological, root, breaking)
+    assert has_begun(topological, root)
+    assert work_done(topological, root) == breaking.work == 4
+
+
+def test_a_database_that_was_never_filled_is_no_beginning(
+    topological: PlannedRun, root: Path
+) -> None:
+    directory = topological.directory(root)
+    directory.mkdir(parents=True)
+    sqlite3.connect(directory / DATABASE).close()
+    (directory / DATABASE).touch()
+    assert not has_begun(topological, root)
+    with pytest.raises(KeyboardInterrupt):
+        see_through(topological, root, Breaking(after=1))
+    assert has_begun(topological, root)

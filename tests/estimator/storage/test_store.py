@@ -1,0 +1,269 @@
+import os
+import resource
+import signal
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from itertools import pairwise
+from pathlib import Path
+from random import Random
+
+import pytest
+
+from estimator.errors import RunDirectoryError
+from estimator.identification.final_population import FinalPopulation
+from estimator.readings.observation import Observation
+from estimator.storage.database import DATABASE
+from estimator.storage.records import Counters, Finish, Generation, Prediction, RunSettings, Ticket
+from estimator.storage.store import RunStore, first_id
+from tests.estimator.model_robot import PROBLEM, make_capabilities
+
+SETTINGS = RunSettings(
+    robot="tcp://127.0.0.1:5750",
+    problem="legs",
+    problem_text=PROBLEM,
+    physics="pybullet",
+    modalities=("tilt",),
+    seed=1,
+    interactions=2,
+    population=4,
+    generations=1,
+)
+OBSERVATION = Observation(
+    angles=(0.1, -0.2, 0.3, 1 / 3), touch=(True, None, False, True), tilt=(0.1, None)
+)
+PROGRAM = (0.1, -0.2, 0.3, 1 / 3)
+
+
+def make_generation(number: int) -> Generation:
+    return Generation(
+        number=number,
+        iteration=0,
+        errors=(1.0, float("inf")),
+        best=(0.1, 0.2),
+        counters=Counters(simulations_requested=number),
+    )
+
+
+@pytest.fixture
+def directory(tmp_path: Path) -> Path:
+    RunStore.create(tmp_path / "run", SETTINGS, make_capabilities(), "me").close()
+    return tmp_path / "run"
+
+
+def test_what_was_stored_comes_back_exactly(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.ask(0, Ticket(request_id=7, session="s"))
+        store.observe(0, OBSERVATION)
+        store.plan(1, PROGRAM)
+        store.save(make_generation(0), {"population": [[1 / 3]], "random": 2**127 + 1})
+    with RunStore.open(directory, to_write=False) as store:
+        assert (store.settings, store.capabilities) == (SETTINGS, make_capabilities())
+        first, second = store.interactions()
+        assert first.observation == OBSERVATION
+        assert first.ticket == Ticket(request_id=7, session="s")
+        assert (second.program, second.ticket, second.observation) == (PROGRAM, None, None)
+        assert store.generations() == [make_generation(0)]
+        checkpoint = store.checkpoint()
+        assert checkpoint is not None
+        assert checkpoint.generation == 0
+        assert checkpoint.state == {"population": [[1 / 3]], "random": 2**127 + 1}
+
+
+def test_a_failed_request_leaves_no_ticket(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.ask(0, Ticket(request_id=7, session="s"))
+        store.ask(0, None)
+        assert store.interactions()[0].ticket is None
+
+
+def test_no_two_connections_share_a_request_id(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        firsts = [first_id(0), store.new_connection(), store.new_connection()]
+    with RunStore.open(directory) as store:
+        firsts.append(store.new_connection())
+    assert all(later - earlier > 10**6 for earlier, later in pairwise(firsts))
+
+
+def test_generation_and_checkpoint_are_one(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.save(make_generation(0), {"at": 0})
+        with pytest.raises(sqlite3.IntegrityError):
+            store.save(make_generation(0), {"at": 1})
+        checkpoint = store.checkpoint()
+        assert checkpoint is not None
+        assert checkpoint.state == {"at": 0}
+
+
+def test_predictions_stand_and_get_their_outcomes(directory: Path) -> None:
+    prediction = Prediction(program=PROGRAM, readings={"best": {"tilt": [[0.1, None]]}})
+    with RunStore.open(directory) as store:
+        assert store.predict([prediction, prediction]) == 0
+        store.ask_validation(0, 1, Ticket(request_id=9, session="s"))
+        store.observe_validation(0, 1, OBSERVATION)
+        assert store.predict([prediction]) == 1
+        first, second = store.validations()
+    assert first[0] == prediction
+    assert first[1].observation == OBSERVATION
+    assert first[1].readings == prediction.readings
+    assert second == [prediction]
+
+
+def test_a_run_is_never_overwritten(directory: Path) -> None:
+    with pytest.raises(RunDirectoryError, match=r"holds a run already.*estimator resume"):
+        RunStore.create(directory, SETTINGS, make_capabilities(), "me")
+
+
+def test_two_writers_at_once_are_refused(directory: Path) -> None:
+    with RunStore.open(directory):
+        with pytest.raises(RunDirectoryError, match="Another process works on"):
+            RunStore.open(directory)
+        RunStore.open(directory, to_write=False).close()
+    RunStore.open(directory).close()
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (None, "holds no run"),
+        (b"", "holds no run: .* it was ended before it had begun"),
+        (b"these are not the bytes of a database" * 40, "is not a run"),
+    ],
+)
+def test_what_is_no_run_is_refused(tmp_path: Path, content: bytes | None, sentence: str) -> None:
+    if content is not None:
+        (tmp_path / DATABASE).write_bytes(content)
+    with pytest.raises(RunDirectoryError, match=sentence):
+        RunStore.open(tmp_path)
+
+
+def test_another_format_is_refused(directory: Path) -> None:
+    database = sqlite3.connect(directory / DATABASE)
+    database.execute("UPDATE meta SET value = '99' WHERE key = 'format'")
+    database.commit()
+    database.close()
+    with pytest.raises(RunDirectoryError, match="run format 99"):
+        RunStore.open(directory)
+
+
+def test_a_directory_that_cannot_be_made_is_a_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(RunDirectoryError, match="cannot be made"):
+        RunStore.create(tmp_path / "file" / "run", SETTINGS, make_capabilities(), "me")
+
+
+WRITER = """
+import sys
+from itertools import pairwise
+from pathlib import Path
+from estimator.storage.store import RunStore
+from tests.estimator.storage.test_store import make_generation
+with RunStore.open(Path(sys.argv[1])) as store:
+    for number in range(10**6):
+        store.save(make_generation(number), {"at": number, "ballast": "x" * 20_000})
+        print(number, flush=True)
+"""
+
+
+def test_kill_minus_9_loses_nothing_that_was_committed(directory: Path) -> None:
+    said = -1
+    for kills in range(5):
+        if kills:
+            with RunStore.open(directory) as store:
+                checkpoint, generations = store.checkpoint(), store.generations()
+                assert checkpoint is not None
+                assert [item.number for item in generations] == list(range(len(generations)))
+                assert checkpoint.state["at"] == checkpoint.generation == len(generations) - 1
+                assert said <= checkpoint.generation <= said + 1
+            database = sqlite3.connect(directory / DATABASE)
+            database.execute("DELETE FROM generations")
+            database.commit()
+            database.close()
+        writer = subprocess.Popen(
+            [sys.executable, "-c", WRITER, str(directory)], stdout=subprocess.PIPE, text=True
+        )
+        assert writer.stdout is not None
+        for _ in range(3 + 4 * kills):
+            said = int(writer.stdout.readline())
+        os.kill(writer.pid, signal.SIGKILL)
+        rest = writer.stdout.read().split()
+        said = int(rest[-1]) if rest else said
+        writer.stdout.close()
+        writer.wait()
+
+
+def test_a_full_disk_is_named_and_leaves_the_run_as_it_was(directory: Path) -> None:
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (0, before[1]))
+        try:
+            with pytest.raises(sqlite3.OperationalError) as full:
+                store.observe(0, OBSERVATION)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        assert "rollback" not in str(full.value)
+        assert store.interactions()[0].observation is None
+        store.observe(0, OBSERVATION)
+    with RunStore.open(directory) as store:
+        assert store.interactions()[0].observation == OBSERVATION
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value"),
+    [
+        ("meta", "value", "{"),
+        ("interactions", "program", "[0.1, 0.2]"),
+        ("interactions", "program", '[0.1, 0.2, 0.3, "x"]'),
+        ("interactions", "observation", '{"angles": [0.1, -0.2, 0.3, 0.3], "tulch": []}'),
+        ("interactions", "observation", '{"angles": [0.1]}'),
+        ("generations", "errors", "[1.0, null]"),
+        ("generations", "counters", "{"),
+        ("checkpoint", "value", '{"generation": 0, "stave": {}}'),
+        ("checkpoint", "value", '{"generation": 0, "state": {"populatiol": []}}'),
+        ("checkpoint", "value", '{"generation": 0, "state": {"population": [[0.1], [0.1, 0.2]]}}'),
+        ("checkpoint", "value", '{"generation": 0, "state": {"population": [[0.1]]}}'),
+    ],
+)
+def test_a_damaged_run_is_a_sentence(directory: Path, table: str, column: str, value: str) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.observe(0, OBSERVATION)
+        store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
+    with closing(sqlite3.connect(directory / DATABASE, isolation_level=None)) as database:
+        database.execute(f"UPDATE {table} SET {column} = ?", (value,))
+    with pytest.raises(RunDirectoryError, match=r"run.sqlite is not a run: .* copy of it"):
+        read_all(directory)
+
+
+def test_any_flipped_bit_is_a_sentence_or_no_matter(directory: Path) -> None:
+    with RunStore.open(directory) as store:
+        store.plan(0, PROGRAM)
+        store.observe(0, OBSERVATION)
+        store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
+        store.save_finish(
+            Finish(models=(0,), searched=(1.0,), simulated=(2.0,), simulations=1, steps=1)
+        )
+    whole = (directory / DATABASE).read_bytes()
+    places = [place for place, byte in enumerate(whole) if byte]
+    random = Random(1)
+    refused = 0
+    for _ in range(300):
+        damaged = bytearray(whole)
+        damaged[random.choice(places)] ^= 1 << random.randrange(8)
+        (directory / DATABASE).write_bytes(damaged)
+        try:
+            read_all(directory)
+        except RunDirectoryError:
+            refused += 1
+    assert refused > 50
+
+
+def read_all(directory: Path) -> None:
+    with RunStore.open(directory, to_write=False) as store:
+        store.interactions()
+        store.validations()
+        FinalPopulation.of(store)

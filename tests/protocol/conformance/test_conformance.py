@@ -1,0 +1,209 @@
+"""The conformance suite: our own robots pass, and each broken rule is found."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from protocol.conformance.__main__ import main
+from protocol.conformance.registry import CHECKS
+from protocol.conformance.settings import Settings
+from protocol.conformance.suite import NOT_CHECKED, Verdict, clauses, run
+from robot.control.controller import Controller
+from tests.processes.simulator import simulator
+from tests.protocol.conformance.spoilt import Fault
+from tests.protocol.conformance.trials import broken, serving, untried
+from tests.protocol.transport.faults import FAULTS
+
+if TYPE_CHECKING:
+    pass
+
+
+# --- robots of ours -------------------------------------------------------------------------------
+
+
+def test_our_daemon_holds_every_clause(calm: Controller) -> None:
+    with serving(calm) as uri:
+        results = run(Settings(uri=uri, move=True, far=True))
+    assert broken(results) == []
+    assert untried(results) == {
+        "This needs --slow.",
+        "This needs a robot with keys, and --keys.",
+        "This needs --shutdown.",
+    }
+    assert len(results) == len(CHECKS)
+
+
+def test_without_move_it_never_moves(calm: Controller) -> None:
+    seen = []
+
+    class Watched:
+        """The robot, and what reaches it."""
+
+        def __getattr__(self, name: str) -> Any:
+            return getattr(calm, name)
+
+        def submit(self, ticket: int, request: Any) -> None:
+            seen.append(request.TYPE)
+            calm.submit(ticket, request)
+
+    with serving(Watched()) as uri:
+        results = run(Settings(uri=uri))
+    assert broken(results) == []
+    assert set(seen) == {"read", "stop", "clear"}
+
+
+def test_the_simulated_robot_as_a_user_runs_it() -> None:
+    with simulator() as robot:
+        done = subprocess.run(
+            [sys.executable, "-m", "protocol.conformance", robot.uri],
+            capture_output=True,
+            text=True,
+            timeout=55,
+            check=False,
+        )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert " 0 are broken" in done.stdout
+
+
+# --- robots of strangers --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_robot_that(name: str, calm: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
+    clause, fault = FAULTS[name]
+    fault.patch(monkeypatch)
+    with serving(calm, fault) as uri:
+        move = fault.move
+        settings = Settings(uri=uri, move=move, far=move, patience=0.5, motion=10.0)
+        results = run(settings, only=[clause])
+    assert broken(results)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "leaves the id out of errors",
+        "leaves a field out",
+        "counts the ids of answers",
+    ],
+)
+def test_one_fault_is_one_broken_clause_and_soon_told(
+    name: str, calm: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clause, fault = FAULTS[name]
+    fault.patch(monkeypatch)
+    begun = time.monotonic()
+    with serving(calm, fault) as uri:
+        results = run(Settings(uri=uri, patience=1.0))
+    assert {each.check.clauses[0] for each in results if each.verdict is Verdict.BROKEN} == {clause}
+    assert f"Because {clause} is broken." in untried(results)
+    assert time.monotonic() - begun < 15
+
+
+def test_each_clause_that_is_checked_without_time_or_keys_has_a_fault() -> None:
+    tried = {each.clauses[0] for each in CHECKS if each.need.value not in ("time", "keys")}
+    elsewhere = {"5.14", "5.16"}  # below
+    assert tried - {clause for clause, _ in FAULTS.values()} - elsewhere == {
+        "4.5",
+        "5.8",
+        "5.13",
+        "6.2",
+    }
+
+
+def test_answers_that_come_twice_are_no_other_fault(calm: Controller) -> None:
+    with serving(calm, FAULTS["answers twice"][1]) as uri:
+        results = run(Settings(uri=uri, patience=0.5), only=["3.3", "4.4", "4.6", "7.5"])
+    assert {each.check.clauses[0] for each in results if each.verdict is Verdict.BROKEN} == {"7.5"}
+
+
+def test_a_robot_that_hangs_is_given_up(calm: Controller) -> None:
+    gone: list[bool] = []
+
+    def lose(parts: list[bytes]) -> list[bytes] | None:
+        if b"dance" in parts[-1]:
+            gone.append(True)
+        return None if gone else parts
+
+    with serving(calm, Fault(request=lose)) as uri:
+        begun = time.monotonic()
+        results = run(Settings(uri=uri, patience=0.2))
+        assert time.monotonic() - begun < 10
+    assert 1 <= len(broken(results)) <= 3
+    assert any("does not answer any more, since" in sentence for sentence in untried(results))
+
+
+def test_a_robot_in_use_is_left_alone(calm: Controller) -> None:
+    from protocol.transport.client import RobotClient
+
+    with serving(calm) as uri, RobotClient(uri, software="estimator") as owner:
+        owner.acquire()
+        results = run(Settings(uri=uri, move=True), only=["5.4", "5.9", "5.11", "7.4", "6.1"])
+        assert {result.verdict for result in results} == {Verdict.UNTRIED}
+        assert untried(results) == {f"The robot is held by {owner.client_id}."}
+        assert owner.status().state in ("idle", "holding")
+        owner.stop()
+        owner.release()
+        results = run(Settings(uri=uri, move=True), only=["5.4", "5.11"])
+        assert untried(results) == {"The robot is stopped, and was left so."}
+        owner.acquire()
+        owner.clear()
+
+
+# --- the page and the suite -----------------------------------------------------------------------
+
+
+def test_every_clause_is_tried_or_named_with_a_reason() -> None:
+    tried = {clause for each in CHECKS for clause in each.clauses}
+    assert tried | NOT_CHECKED.keys() == set(clauses())
+    assert not tried & NOT_CHECKED.keys()
+
+
+def test_clauses_are_numbered_in_the_order_of_the_page() -> None:
+    numbers = [tuple(map(int, clause.split("."))) for clause in clauses()]
+    assert numbers == sorted(numbers)
+    for section in {section for section, _ in numbers}:
+        found = [number for place, number in numbers if place == section]
+        assert found == list(range(1, len(found) + 1))
+
+
+def test_the_command(calm: Controller, capsys: pytest.CaptureFixture[str]) -> None:
+    with serving(calm) as uri:
+        assert main([uri, "--only", "2.5,2.6"]) == 0
+        out = capsys.readouterr().out
+        assert "2.5         holds" in out
+        assert "2 checks hold, 0 are broken, 0 were not tried" in out
+        assert main([uri, "--only", "99.1"]) == 1
+        assert "no clauses of SPEC.md: 99.1" in capsys.readouterr().err
+    with serving(calm, FAULTS["takes any version"][1]) as uri:
+        assert main([uri, "--only", "3.3"]) == 1
+        out = capsys.readouterr().out
+        assert "3.3         broken     Versions that are not spoken are unsupported_version" in out
+        assert "hello was answered with welcome instead of unsupported_version" in out
+
+
+def test_verbose_shows_each_frame_in_hex_and_what_it_says(
+    calm: Controller, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serving(calm) as uri:
+        assert main([uri, "--only", "1.2", "--verbose"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    sent = next(n for n, line in enumerate(lines) if line.startswith("connection 1 sent: "))
+    assert lines[sent].endswith(" bytes " + re.findall(r"[0-9a-f]+$", lines[sent])[0])
+    assert bytes.fromhex(lines[sent].rpartition(" ")[2])[1:6] == b"\xa4type"
+    assert lines[sent + 1].startswith('    {"type": "hello", "id": 4503599627370496, "client": ')
+    assert any("received: " in line for line in lines)
+    assert any('"type": "welcome"' in line for line in lines)
+    assert any("sent part 1 of 2: 0 bytes " in line for line in lines)
+    assert any(line.startswith("    no frame: ") for line in lines)
+
+
+def test_nobody_there(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["tcp://127.0.0.1:1"]) == 1
+    assert "Nothing listens at tcp://127.0.0.1:1" in capsys.readouterr().err

@@ -1,0 +1,165 @@
+"""What the conformance suite tries only where it is told to, or given what that needs."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from protocol.conformance.settings import Settings
+from protocol.conformance.suite import Verdict, run
+from protocol.errors import RobotUnreachableError
+from protocol.rules import server_core
+from protocol.rules.at_most_once import Clients
+from protocol.rules.robot_interface import Finished, Robot, RobotEvent, RobotRequest
+from protocol.security.keys import KeyDirectory
+from robot.control.controller import Controller
+from robot.host.clock import WallClock
+from sim_robot.simulator.still_robot import still_robot
+from tests.protocol.conformance.spoilt import Fault
+from tests.protocol.conformance.trials import broken, quick_clock, serving, untried
+
+if TYPE_CHECKING:
+    from tests.protocol.conftest import FakeRobot, Keyring, Serve
+
+
+def test_with_keys(calm: Controller, keyring: Keyring) -> None:
+    keys = {
+        role: KeyDirectory(keyring.client(role, role)).client_keys()
+        for role in ("controller", "viewer")
+    }
+    with serving(calm, keys=keyring.robot) as uri:
+        chosen = ["1.2", "1.5", "1.6", "1.13", "1.15", "3.5", "5.2", "5.9", "8.1", "11.1"]
+        results = run(Settings(uri=uri, keys=keys["controller"], move=True), only=chosen)
+        assert broken(results) == []
+        assert untried(results) == {"This key is a controller's."}
+        results = run(Settings(uri=uri, keys=keys["viewer"]), only=chosen)
+        assert broken(results) == []
+        assert untried(results) == {"This needs --move.", "This key is a viewer's."}
+        with pytest.raises(RobotUnreachableError, match="asks for a key"):
+            run(Settings(uri=uri))
+
+
+def test_silence(serve: Serve, slow_robot: FakeRobot) -> None:
+    server = serve(slow_robot, clock=quick_clock)
+    settings = Settings(uri=server.endpoint, slow=True, move=True, clock=quick_clock)
+    results = run(settings, only=["5.5", "5.6", "5.7"])
+    assert broken(results) == []
+    assert untried(results) == set()
+
+
+def test_a_silence_that_is_too_short_or_too_long(
+    serve: Serve, robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for expiry, sentence in ((10.0, "was gone after 2"), (60.0, "was kept for 32 s")):
+        monkeypatch.setattr("protocol.rules.lease.EXPIRY", expiry)
+        server = serve(robot, clock=quick_clock)
+        settings = Settings(uri=server.endpoint, slow=True, clock=quick_clock)
+        (found,) = broken(run(settings, only=["5.7"]))
+        assert sentence in found
+
+
+class Orderly:
+    """A robot that carries commands out after the reads before them."""
+
+    def __init__(self, robot: Robot):
+        self._robot = robot
+        self._reads: set[int] = set()
+        self._commands: list[tuple[int, RobotRequest]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._robot, name)
+
+    def submit(self, ticket: int, request: RobotRequest) -> None:
+        if request.TYPE == "read":
+            self._reads.add(ticket)
+        if self._reads and request.TYPE != "read":
+            self._commands.append((ticket, request))
+        else:
+            self._robot.submit(ticket, request)
+
+    def events(self) -> Sequence[RobotEvent]:
+        found = list(self._robot.events())
+        self._reads -= {event.ticket for event in found if isinstance(event, Finished)}
+        while self._commands and not self._reads:
+            self._robot.submit(*self._commands.pop(0))
+        return found
+
+
+def test_commands_that_wait_for_reads(calm: Controller) -> None:
+    with serving(Orderly(calm)) as uri:
+        (told,) = run(Settings(uri=uri, motion=10.0), only=["5.16"])
+    assert told.verdict is Verdict.BROKEN, told.sentence
+    assert told.sentence.startswith("A clear waited ")
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        ("1.17", Clients, "_same_user", staticmethod(lambda known, user: None)),
+        ("1.18", server_core, "MAX_READS", 1000),
+    ],
+)
+def test_what_needs_keys(
+    calm: Controller, keyring: Keyring, monkeypatch: pytest.MonkeyPatch, fault: tuple[Any, ...]
+) -> None:
+    clause, *changed = fault
+    keys, others = (
+        KeyDirectory(keyring.client(role, role)).client_keys() for role in ("controller", "viewer")
+    )
+    with serving(calm, keys=keyring.robot) as uri:
+        alone = Settings(uri=uri, keys=keys, patience=1.0)
+        both = replace(alone, other_keys=others)
+        (told,) = run(both, only=[clause])
+        assert told.verdict is Verdict.HOLDS, told.sentence
+        monkeypatch.setattr(*changed)
+        assert broken(run(both, only=[clause]))
+        if clause == "1.17":
+            needed = "This needs the keys of another client, --other-keys."
+            assert untried(run(alone, only=[clause])) == {needed}
+
+
+@pytest.fixture
+def in_real_time() -> Iterator[Controller]:
+    """A robot whose motions take their time; it may be shut down."""
+    with still_robot(WallClock(), housekeeping=None, log=logging.getLogger("still")) as robot:
+        robot.controller.start()
+        yield robot.controller
+        assert robot.controller.shut_down()
+
+
+def test_silence_in_mid_motion(in_real_time: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
+    with serving(in_real_time, clock=quick_clock) as uri:
+        settings = Settings(uri=uri, slow=True, move=True, clock=quick_clock)
+        (told,) = run(settings, only=["5.6"])
+        assert told.verdict is Verdict.HOLDS, told.sentence
+        monkeypatch.setattr(Controller, "silence", lambda *_: None)
+        (found,) = broken(run(settings, only=["5.6"]))
+    assert "A motion went on through " in found
+
+
+def test_the_suite_is_no_silent_controller_while_a_motion_tells_of_itself(
+    in_real_time: Controller,
+) -> None:
+    with serving(in_real_time, clock=lambda: time.monotonic() * 7) as uri:
+        results = run(Settings(uri=uri, move=True), only=["7.2"])  # builds on a perform
+    assert broken(results) == []
+
+
+@pytest.mark.parametrize("silent", [False, True])
+def test_a_daemon_that_ends(in_real_time: Controller, *, silent: bool) -> None:
+    def lose(frame: bytes) -> list[list[bytes]]:
+        return [] if silent and b"shutting_down" in frame else [[frame]]
+
+    ending = threading.Thread(target=in_real_time.shut_down)
+    with serving(in_real_time, Fault(reply=lose)) as uri:
+        settings = Settings(uri=uri, move=True, shut_down=ending.start, patience=0.5, motion=1.5)
+        (told,) = run(settings, only=["5.14"])
+    ending.join()
+    assert told.verdict is (Verdict.BROKEN if silent else Verdict.HOLDS), told.sentence
+    assert told.sentence == ("The daemon ended without a word." if silent else "")

@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from protocol.wire.readings import clearance_of, tilt_of, touches, up_in_body
+
+components = st.floats(-1.0, 1.0)
+
+
+@st.composite
+def orientations(draw: st.DrawFn) -> tuple[float, ...]:
+    found = tuple(draw(components) for _ in range(4))
+    length = math.hypot(*found)
+    return tuple(part / length for part in found) if length > 0.1 else (0.0, 0.0, 0.0, 1.0)
+
+
+@given(orientations())
+def test_up_is_a_unit_vector_and_no_tilt_exceeds_a_right_angle(
+    orientation: tuple[float, ...],
+) -> None:
+    up = up_in_body(orientation)
+    assert math.hypot(*up) == pytest.approx(1.0, abs=1e-9)
+    assert all(abs(angle) <= math.pi / 2 for angle in tilt_of(up))
+
+
+@given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
+def test_tilt_in_roll_and_pitch(roll: float, pitch: float) -> None:
+    cr, sr, cp, sp = (f(a / 2) for a in (roll, pitch) for f in (math.cos, math.sin))
+    up = up_in_body((sr * cp, cr * sp, -sr * sp, cr * cp))
+    left_right, nose = tilt_of(up)
+    assert nose == pytest.approx(-pitch, abs=1e-6)
+    assert math.sin(left_right) == pytest.approx(math.cos(pitch) * math.sin(roll), abs=1e-9)
+
+
+@given(orientations(), st.floats(0.0, 1.0), st.floats(0.01, 0.5))
+def test_clearance_is_capped_and_never_shorter_than_the_height(
+    orientation: tuple[float, ...], height: float, cap: float
+) -> None:
+    distance, saturated = clearance_of(height, up_in_body(orientation), cap)
+    assert min(height, cap) * (1 - 1e-9) <= distance <= cap
+    assert saturated == (distance == cap)
+
+
+def test_touch_is_a_gap_below_a_millimetre() -> None:
+    assert touches(-0.01)
+    assert touches(0.000999)
+    assert not touches(0.001)

@@ -1,0 +1,75 @@
+"""A gauge: its tare, its sensitivity with its sign, and a threshold above its noise."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot.calibration.questions import Dialogue
+from robot.calibration.strain_gauges import GaugeSession
+from robot.configuration.calibration_file import GaugeCalibration
+from robot.host.clock import SteppedClock
+from robot.sensing.touch import TouchGauge
+from tests.robot.calibration.desk import Inputs, Script
+
+BELIEVED = TouchGauge(
+    name="foot", channel=2, tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05, debounce=3
+)
+
+
+class Foot:
+    """Carries a load on channel 2."""
+
+    def __init__(self, gain: float, noise: float = 1e-4):
+        self.gain = gain
+        self.inputs = Inputs(0, 0, 0.35, noise=noise)
+
+    def load(self, newtons: float) -> None:
+        self.inputs.volts[2] = 0.35 + self.gain * newtons
+
+
+def run(foot: Foot, script: Script) -> GaugeCalibration | None:
+    return GaugeSession(
+        BELIEVED, foot.inputs, rate=50, clock=SteppedClock(), dialogue=Dialogue(script)
+    ).run()
+
+
+@pytest.mark.parametrize("gain", [0.12, -0.3])
+@pytest.mark.parametrize(("typed", "newtons"), [("1.5", 1.5), ("200 g", 1.962), ("200g", 1.962)])
+def test_a_known_load_gives_the_gain(gain: float, typed: str, newtons: float) -> None:
+    foot = Foot(gain)
+    found = run(foot, Script("", (lambda: foot.load(newtons), typed)))
+    assert found is not None
+    assert found.tare == pytest.approx(0.35, abs=1e-4)
+    assert found.volts_per_newton == pytest.approx(gain, rel=2e-3)
+    assert (found.on, found.off) == (0.1, 0.05)
+
+
+def test_a_noisy_foot_gets_a_higher_threshold_and_says_so() -> None:
+    foot = Foot(0.1, noise=0.005)  # 0.05 N of noise; a threshold of 0.1 N would be crossed
+    script = Script("", (lambda: foot.load(2), "2"))
+    found = run(foot, script)
+    assert found is not None
+    assert 0.25 < found.on < 0.4
+    assert found.off == pytest.approx(found.on / 2)
+    assert script.heard("noise")
+
+
+def test_a_load_on_another_foot_is_noticed() -> None:
+    foot = Foot(0.1)
+    script = Script("", "1", (lambda: foot.load(1), "1"))
+    found = run(foot, script)
+    assert script.heard("channel 2")
+    assert found is not None
+    assert found.volts_per_newton == pytest.approx(0.1, rel=2e-3)
+
+
+@pytest.mark.parametrize("load", ["0", "-1", "900", "heavy", "g", ""])
+def test_an_impossible_load_is_asked_for_again(load: str) -> None:
+    foot = Foot(0.1)
+    script = Script("", load, (lambda: foot.load(1), "1"))
+    assert run(foot, script) is not None
+    assert len(script.prompts) == 3
+
+
+def test_a_gauge_can_be_skipped() -> None:
+    assert run(Foot(0.1), Script("skip")) is None

@@ -1,0 +1,87 @@
+"""``robotd calibrate`` around the session: which file, when written, what is said."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+from importlib import resources
+from pathlib import Path
+
+import pytest
+
+from robot.cli.calibrate import calibrate
+from robot.cli.command_line import main
+from robot.configuration.calibration_file import Calibration, read_calibration
+from robot.errors import AbandonedError
+from robot.host.clock import SteppedClock
+from robot.service.devices import Devices, start_adc
+from sim_robot.simulator.still_robot import still_robot
+from tests.robot.calibration.desk import Script
+
+EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
+LEVEL = ("level", "", "", "", "", "yes")
+
+
+def level(file: Path, before: Calibration, script: Script) -> None:
+    clock = SteppedClock()
+    with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
+        adc = start_adc(robot.config, robot.daq, clock)
+        calibrate(
+            robot.config,
+            before,
+            Devices(servos=robot.servos, adc=adc, distance=None),
+            clock=clock,
+            terminal=script,
+            file=file,
+            only=["accelerometer"],
+        )
+
+
+def test_the_revision_grows_and_the_one_before_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.toml"
+    level(file, Calibration(robot="quadruped"), Script(*LEVEL))
+    first = read_calibration(file)
+    assert first.revision == 1
+    assert first.made.endswith("Z")
+    script = Script(*LEVEL)
+    level(file, first, script)
+    assert read_calibration(file).revision == 2
+    assert script.heard("calibration.toml.1")
+    assert read_calibration(tmp_path / "calibration.toml.1") == first
+
+
+def test_a_full_disk_does_not_cost_the_measurements(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "calibration.toml"
+    failures = [OSError(errno.ENOSPC, "No space left on device")]
+    sync = os.fsync
+
+    def full(fd: int) -> None:
+        if failures:
+            raise failures.pop()
+        sync(fd)
+
+    monkeypatch.setattr(os, "fsync", full)
+    script = Script(*LEVEL, "")
+    level(file, Calibration(robot="quadruped"), script)
+    assert script.heard("No space left")
+    assert read_calibration(file).accelerometer is not None
+
+
+def test_a_disk_that_stays_full_leaves_the_file_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(fd: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(AbandonedError, match="as it was"):
+        level(tmp_path / "calibration.toml", Calibration(robot="quadruped"), Script(*LEVEL, "q"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_a_file_to_write_nothing_is_touched(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", "--config", str(EXAMPLE)]) == 1
+    assert "[calibration]" in capsys.readouterr().err

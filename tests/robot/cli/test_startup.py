@@ -1,0 +1,83 @@
+"""What a person sees who presses Ctrl-C before a command got to its work."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PROGRAM = "import sys; from robot.cli.startup import start; sys.exit(start('crawl', 'command'))"
+PRESS = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
+
+
+def run(folder: Path, *, loading: str = "", working: str = "") -> subprocess.CompletedProcess[str]:
+    (folder / "command.py").write_text(
+        f"{loading}\nprint('loaded')\ndef main():\n    {working or 'pass'}\n    return 7\n"
+    )
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env={"PYTHONPATH": f"{folder}:{Path(__file__).parents[3]}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_command_says_how_it_ended(tmp_path: Path) -> None:
+    ended = run(tmp_path)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (7, "loaded\n", "")
+
+
+@pytest.mark.parametrize("when", ["loading", "working"])
+def test_an_interrupt_waits_for_the_libraries_and_ends_in_a_sentence(
+    tmp_path: Path, when: str
+) -> None:
+    ended = run(tmp_path, **{when: PRESS})
+    assert (ended.returncode, ended.stdout) == (1, "loaded\n")
+    assert ended.stderr == "crawl: interrupted\n"
+
+
+@pytest.mark.parametrize("when", ["loading", "working"])
+def test_what_is_not_installed_is_named(tmp_path: Path, when: str) -> None:
+    ended = run(tmp_path, **{when: "import no_such_library.part"})
+    assert ended.returncode == 1
+    assert ended.stderr == (
+        "crawl: needs no_such_library, which is not installed: pip install 'bodyschema'\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("module", "extra", "library"),
+    [
+        ("estimator", "estimator", "numpy"),
+        ("estimator", "estimator", "typer"),
+        ("sim_robot", "sim", "numpy"),
+        ("sim_robot", "sim", "pydantic_xml"),
+    ],
+)
+def test_help_on_the_base_install_names_the_extra(module: str, extra: str, library: str) -> None:
+    code = f"""
+import sys
+class BaseInstall:
+    def find_spec(self, name, path=None, target=None):
+        if name == {library!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, BaseInstall())
+from {module}.__main__ import main
+sys.argv = [{module!r}, "--help"]
+sys.exit(main())
+"""
+    ended = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=Path(__file__).parents[3],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr.endswith(
+        f": needs {library}, which is not installed: pip install 'bodyschema[{extra}]'\n"
+    )
+    assert ended.stderr.count("\n") == 1

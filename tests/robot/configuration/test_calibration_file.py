@@ -1,0 +1,258 @@
+"""The calibration file: what is written comes back, what is wrong is named, nothing is lost."""
+
+from __future__ import annotations
+
+import errno
+import math
+import os
+import stat
+from importlib import resources
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from robot.configuration.calibration_file import (
+    AxesCalibration,
+    Calibration,
+    GaugeCalibration,
+    JointCalibration,
+    RulerCalibration,
+    read_calibration,
+    save_calibration,
+    to_toml,
+)
+from robot.configuration.joint_calibration import JointScale
+from robot.configuration.robot_config import load_config
+from robot.errors import ConfigError
+
+EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
+HIP = JointCalibration(
+    lower_limit=math.radians(-90),
+    upper_limit=math.radians(70),
+    scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85)))),
+)
+WHOLE = Calibration(
+    robot="quadruped",
+    revision=3,
+    made="2026-11-20T03:57:20Z",
+    joints={"hip_left": HIP},
+    accelerometer=AxesCalibration(zero=(2.4, 2.5, 2.6), volts_per_g=(-1.0, 1.1, 0.9)),
+    gauges={
+        "lower_left": GaugeCalibration(tare=-0.1, volts_per_newton=-0.3, on=0.12, off=0.06),
+    },
+    distance=RulerCalibration(zero=0.0125, scale=0.98),
+)
+
+
+def written(folder: Path, text: str) -> Path:
+    """A robot.toml that names a calibration file with this text."""
+    (folder / "calibration.toml").write_text(text, encoding="utf-8")
+    robot = EXAMPLE.read_text(encoding="utf-8")
+    asked = "# [calibration]\n# file =", "[calibration]\nfile ="
+    assert asked[0] in robot
+    (folder / "robot.toml").write_text(robot.replace(*asked), encoding="utf-8")
+    return folder / "robot.toml"
+
+
+def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> None:
+    before, after = load_config(EXAMPLE), load_config(written(tmp_path, to_toml(WHOLE)))
+    hip = after.joints[0]
+    assert hip.scale.count(0.0) == 131
+    assert [math.degrees(hip.lower_limit), math.degrees(hip.upper_limit)] == pytest.approx(
+        [-90, 70]
+    )
+    assert after.accelerometer.zero == (2.4, 2.5, 2.6)
+    assert after.accelerometer.channels == before.accelerometer.channels
+    assert (after.gauges[0].tare, after.gauges[0].on) == (-0.1, 0.12)
+    assert after.gauges[0].debounce == before.gauges[0].debounce
+    assert after.distance is not None
+    # 12.5 mm is the belly on the ground; 100 mm more are 98 mm of clearance.
+    assert after.distance.sensor.clearance(112.5) == pytest.approx(0.098)
+    assert after.joints[1:] == before.joints[1:]
+    assert after.gauges[1:] == before.gauges[1:]
+    assert after.hash != before.hash
+
+
+numbers = st.floats(-9, 9).map(lambda value: round(value, 5))
+gains = st.floats(0.02, 5).map(lambda value: round(value, 5))
+positive = st.floats(0.01, 9).map(lambda value: round(value, 5))
+names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=8)
+
+
+@st.composite
+def scales(draw: st.DrawFn) -> JointScale:
+    counts = draw(st.lists(st.integers(1, 255), min_size=2, max_size=9, unique=True))
+    sign = draw(st.sampled_from((-1, 1)))
+    return JointScale(tuple((count, sign * math.radians(count * 0.7 - 90)) for count in counts))
+
+
+calibrations = st.builds(
+    Calibration,
+    robot=names,
+    revision=st.integers(1, 10**6),
+    made=names,
+    joints=st.dictionaries(
+        names,
+        st.builds(
+            JointCalibration,
+            lower_limit=st.just(math.radians(-60)),
+            upper_limit=st.just(math.radians(60)),
+            scale=scales(),
+        ),
+        max_size=3,
+    ),
+    accelerometer=st.none()
+    | st.builds(
+        AxesCalibration,
+        zero=st.tuples(numbers, numbers, numbers),
+        volts_per_g=st.tuples(gains, gains, gains),
+    ),
+    gauges=st.dictionaries(
+        names,
+        st.builds(
+            GaugeCalibration, tare=numbers, volts_per_newton=positive, on=st.just(9.5), off=positive
+        ),
+        max_size=3,
+    ),
+    distance=st.none()
+    | st.builds(RulerCalibration, zero=st.just(0.012), scale=st.floats(0.7, 1.4)),
+)
+
+
+@settings(max_examples=80, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(calibrations)
+def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) -> None:
+    file = tmp_path / "calibration.toml"
+    file.write_text(to_toml(calibration), encoding="utf-8")
+    found = read_calibration(file)
+    assert (found.robot, found.revision, found.made) == (
+        calibration.robot,
+        calibration.revision,
+        calibration.made,
+    )
+    assert found.accelerometer == calibration.accelerometer
+    assert found.gauges == calibration.gauges
+    assert found.joints.keys() == calibration.joints.keys()
+    for name, joint in calibration.joints.items():
+        for count in (1, 100, 255):
+            assert found.joints[name].scale.angle(count) == pytest.approx(
+                joint.scale.angle(count), abs=1e-4
+            )
+    if calibration.distance is not None:
+        assert found.distance is not None
+        assert found.distance.scale == pytest.approx(calibration.distance.scale, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("schema = 1", "schema = 2", ["schema", "is 2", "reads 1"]),
+        ("schema = 1", "", ["schema", "missing"]),
+        ('robot = "quadruped"', 'robot = "hexapod"', ["robot", "hexapod", "quadruped"]),
+        ("[end]", "", ["end", "missing"]),
+        (
+            "[[touch]]",
+            '[[joint]]\nname = "hip_left"\nlimits_deg = [-60, 60]\n'
+            "calibration = [[1, -9], [200, 9]]\n\n[[touch]]",
+            ["joint 2 (hip_left).name", "twice"],
+        ),
+        ('name = "hip_left"', 'name = "hip_lef"', ["joint", "'hip_lef'"]),
+        ('name = "lower_left"', 'name = "foot"', ["touch", "'foot'"]),
+        ("scale = 0.98", "scale = 0", ["distance.scale", "0.5 to 2"]),
+        ("scale = 0.98", "scales = 0.98", ["distance.scales", "Did you mean 'scale'"]),
+        ("zero_v = [2.4, ", "zero_v = [nan, ", ["accelerometer.zero_v"]),
+        ("limits_deg = [-90, 70]", "limits_deg = [10, 70]", ["joint.calibration", "zero pose"]),
+        ("[10, 72], ", "[10, -72], ", ["joint 1 (hip_left).calibration", "rise or fall"]),
+        ("off_n = 0.06", "off_n = 0.6", ["touch 1 (lower_left).off_n", "on_n"]),
+        ("[distance]", "[distance", ["TOML"]),
+    ],
+)
+def test_a_wrong_value_is_named(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
+    text = to_toml(WHOLE)
+    assert old in text
+    with pytest.raises(ConfigError) as caught:
+        load_config(written(tmp_path, text.replace(old, new, 1)))
+    sentence = str(caught.value)
+    assert str(tmp_path / "calibration.toml") in sentence
+    assert all(word in sentence for word in words), sentence
+
+
+def test_a_truncated_file_is_refused_wherever_it_was_cut(tmp_path: Path) -> None:
+    text = to_toml(WHOLE)
+    for cut in range(text.rindex("[end]") + 5):
+        with pytest.raises(ConfigError):
+            load_config(written(tmp_path, text[:cut]))
+
+
+def test_a_sensor_that_the_robot_does_not_have_is_refused(tmp_path: Path) -> None:
+    file = written(tmp_path, to_toml(WHOLE))
+    robot = file.read_text(encoding="utf-8")
+    start, end = robot.index("[distance]"), robot.index("[settling]")
+    file.write_text(robot[:start] + robot[end:], encoding="utf-8")
+    with pytest.raises(ConfigError, match="distance"):
+        load_config(file)
+
+
+def test_a_file_that_is_named_and_missing_stops_the_robot(tmp_path: Path) -> None:
+    file = written(tmp_path, "")
+    (tmp_path / "calibration.toml").unlink()
+    with pytest.raises(ConfigError, match="robotd calibrate"):
+        load_config(file)
+
+
+def test_the_files_before_are_kept_under_numbers(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.toml"
+    assert save_calibration(file, WHOLE) is None
+    first = file.read_bytes()
+    assert save_calibration(file, Calibration(robot="quadruped", revision=4)) == (
+        tmp_path / "calibration.toml.1"
+    )
+    second = file.read_bytes()
+    save_calibration(file, WHOLE)
+    assert (tmp_path / "calibration.toml.1").read_bytes() == first
+    assert (tmp_path / "calibration.toml.2").read_bytes() == second
+    assert read_calibration(file).revision == 3
+
+
+def test_a_daemon_of_another_user_can_read_it(tmp_path: Path) -> None:
+    file = tmp_path / "calibration.toml"
+    save_calibration(file, WHOLE)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o644
+
+
+@pytest.mark.parametrize("call", ["fsync", "replace", "chmod"])
+@pytest.mark.parametrize("at", [1, 2])
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left"), KeyboardInterrupt()])
+def test_whatever_fails_the_old_file_stands_and_nothing_lies_about(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str, at: int, error: BaseException
+) -> None:
+    file = tmp_path / "calibration.toml"
+    save_calibration(file, WHOLE)
+    before = file.read_bytes()
+    calls = 0
+    original = getattr(os, call)
+
+    def failing(*arguments: object) -> object:
+        nonlocal calls
+        calls += 1
+        if calls == at:
+            raise error
+        return original(*arguments)
+
+    monkeypatch.setattr(os, call, failing)
+    expected = ConfigError if isinstance(error, OSError) else KeyboardInterrupt
+    with pytest.raises(expected):
+        save_calibration(file, Calibration(robot="quadruped", revision=4))
+    assert file.read_bytes() == before
+    assert {path.name for path in tmp_path.iterdir()} <= {file.name, f"{file.name}.1"}
+
+
+def test_a_link_stays_a_link(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    link = tmp_path / "calibration.toml"
+    link.symlink_to(tmp_path / "there" / "real.toml")
+    save_calibration(link, WHOLE)
+    assert link.is_symlink()
+    assert read_calibration(tmp_path / "there" / "real.toml") == read_calibration(link)

@@ -1,0 +1,48 @@
+"""Statistics of raw samples."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot.host.clock import SteppedClock
+from robot.sensing.raw_samples import sample_channels, sample_distance, spread
+
+
+def test_a_spread_by_hand() -> None:
+    found = spread([1.0, 2.0, 3.0, 6.0])
+    assert (found.mean, found.least, found.most, found.count) == (3.0, 1.0, 6.0, 4)
+    assert found.deviation == pytest.approx((14 / 3) ** 0.5)  # 4 + 1 + 0 + 9, over n − 1
+    assert spread([5.0]).deviation == 0.0
+
+
+def test_channels_are_sampled_at_the_rate_and_picked_out() -> None:
+    class Counting:
+        scans = 0
+
+        def scan(self, low: int, high: int) -> list[float]:
+            assert (low, high) == (2, 5)
+            self.scans += 1
+            return [float(self.scans), 0.0, 0.0, 10.0]
+
+    clock = SteppedClock()
+    last, first = sample_channels(Counting(), [5, 2], count=4, rate=50, clock=clock)
+    assert (first.mean, last.mean) == (2.5, 10.0)
+    assert clock.now() == pytest.approx(4 / 50)
+
+
+class Finder:
+    def __init__(self, *values: int | None):
+        self._values = list(values)
+
+    def range_mm(self) -> int | None:
+        return self._values.pop(0)
+
+
+def test_a_distance_is_that_of_the_measurements_that_saw_something() -> None:
+    found = sample_distance(Finder(10, None, 12, None), count=4)
+    assert found is not None
+    assert (found.mean, found.count) == (11.0, 2)
+
+
+def test_a_distance_that_is_mostly_not_seen_is_none() -> None:
+    assert sample_distance(Finder(10, None, None), count=3) is None

@@ -1,0 +1,45 @@
+"""Rest: neither swinging nor drifting."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from robot.sensing.settling import RestCriterion, RestDetector
+
+CRITERION = RestCriterion(
+    window=0.3, swing=math.radians(0.5), drift=math.radians(0.1), timeout=5, rate=50
+)
+
+
+def rest_time(tilt: Callable[[float], float], until: float = 5.0) -> float | None:
+    """When the detector first reports rest for a tilt (degrees) over time (s)."""
+    detector = RestDetector(CRITERION)
+    for step in range(int(until * CRITERION.rate)):
+        now = step / CRITERION.rate
+        if detector.feed(now, (0.0, math.radians(tilt(now)))):
+            return now
+    return None
+
+
+def test_a_still_robot_rests_after_one_window() -> None:
+    found = rest_time(lambda _: 3.0)
+    assert found is not None
+    assert 0.25 <= found <= 0.35
+
+
+def test_a_swinging_robot_does_not_rest_until_it_has_died_down() -> None:
+    found = rest_time(lambda t: 5 * math.exp(-2 * t) * math.cos(30 * t))
+    assert found is not None
+    assert found > 1.0
+
+
+def test_a_robot_that_tips_over_slowly_is_not_at_rest() -> None:
+    assert rest_time(lambda t: 1.0 * t) is None  # 1°/s
+
+
+def test_a_gap_in_the_samples_is_not_rest() -> None:
+    detector = RestDetector(CRITERION)
+    assert not detector.feed(0.0, (0.0, 0.0))
+    assert not detector.feed(10.0, (0.0, 0.0))
+    assert not detector.feed(10.02, (0.0, 0.0))

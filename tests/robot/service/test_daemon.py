@@ -1,0 +1,58 @@
+"""Serving: what the daemon sets up around the control loop and the server."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import sys
+
+from robot.service.daemon import serve
+from sim_robot.simulator.still_robot import still_robot
+from tests.robot.stepped import SteppedClock
+
+SIGNALS = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
+
+
+class BriefServer:
+    """Serves for no time, and notes what it finds."""
+
+    endpoint = telemetry_endpoint = "tcp://127.0.0.1:1"
+
+    def __init__(self) -> None:
+        self.turn = 0.0
+        self.handled: list[signal.Signals] = []
+
+    def __enter__(self) -> BriefServer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+    def run(self) -> None:
+        self.turn = sys.getswitchinterval()
+        self.handled = [item for item in SIGNALS if callable(signal.getsignal(item))]
+
+
+def test_threads_take_quick_turns_while_it_serves_and_only_then() -> None:
+    before = sys.getswitchinterval(), signal.getsignal(signal.SIGTERM)
+    log = logging.getLogger("test")
+    with still_robot(SteppedClock(), housekeeping=None, log=log) as robot:
+        server = BriefServer()
+        serve(robot.controller, server, log)  # type: ignore[arg-type]
+        assert robot.controller.shut_down()
+    assert server.turn <= 0.001
+    assert server.handled == SIGNALS
+    assert (sys.getswitchinterval(), signal.getsignal(signal.SIGTERM)) == before
+
+
+def test_a_signal_that_nohup_has_taken_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with still_robot(SteppedClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
+            server = BriefServer()
+            serve(robot.controller, server, logging.getLogger("test"))  # type: ignore[arg-type]
+            assert robot.controller.shut_down()
+        assert server.handled == SIGNALS[:2]
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -1,0 +1,165 @@
+"""Electronics that are wrong by a seed are calibrated through the emulators, to 1° and 1 mm.
+
+Servos are off by up to 15 counts and turn the wrong way, axes point down, gauges are glued on the
+wrong side, the distance sensor sits elsewhere. The person has a protractor of 0.2°; the sensors
+have their usual noise.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from robot.configuration.calibration_file import read_calibration
+from robot.configuration.robot_config import RobotConfig, apply_calibration
+from robot.host.clock import SteppedClock
+from robot.sensing.sensors import Sensing
+from sim_robot.cli.calibrate import calibrate_simulated
+from sim_robot.simulator.daemon import simulated_robot
+from sim_robot.simulator.miscalibration import miscalibrated
+from sim_robot.simulator.wiring import configure
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
+
+SEEDS = range(1000, 1010)
+BODY = load_body(default_body_path())
+BELIEVED = configure(BODY, port="nowhere", levels=NoiseLevels())
+
+
+@dataclass(frozen=True)
+class Errors:
+    """The worst errors of a configuration, against the electronics as they are."""
+
+    joint: float  # degrees
+    tilt: float  # degrees
+    clearance: float  # mm
+    force: float  # N
+
+
+def errors(config: RobotConfig, truth: RobotConfig) -> Errors:
+    assert config.distance is not None
+    assert truth.distance is not None
+    pairs = zip(config.joints, truth.joints, strict=True)
+    joint = max(
+        abs(ours.scale.angle(count) - true.scale.angle(count))
+        for ours, true in pairs
+        for count in range(1, 256)
+        if true.lower_limit <= true.scale.angle(count) <= true.upper_limit
+    )
+    sensor, real = config.distance.sensor, truth.distance.sensor
+    heights = [millimetres / 1000 for millimetres in range(151)]
+    clearance = max(
+        abs(sensor.clearance((real.zero + height / real.scale) * 1000) - height)
+        for height in heights
+    )
+    gauges = zip(config.gauges, truth.gauges, strict=True)
+    force = max(
+        abs(ours.force(true.tare + true.volts_per_newton * load) - load)
+        for ours, true in gauges
+        for load in (0.0, 0.1, 1.0, 5.0)
+    )
+    tilt = max(_tilt_error(config, truth, *angles) for angles in _leans())
+    return Errors(math.degrees(joint), math.degrees(tilt), clearance * 1000, force)
+
+
+def _leans() -> Iterator[tuple[float, float]]:
+    for across in range(-60, 61, 10):
+        for along in range(-60, 61, 10):
+            if math.hypot(math.sin(math.radians(across)), math.sin(math.radians(along))) < 0.95:
+                yield math.radians(across), math.radians(along)
+
+
+class _Leaning:
+    def __init__(self, volts: list[float]):
+        self._volts = volts
+
+    def scan(self, low: int, high: int) -> list[float]:
+        return self._volts[low : high + 1]
+
+
+def _tilt_error(config: RobotConfig, truth: RobotConfig, across: float, along: float) -> float:
+    x, y = math.sin(along), math.sin(across)
+    axes = zip(
+        truth.accelerometer.zero,
+        truth.accelerometer.volts_per_g,
+        (x, y, math.sqrt(1 - x * x - y * y)),
+        strict=True,
+    )
+    sensing = Sensing(
+        _Leaning([zero + gain * value for zero, gain, value in axes]),
+        belly=None,
+        accelerometer=config.accelerometer,
+        gauges=(),
+        clock=SteppedClock(),
+        rate=50,
+    )
+    return max(abs(a - b) for a, b in zip(sensing.tilt(), (across, along), strict=True))
+
+
+def calibrated(seed: int, file: Path, shown: list[str]) -> RobotConfig:
+    calibrate_simulated(
+        BODY,
+        seed=seed,
+        levels=NoiseLevels(),
+        wrong=seed,
+        file=file,
+        echo=shown.append,
+        log=logging.getLogger("test"),
+    )
+    return apply_calibration(BELIEVED, read_calibration(file), file=str(file))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_wrong_calibration_is_put_right(seed: int, tmp_path: Path) -> None:
+    truth = miscalibrated(BELIEVED, seed)
+    before = errors(BELIEVED, truth)
+    assert before.joint > 10  # degrees: there is something to put right
+    after = errors(calibrated(seed, tmp_path / "calibration.toml", []), truth)
+    assert after.joint < 1
+    assert after.tilt < 1
+    assert after.clearance < 1
+    assert after.force < 0.02  # a fifth of what counts as touching
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The calibration of the robot that is wrong by seed 5."""
+    found = tmp_path_factory.mktemp("robot") / "calibration.toml"
+    calibrated(5, found, [])
+    return found
+
+
+def test_a_second_session_begins_with_the_first(file: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "calibration.toml"
+    copy.write_bytes(file.read_bytes())
+    shown: list[str] = []
+    calibrated(5, copy, shown)
+    assert read_calibration(copy).revision == 2
+    assert (tmp_path / "calibration.toml.1").read_bytes() == file.read_bytes()
+    assert not any("other way" in text for text in shown)
+
+
+def test_the_robot_lies_flat_with_its_calibration_and_not_without(file: Path) -> None:
+    misses = []
+    for calibration in (None, file):
+        with simulated_robot(
+            BODY,
+            seed=0,
+            levels=NO_NOISE,
+            real_time=False,
+            attendant=True,
+            log=logging.getLogger("test"),
+            wrong=5,
+            calibration=calibration,
+        ) as robot:
+            robot.controller.start()
+            robot.controller.shut_down()  # parks at what it believes is zero
+            robot.clock.sleep(1.0)
+            misses.append(max(abs(math.degrees(angle)) for angle in robot.world.angles()))
+    assert misses[0] > 3
+    assert misses[1] < 1

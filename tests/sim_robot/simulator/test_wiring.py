@@ -1,0 +1,27 @@
+"""The configuration that fits the emulated electronics of any body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from robot.drivers.dmm32 import RANGES
+from sim_robot.simulator.wiring import VOLTS_PER_NEWTON, configure
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
+
+BODY = load_body(default_body_path())
+
+
+@pytest.mark.parametrize("mass", [BODY.mass, 5.0, 20.0, 100.0])
+def test_a_foot_that_carries_the_whole_body_is_within_its_range(mass: float) -> None:
+    config = configure(replace(BODY, mass=mass), port="nowhere", levels=NoiseLevels())
+    for gauge in config.gauges:
+        carried = gauge.tare + 2 * mass * 9.81 * gauge.volts_per_newton
+        assert carried < RANGES[config.daq.input_range].high
+
+
+def test_the_default_body_has_the_documented_gauges() -> None:
+    config = configure(BODY, port="nowhere", levels=NoiseLevels())
+    assert {gauge.volts_per_newton for gauge in config.gauges} == {VOLTS_PER_NEWTON}

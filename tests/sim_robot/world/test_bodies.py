@@ -1,0 +1,98 @@
+"""The bodies that ship: each is of the subset, and strong enough for every pose that is asked."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_robot.cli.command_line import main
+from sim_robot.errors import BodyError
+from sim_robot.world.body import body_path, load_body, shipped_bodies
+from sim_robot.world.simulation import World
+
+JOINTS = {
+    "damaged_leg": 8,
+    "leg_on_leg": 5,
+    "quadruped": 8,
+    "three_legs": 3,
+    "twisted_hinge": 4,
+    "unequal_legs": 8,
+}
+SERVO = 1.412  # N·m: the paper's 200 oz-in
+
+
+def test_what_ships_can_be_named() -> None:
+    assert list(shipped_bodies()) == sorted(JOINTS)
+    for name, joints in JOINTS.items():
+        body = load_body(body_path(name))
+        assert body.name == name
+        assert len(body.motors) == joints
+        assert {motor.effort for motor in body.motors} == {SERVO}
+
+
+@pytest.mark.parametrize("name", sorted(set(JOINTS) - {"quadruped"}))  # whose own test is longer
+def test_a_body_holds_its_poses(name: str) -> None:
+    body = load_body(body_path(name))
+    driven, joints = 4 if JOINTS[name] == 8 else JOINTS[name], JOINTS[name]
+    corners = [list(corner) for corner in itertools.product((-30.0, 30.0), repeat=driven)]
+    inside = np.random.default_rng(3).uniform(-30, 30, (24, driven)).tolist()
+    with World(body, log=logging.getLogger("world")) as world:
+        for degrees in corners + inside:
+            world.set_targets([0.0] * joints)
+            world.lay_down()
+            start = world.steps / 240
+            pose = [math.radians(value) for value in degrees]
+            world.set_targets([*pose, *[0.0] * (joints - driven)])
+            world.advance_to(start + 3.0)
+            assert math.degrees(world.largest_miss()) < 0.1, degrees
+
+
+def test_touch_sensors_sit_on_what_carries_nothing() -> None:
+    body = load_body(body_path("leg_on_leg"))
+    assert list(body.touch) == ["leg_left", "leg_right", "leg_back", "branch"]
+
+
+def test_a_file_needs_no_name(tmp_path: Path) -> None:
+    assert body_path(str(tmp_path / "mine.urdf")) == tmp_path / "mine.urdf"
+    with pytest.raises(BodyError, match="hexapod: is neither a URDF file nor one of damaged_leg, "):
+        body_path("hexapod")
+
+
+def test_the_command_lists_prints_and_refuses(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--list-bodies"]) == 0
+    assert "three_legs     3 joints, 3 touch sensors" in capsys.readouterr().out
+    assert main(["--body", "three_legs", "--print-body"]) == 0
+    assert capsys.readouterr().out == shipped_bodies()["three_legs"].read_text(encoding="utf-8")
+    with pytest.raises(SystemExit) as ended:
+        main(["--body", "hexapod", "--print-body"])
+    assert ended.value.code == 2
+    assert "hexapod: is neither a URDF file nor" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('type="revolute"', 'type="continuous"', "joint 'hip_left'"),
+        ('<box size="0.14 0.14 0.085"/>', '<mesh filename="body.stl"/>', "mesh"),
+        ('<mass value="0.04"/>', '<mass value="0"/>', "must be above 0"),
+    ],
+)
+def test_what_leaves_the_subset_ends_in_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], old: str, new: str, words: str
+) -> None:
+    text = shipped_bodies()["three_legs"].read_text(encoding="utf-8")
+    assert old in text
+    file = tmp_path / "mine.urdf"
+    file.write_text(text.replace(old, new, 1), encoding="utf-8")
+    assert main(["--body", str(file), "--print-body"]) == 1
+    sentence = capsys.readouterr().err
+    assert str(file) in sentence
+    assert words in sentence
+    assert "Traceback" not in sentence

@@ -1,0 +1,168 @@
+"""Bodies: the default is the paper's, and what leaves the subset is refused with a sentence."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from sim_robot.errors import BodyError
+from sim_robot.world.body import default_body_path, load_body
+
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+BASE = f'<link name="base">{INERTIAL}{BOX}</link>'
+LEG = f'<link name="leg">{INERTIAL}</link>'
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+
+
+def joint(name: str = "hip", kind: str = "revolute", limit: str = LIMIT, child: str = "leg") -> str:
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="base"/><child link="{child}"/>'
+        f'<axis xyz="0 -1 0"/>{limit}</joint>'
+    )
+
+
+def robot(*parts: str) -> str:
+    return f'<robot name="r">{"".join(parts)}</robot>'
+
+
+def refused(tmp_path: Path, text: str) -> str:
+    file = tmp_path / "body.urdf"
+    file.write_text(text)
+    with pytest.raises(BodyError) as caught:
+        load_body(file)
+    assert str(file) in str(caught.value)
+    return str(caught.value)
+
+
+def test_the_default_body_is_table_1_and_2() -> None:
+    body = load_body(default_body_path())
+    assert body.base_size == (0.14, 0.14, 0.085)
+    assert [motor.name for motor in body.motors] == [
+        f"{joint}_{side}"
+        for joint in ("hip", "knee")
+        for side in ("left", "front", "right", "back")
+    ]
+    assert [motor.radius for motor in body.motors] == [0.013] * 4 + [0.006] * 4
+    assert list(body.touch) == [f"lower_{side}" for side in ("left", "front", "right", "back")]
+    degrees = [(math.degrees(m.lower), math.degrees(m.upper)) for m in body.motors]
+    assert degrees == [pytest.approx((-96, 74))] * 4 + [pytest.approx((-96, 94))] * 4
+
+
+def test_visuals_and_hints_are_dropped(tmp_path: Path) -> None:
+    file = tmp_path / "body.urdf"
+    leg = LEG.replace("</link>", '<visual><geometry><mesh filename="x.stl"/></geometry></visual>')
+    file.write_text(robot(BASE, f"{leg}</link>", joint(), '<gazebo reference="leg"/>'))
+    assert "mesh" not in load_body(file).urdf
+
+
+def test_fixed_links_belong_to_the_sensor_of_what_moves_them(tmp_path: Path) -> None:
+    file = tmp_path / "body.urdf"
+    foot = f'<link name="foot">{INERTIAL}{BOX}</link>'
+    fixed = joint("ankle", "fixed", "", "foot").replace('parent link="base"', 'parent link="leg"')
+    file.write_text(robot(BASE, LEG, foot, joint(), fixed))
+    assert load_body(file).touch == {"leg": frozenset({"leg", "foot"})}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("<robot name='r'>", ["not valid XML"]),
+        ("<sdf/>", ["<robot>"]),
+        (robot(BASE), ["1 to 8 revolute joints", "not 0"]),
+        (robot(BASE, LEG), ["exactly one link", "base, leg"]),
+        (robot(BASE, LEG, joint(kind="prismatic")), ["joint 'hip'", "type", "revolute"]),
+        (robot(BASE, LEG, joint(kind="continuous")), ["joint 'hip'", "type"]),
+        (robot(BASE, LEG, joint(limit="")), ["joint 'hip'", "<limit>"]),
+        (robot(BASE, LEG, joint(limit=LIMIT.replace("-1", "0.2"))), ["joint 'hip'", "span 0"]),
+        (robot(BASE, LEG, joint(limit=LIMIT.replace('upper="1"', ""))), ["joint 'hip'", "upper"]),
+        (robot(BASE, LEG, joint(child="arm")), ["joint 'hip'", "'arm'", "not a link"]),
+        (robot(BASE, LEG, joint(), joint("knee")), ["joint 'knee'", "already hangs"]),
+        (robot(BASE, LEG, joint(), joint()), ["joint 'hip'", "share this name"]),
+        (robot(BASE, BASE, LEG, joint()), ["link 'base'", "share this name"]),
+        (robot(BASE, '<link name="leg"/>', joint()), ["link 'leg'", "<inertial>"]),
+        (
+            robot(BASE, LEG.replace('mass value="1"', 'mass value="0"'), joint()),
+            ["link 'leg'", "mass", "above 0"],
+        ),
+        (
+            robot(BASE.replace('box size="0.1 0.1 0.1"', 'mesh filename="a.stl"'), LEG, joint()),
+            ["link 'base'", "mesh", "subset"],
+        ),
+        (
+            robot(BASE.replace("0.1 0.1 0.1", "0.1 nan 0.1"), LEG, joint()),
+            ["link 'base'", "finite"],
+        ),
+        (
+            robot(BASE.replace('<box size="0.1 0.1 0.1"/>', '<sphere radius="1"/>'), LEG, joint()),
+            ["link 'base'", "a box"],
+        ),
+        (robot(BASE.replace("</geometry>", "<sphere radius='1'/></geometry>"), LEG, joint()), []),
+        (robot(BASE, LEG, joint().replace("0 -1 0", "0 0 0")), ["joint 'hip'", "axis"]),
+    ],
+)
+def test_what_leaves_the_subset_is_refused(tmp_path: Path, text: str, words: list[str]) -> None:
+    sentence = refused(tmp_path, text)
+    assert all(word in sentence for word in words), sentence
+
+
+def test_a_child_joint_before_its_parent_is_refused(tmp_path: Path) -> None:
+    foot = f'<link name="foot">{INERTIAL}</link>'
+    knee = joint("knee", child="foot").replace('parent link="base"', 'parent link="leg"')
+    assert "list parents first" in refused(tmp_path, robot(BASE, LEG, foot, knee, joint()))
+
+
+def test_motors_are_in_document_order_whatever_stands_between_the_joints(tmp_path: Path) -> None:
+    file = tmp_path / "body.urdf"
+    limbs = [
+        f'<link name="leg{n}">{INERTIAL}</link>{joint(f"hip{n}", child=f"leg{n}")}'
+        for n in range(8)
+    ]
+    file.write_text(robot(BASE, *limbs))
+    assert [motor.name for motor in load_body(file).motors] == [f"hip{n}" for n in range(8)]
+
+
+def test_nine_motors_are_too_many(tmp_path: Path) -> None:
+    legs = [f'<link name="leg{n}">{INERTIAL}</link>' for n in range(9)]
+    joints = [joint(f"hip{n}", child=f"leg{n}") for n in range(9)]
+    assert "not 9" in refused(tmp_path, robot(BASE, *legs, *joints))
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match="cannot be read"):
+        load_body(tmp_path / "nowhere.urdf")
+
+
+def many(count: int) -> str:
+    links = "".join(f'<link name="l{number}">{INERTIAL}</link>' for number in range(count))
+    joints = "".join(joint(f"j{n}", "fixed", "", child=f"l{n}") for n in range(count))
+    return links + joints
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (robot(BASE, LEG, joint()).replace('name="r"', f'name="{"r" * 65}"'), "robot: name: names"),
+        (robot(BASE, LEG, joint()).replace('name="r"', f'name="{"r" * 100_000}"'), "200 character"),
+        (robot(BASE, LEG, joint()).replace('"r"', f'"r" version="{"1" * 201}"'), "200 characters"),
+        (robot(BASE, LEG, joint(), many(99)), "must have at most 100 links, not 101"),
+        (f"<!DOCTYPE robot><robot name='r'>{BASE}</robot>", "<!DOCTYPE>: is no part of URDF"),
+        (
+            f'<!DOCTYPE r [<!ENTITY e "x">]><robot name="r">{BASE}{LEG}{joint()}&e;</robot>',
+            "leave it out, and entities",
+        ),
+        (robot(BASE, "&none;"), "is not valid XML"),
+    ],
+)
+def test_what_pybullet_or_the_parser_would_die_of_is_refused(
+    tmp_path: Path, text: str, sentence: str
+) -> None:
+    assert sentence in refused(tmp_path, text)
+
+
+def test_processing_instructions_are_skipped(tmp_path: Path) -> None:
+    file = tmp_path / "body.urdf"
+    file.write_text(f"<?pi?>{robot('<?pi?>', BASE, LEG, joint(), '<?pi more?>')}<?pi?>")
+    assert [motor.name for motor in load_body(file).motors] == ["hip"]

@@ -1,0 +1,180 @@
+"""The world: it holds its poses, forgets its past, and is what the sensors are told."""
+
+from __future__ import annotations
+
+import itertools
+import logging
+import math
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import psutil
+import pytest
+
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.simulation import World
+
+LOG = logging.getLogger("world")
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    with World(load_body(default_body_path()), log=LOG) as found:
+        yield found
+
+
+def rest(world: World, degrees: list[float], seconds: float = 3.0) -> None:
+    """One interaction: flat, then the pose."""
+    world.set_targets([0.0] * 8)
+    world.lay_down()
+    start = world.steps / 240
+    world.advance_to(start + 0.3)
+    world.set_targets([math.radians(value) for value in degrees])
+    world.advance_to(start + 0.3 + seconds)
+
+
+def test_the_default_body_holds_every_pose(world: World) -> None:
+    corners = [list(corner) + [0.0] * 4 for corner in itertools.product((-30.0, 30.0), repeat=4)]
+    rng = np.random.default_rng(7)
+    inside = [[*rng.uniform(-30, 30, 4), 0.0, 0.0, 0.0, 0.0] for _ in range(64)]
+    for degrees in corners + inside:
+        rest(world, degrees)
+        assert math.degrees(world.largest_miss()) < 0.1, degrees
+
+
+def enlarged(path: Path, scale: float, folder: Path) -> Path:
+    """The same body of the same materials, so many times as long, with servos to match."""
+    powers = {"xyz": 1, "size": 1, "radius": 1, "length": 1, "value": 3, "effort": 4}
+    powers |= dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 5)
+    tree = ElementTree.parse(path)
+    for element in tree.iter():
+        for name in () if element.tag == "axis" else powers.keys() & element.keys():
+            factor = scale ** powers[name]
+            numbers = [factor * float(text) for text in element.get(name, "").split()]
+            element.set(name, " ".join(map(str, numbers)))
+    place = folder / "enlarged.urdf"
+    tree.write(place)
+    return place
+
+
+@pytest.mark.parametrize("scale", [0.5, 3.0])
+def test_a_body_of_any_size_holds_its_poses(tmp_path: Path, scale: float) -> None:
+    body = load_body(enlarged(default_body_path(), scale, tmp_path))
+    rng = np.random.default_rng(8)
+    with World(body, log=LOG) as found:
+        for degrees in rng.uniform(-30, 30, (24, 4)):
+            rest(found, [*degrees, 0.0, 0.0, 0.0, 0.0], seconds=4.0)
+            assert math.degrees(found.largest_miss()) < 0.1, degrees
+
+
+def test_laid_down_it_lies_flat(world: World) -> None:
+    rest(world, [-30.0, 20.0, 10.0, 30.0, 0.0, 0.0, 0.0, 0.0])
+    world.set_targets([0.0] * 8)
+    world.lay_down()
+    assert world.up() == pytest.approx((0, 0, 1), abs=1e-9)
+    assert world.clearance() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_laying_it_down_again_and_again_costs_no_memory(world: World) -> None:
+    def resident() -> int:
+        for _ in range(200):
+            world.lay_down()
+        return int(psutil.Process().memory_info().rss)
+
+    resident()
+    assert resident() - resident() > -500_000
+
+
+def test_no_file_is_left_even_by_one_that_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with World(load_body(default_body_path()), log=LOG) as found:
+        found.lay_down()
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_pose_does_not_depend_on_the_one_before(world: World) -> None:
+    pose = [-25.0, 5.0, -12.0, 8.0, 0.0, 0.0, 0.0, 0.0]
+    rest(world, pose)
+    first = (world.up(), world.clearance(), world.loads())
+    rest(world, [30.0, -30.0, 30.0, -30.0, 0.0, 0.0, 0.0, 0.0])
+    rest(world, pose)
+    assert (world.up(), world.clearance(), world.loads()) == first
+
+
+def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
+    down = 30.0
+    rest(world, [-down] * 4 + [0.0] * 4)
+    # Foot sphere of 6 mm at 0.095 + 0.119 m from the hip, which is 42.5 mm above the belly.
+    expected = (0.095 + 0.119) * math.sin(math.radians(down)) + 0.006 - 0.0425
+    assert world.clearance() == pytest.approx(expected, abs=1e-3)
+    assert world.up() == pytest.approx((0, 0, 1), abs=2e-3)
+    weight = (0.6 + 4 * 0.09) * 9.81
+    assert sum(world.loads()) == pytest.approx(weight, rel=0.02)
+    assert max(world.gaps()) < 1e-3
+
+
+def test_tilt_signs(world: World) -> None:
+    rest(world, [-30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # pushes the left side up
+    assert math.degrees(math.asin(world.up()[1])) > 3
+    rest(world, [0.0, -30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # pushes the nose up
+    assert math.degrees(math.asin(world.up()[0])) > 3
+
+
+def test_a_servo_moves_at_60_degrees_a_second(world: World) -> None:
+    world.set_targets([math.radians(30)] * 8)
+    world.advance_to(0.25)
+    assert math.degrees(world.largest_miss()) == pytest.approx(15, abs=1)
+
+
+def test_a_weak_servo_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    file = tmp_path / "weak.urdf"
+    text = default_body_path().read_text(encoding="utf-8")
+    file.write_text(text.replace('effort="1.412"', 'effort="0.2"'), encoding="utf-8")
+    with World(load_body(file), log=LOG) as world:
+        rest(world, [-30.0] * 4 + [0.0] * 4)
+    assert "too weak" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "up", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, 0.8)]
+)
+def test_a_held_body_stays_as_it_is_held(world: World, up: tuple[float, float, float]) -> None:
+    world.set_targets([math.radians(40)] * 4 + [math.radians(-70)] * 4)
+    world.hold(2.0, up)
+    world.advance_to(1.0)
+    assert world.up() == pytest.approx(up, abs=1e-6)
+    assert not any(world.loads())
+    angles = [math.degrees(angle) for angle in world.angles()]
+    assert angles == pytest.approx([40] * 4 + [-70] * 4, abs=0.1)  # the legs still move freely
+
+
+def test_a_body_held_upright_is_as_high_as_said_and_falls_when_laid_down(world: World) -> None:
+    world.hold(0.12)
+    world.advance_to(0.5)
+    assert world.clearance() == pytest.approx(0.12, abs=1e-6)
+    world.lay_down()
+    world.advance_to(1.0)
+    assert world.clearance() == pytest.approx(0, abs=1e-3)
+
+
+def test_a_pressed_sensor_feels_it_besides_the_ground(world: World) -> None:
+    rest(world, [-30.0] * 4 + [0.0] * 4)
+    before = world.loads()
+    assert min(before) > 0.1
+    world.press("lower_front", 2.5)
+    assert world.loads() == pytest.approx([load + 2.5 * (n == 1) for n, load in enumerate(before)])
+    world.press("lower_front", 0.0)
+    assert world.loads() == before
+
+
+def test_legs_that_slew_in_the_air_are_not_weak(
+    world: World, caplog: pytest.LogCaptureFixture
+) -> None:
+    world.set_targets([math.radians(60)] * 8)
+    world.advance_to(2.0)
+    assert not caplog.records
