@@ -16,7 +16,7 @@ import numpy as np
 
 from estimator.identification.modelling import Modeller
 from estimator.physics.backends import REFERENCE, foresight_of
-from estimator.physics.base import Pair, Physics, Settings
+from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
@@ -46,7 +46,7 @@ def workload() -> tuple[Problem, Genome, list[Observation]]:
     rng = np.random.default_rng(0)
     truth = genome.decode(rng.random(genome.size))
     programs = [problem.random_program(rng, capabilities) for _ in range(INTERACTIONS)]
-    with PyBulletPhysics(Settings(full_steps=True)) as physics:
+    with PyBulletPhysics(WorldSettings(full_steps=True)) as physics:
         felt = physics.read([(truth, program) for program in programs])
     observations = [
         Observation(
@@ -76,7 +76,7 @@ def plain_loop() -> float:
     _, genome, observations = workload()
     pairs = _pairs(genome, observations, PLAIN)
     start = time.process_time()
-    with PyBulletPhysics(Settings(full_steps=True)) as physics:
+    with PyBulletPhysics(WorldSettings(full_steps=True)) as physics:
         for pair in pairs:
             physics.start_afresh()
             physics.read([pair])
@@ -91,7 +91,7 @@ def search(physics: Physics, population: int, generations: int) -> tuple[int, in
         physics,
         ("touch", "tilt", "clearance"),
         Counters(),
-        foresight=foresight_of(REFERENCE, Settings()),
+        foresight=foresight_of(REFERENCE, WorldSettings()),
     )
     rng = np.random.default_rng(2)
     crowd = DeterministicCrowding(
@@ -119,7 +119,7 @@ def _search_here() -> tuple[int, int, float]:
 
 
 def _search_in_pool(jobs: int) -> float:
-    with PhysicsPool(partial(PyBulletPhysics, Settings()), jobs) as pool:
+    with PhysicsPool(partial(PyBulletPhysics, WorldSettings()), jobs) as pool:
         pool.read(_pairs(*workload()[1:], 4 * jobs))  # workers start
         start = time.perf_counter()
         search(pool, POPULATION, BRIEF)

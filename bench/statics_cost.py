@@ -27,7 +27,7 @@ from bench.pybullet_cost import workload as topological_workload
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
 from estimator.identification.modelling import Modeller
-from estimator.physics.base import Pair, Physics, Settings
+from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 from estimator.search.deterministic_crowding import DeterministicCrowding
@@ -155,8 +155,8 @@ def report(kind: str, problem: str, operations_per_second: float) -> None:
     pairs = pairs_of(problem, _COMPUTED)
     computed = statics_rate(pairs)
     few = pairs[:_SIMULATED]
-    fine = Settings(step=1 / 240, steps=1200)
-    with PyBulletPhysics(Settings(full_steps=True)) as physics:
+    fine = WorldSettings(step=1 / 240, steps=1200)
+    with PyBulletPhysics(WorldSettings(full_steps=True)) as physics:
         plain = simulations_per_second(physics, few, afresh=True)
     with PyBulletPhysics() as physics:
         ours = simulations_per_second(physics, few)

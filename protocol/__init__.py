@@ -37,7 +37,7 @@ from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import Observation, Ok, Progress, Status, Telemetry
+from protocol.wire.messages import ObservationReply, Ok, Progress, Status, Telemetry
 from protocol.wire.states import State
 
 __all__ = [
@@ -47,7 +47,7 @@ __all__ = [
     "Joint",
     "KeyDirectory",
     "KeysError",
-    "Observation",
+    "ObservationReply",
     "Ok",
     "Progress",
     "ProtocolError",

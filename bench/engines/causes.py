@@ -17,7 +17,7 @@ import numpy as np
 from bench.engines.bodies import draw
 from bench.engines.figures import CLOSE, Compared, differences
 from bench.engines.runs import KNOWN, TRIALS
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 
@@ -26,7 +26,7 @@ UNEXPLAINED: Final = "unexplained"
 _FINER: Final = PACE / 30
 
 
-def cause(pair: Pair, computed: Readings, trials: Mapping[str, Settings] = TRIALS) -> str:
+def cause(pair: Pair, computed: Readings, trials: Mapping[str, WorldSettings] = TRIALS) -> str:
     """The first trial in which PyBullet agrees with statics, or ``UNEXPLAINED``.
 
     Args:

@@ -5,7 +5,7 @@ What it is told, and why:
 * Joints are position actuators whose targets move at the slew speed. They are stiff enough to hold
   a tenth of a degree; what misses its target is no valid reading, as for PyBullet. Their damping
   makes them follow within two steps, which is as stiff as a step allows.
-* ``boundinertia`` is the floor under the inertia of every link, ``Settings.inertia_floor``.
+* ``boundinertia`` is the floor under the inertia of every link, ``WorldSettings.inertia_floor``.
 * MuJoCo's contacts are soft. With these a body of any mass sinks in by 0.01 mm.
 * The friction of a pair is the larger one, so body and ground both have the pair's coefficient.
 * Parts touch the ground alone, not each other.
@@ -31,7 +31,7 @@ from estimator.body.morphology import (
     attachment,
 )
 from estimator.errors import PhysicsError
-from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Readings, WorldSettings, sensor_count
 
 _STIFFNESS: Final = 5000.0  # N·m/rad
 _SOFTNESS: Final = 6.0  # time constant of a contact, in steps; with less, bodies rock for seconds
@@ -49,9 +49,9 @@ class MuJoCoPhysics(BackEnd):
         PhysicsError: MuJoCo is not installed.
     """
 
-    def __init__(self, settings: Settings | None = None) -> None:
+    def __init__(self, settings: WorldSettings | None = None) -> None:
         super().__init__()
-        self._settings = settings or Settings()
+        self._settings = settings or WorldSettings()
         try:
             self._engine: Any = importlib.import_module("mujoco")
             self._rollout: Any = importlib.import_module("mujoco.rollout").rollout
@@ -116,7 +116,7 @@ def _sense(
     data: Any,
     links: Sequence[int],
     *,
-    settings: Settings,
+    settings: WorldSettings,
     readings: Readings,
     row: int,
 ) -> None:
@@ -140,7 +140,7 @@ def _sense(
         readings.touch_doubtful[row, sensor] = 0 < gap < settings.doubtful_gap
 
 
-def mjcf(body: Morphology, settings: Settings) -> str:
+def mjcf(body: Morphology, settings: WorldSettings) -> str:
     """A body on the ground, in MuJoCo's format, in the planar pose.
 
     Part i is the body ``p{i}``, and where it moves its joint is ``j{i}``; the actuators come in the

@@ -12,16 +12,16 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from bench.engines.mujoco_engine import MuJoCoPhysics
-from estimator.physics.base import Pair, Physics, Readings, Settings
+from estimator.physics.base import Pair, Physics, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 
-_COARSE: Final = Settings()
-_FINE: Final = Settings(step=1 / 240, steps=1200, full_steps=True)
+_COARSE: Final = WorldSettings()
+_FINE: Final = WorldSettings(step=1 / 240, steps=1200, full_steps=True)
 _INERT: Final = _FINE.least_inertia * (_COARSE.step / _FINE.step) ** 2  # as inert as at 1/60 s
 _CALM: Final = 2 * _INERT  # with less, MuJoCo's bodies rock for seconds
 
 
-_ENGINES: Final[dict[str, Callable[[Settings], Physics]]] = {
+_ENGINES: Final[dict[str, Callable[[WorldSettings], Physics]]] = {
     "pybullet": PyBulletPhysics,
     "mujoco": MuJoCoPhysics,
 }
@@ -39,7 +39,7 @@ class Run:
     """
 
     engine: str
-    settings: Settings
+    settings: WorldSettings
     label: str
     nudged: bool = False
 

@@ -54,7 +54,7 @@ def jitter(lines: Sequence[tuple[float, str]]) -> list[float]:
 
 
 @dataclass
-class Outcome:
+class LatencyFigures:
     """What was measured with some viewers.
 
     Attributes:
@@ -128,9 +128,9 @@ def _share(process: psutil.Process, seconds: float) -> float:
     return 100 * (after.user + after.system - before.user - before.system) / passed
 
 
-def measure(viewers: int, requests: int, idle_seconds: float) -> Outcome:
+def measure(viewers: int, requests: int, idle_seconds: float) -> LatencyFigures:
     """One run with so many viewers."""
-    outcome = Outcome(viewers)
+    outcome = LatencyFigures(viewers)
     board = SV203Emulator()
     try:
         with tempfile.TemporaryDirectory() as folder:
@@ -143,7 +143,7 @@ def measure(viewers: int, requests: int, idle_seconds: float) -> Outcome:
 
 
 def _measure(
-    outcome: Outcome, board: SV203Emulator, times: Path, requests: int, idle_seconds: float
+    outcome: LatencyFigures, board: SV203Emulator, times: Path, requests: int, idle_seconds: float
 ) -> None:
     options = ("--port", board.port, "--telemetry-rate", str(RATE), "--times", str(times))
     with (
@@ -165,7 +165,7 @@ def _measure(
         watching.stdin = None
 
 
-def _probe(robot: Daemon, mirror: str, requests: int, outcome: Outcome) -> None:
+def _probe(robot: Daemon, mirror: str, requests: int, outcome: LatencyFigures) -> None:
     before, start = robot.process.cpu_times(), time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", "bench.latency.prober", robot.uri, mirror, str(requests)],
@@ -180,7 +180,7 @@ def _probe(robot: Daemon, mirror: str, requests: int, outcome: Outcome) -> None:
     outcome.share = 100 * spent / passed
 
 
-def table(outcomes: Sequence[Outcome]) -> str:
+def table(outcomes: Sequence[LatencyFigures]) -> str:
     """Markdown."""
     heads = [f"{outcome.viewers} viewer{'s' * (outcome.viewers > 1)}" for outcome in outcomes]
     rows: list[list[str]] = [["", *heads], ["---"] * (1 + len(outcomes))]

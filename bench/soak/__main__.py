@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from statistics import median
 
 from bench.daemons import daemon
-from bench.soak.crowd import Broken, Crowd
+from bench.soak.crowd import Crowd, InvariantBroken
 from bench.soak.vitals import Sample
 
 DEATHS = 3  # of controllers
@@ -54,7 +54,7 @@ def main() -> int:
     with soak(options.seed) as found:
         try:
             found.run(options.hours, every=options.hours / 24, deaths=DEATHS, tell=tell)
-        except Broken as error:
+        except InvariantBroken as error:
             print(f"broken: {error}", file=sys.stderr)
             return 1
     counted = ", ".join(f"{number} {name}" for name, number in sorted(found.counts.items()))

@@ -14,7 +14,7 @@ from bench.soak.vitals import Sample, take_sample
 from protocol.errors import RobotError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
 from sim_robot.faults.network_proxy import MessageProxy, TcpProxy, Weather
 from sim_robot.simulator.wiring import configure
@@ -51,7 +51,7 @@ FAULTS = (
 )
 
 
-class Broken(Exception):  # noqa: N818 - a finding
+class InvariantBroken(Exception):  # noqa: N818 - a finding
     """Something that must never happen has happened."""
 
 
@@ -70,7 +70,7 @@ class Crowd:
         self._random = random.Random(seed)
         config = configure(load_body(default_body_path()), port="", levels=NoiseLevels())
         self._scales = {joint.name: joint.scale for joint in config.joints}
-        self._last: Observation | None = None
+        self._last: ObservationReply | None = None
         self._generation = 0
 
     def run(
@@ -161,7 +161,7 @@ class Crowd:
 
     def _interrupt(self) -> None:
         """A stop, a hold or a relax meets a motion somewhere."""
-        ends: list[Observation | RobotError] = []
+        ends: list[ObservationReply | RobotError] = []
         targets = self._targets()
 
         def move() -> None:
@@ -177,7 +177,7 @@ class Crowd:
         getattr(self._client, kind)()
         thread.join()
         (end,) = ends
-        if isinstance(end, Observation):
+        if isinstance(end, ObservationReply):
             self._take(end, stiff=kind != "relax")
         else:
             expected = (f"aborted_{kind}", "stopped", "wrong_state")
@@ -282,7 +282,7 @@ class Crowd:
         )
         self._client.acquire()
 
-    def _once(self, targets: Mapping[str, float], number: int) -> Observation:
+    def _once(self, targets: Mapping[str, float], number: int) -> ObservationReply:
         """One motion, however often it must be asked for; none more."""
         before = self._faults.report()["interactions"]
         while True:
@@ -295,7 +295,7 @@ class Crowd:
         self._demand(after == before + 1, f"{after - before} interactions for one request")
         return found
 
-    def _take(self, seen: Observation, *, stiff: bool = True) -> None:
+    def _take(self, seen: ObservationReply, *, stiff: bool = True) -> None:
         last = self._last
         self._last = seen
         self.counts["observations"] += 1
@@ -317,11 +317,13 @@ class Crowd:
         except RobotError as error:
             self._demand(error.code == code, f"{code} was expected, not {error}")
         else:
-            raise Broken(f"{code} was expected, and nothing was refused")
+            raise InvariantBroken(f"{code} was expected, and nothing was refused")
 
     def _demand(self, holds: bool, sentence: str) -> None:
         if not holds:
-            raise Broken(f"{sentence}; at {self._last}; log: {''.join(list(self._robot.log)[-5:])}")
+            raise InvariantBroken(
+                f"{sentence}; at {self._last}; log: {''.join(list(self._robot.log)[-5:])}"
+            )
 
     def _hours(self) -> float:
         return float(self._faults.report()["robot_time"]) / 3600

@@ -20,7 +20,7 @@ import typer
 from rich.text import Text
 
 from estimator.cli.console import err, fail, out, print_json, sentences
-from estimator.cli.doctor import Finding, Verdict, examine
+from estimator.cli.doctor import ExaminedItem, Fitness, examine
 from estimator.cli.screen import Screen
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
@@ -50,7 +50,7 @@ from estimator.report.run_files import (
 )
 from estimator.report.terminal_tables import print_result, print_score, print_validation
 from estimator.reproduction.report import REPORT
-from estimator.reproduction.reproduce import Request, figures_of, reproduce
+from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
 from estimator.reproduction.runs.plan import FIGURES, SEEDS, Budget
 from estimator.storage.store import RunStore
 
@@ -234,7 +234,7 @@ def doctor_command(*, robot: Robot, keys: Keys = None) -> None:
     """Find out whether a robot can be identified, and why not; moves nothing."""
     with sentences(None):
         verdicts = [_print_finding(finding) for finding in examine(robot, keys)]
-    if Verdict.BAD in verdicts:
+    if Fitness.BAD in verdicts:
         raise typer.Exit(1)
 
 
@@ -276,7 +276,7 @@ def reproduce_command(
         nullcontext() if dask is None else Cluster(dask) as cluster,
         Screen(err) as screen,
     ):
-        request = Request(
+        request = ReproductionRequest(
             figures=figures_of(figure),
             runs=runs,
             budget=budget,
@@ -313,8 +313,8 @@ def _unless_unwritable(directory: Path) -> Iterator[None]:
         err.print(note, highlight=False, soft_wrap=True)
 
 
-def _print_finding(finding: Finding) -> Verdict:
-    colour = {Verdict.FINE: "green", Verdict.NOTE: "yellow", Verdict.BAD: "red"}[finding.verdict]
+def _print_finding(finding: ExaminedItem) -> Fitness:
+    colour = {Fitness.FINE: "green", Fitness.NOTE: "yellow", Fitness.BAD: "red"}[finding.verdict]
     line = Text.assemble(
         (f"{finding.verdict.value:<6}", colour), f"{finding.subject:<13}", finding.sentence
     )

@@ -23,7 +23,7 @@ from protocol.transport.client import RobotClient
 from protocol.transport.connection_probe import Obstacle, probe
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.capabilities import MODALITIES
-from protocol.wire.messages import Observation, Status
+from protocol.wire.messages import ObservationReply, Status
 
 ROUND_TRIPS: Final = 100
 SLOW: Final = 0.05
@@ -42,7 +42,7 @@ _KEY_TROUBLE: Final = (
 )
 
 
-class Verdict(Enum):
+class Fitness(Enum):
     """What a finding means."""
 
     FINE = "fine"
@@ -51,15 +51,15 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True)
-class Finding:
+class ExaminedItem:
     """One thing that was looked at."""
 
     subject: str
-    verdict: Verdict
+    verdict: Fitness
     sentence: str
 
 
-def examine(uri: str, keys: Path | None = None) -> Iterator[Finding]:
+def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
     """Looks at a robot, from the network up; ends early where nothing more can be seen.
 
     Args:
@@ -72,21 +72,21 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[Finding]:
     """
     found = probe(uri, KeyDirectory(keys).client_keys() if keys is not None else None)
     if found.obstacle in _KEY_TROUBLE:
-        yield Finding("reachability", Verdict.FINE, f"{uri} answers.")
-        yield Finding("keys", Verdict.BAD, found.sentence)
+        yield ExaminedItem("reachability", Fitness.FINE, f"{uri} answers.")
+        yield ExaminedItem("keys", Fitness.BAD, found.sentence)
         return
     if not found.fine:
-        yield Finding("reachability", Verdict.BAD, found.sentence)
+        yield ExaminedItem("reachability", Fitness.BAD, found.sentence)
         return
-    yield Finding("reachability", Verdict.FINE, found.sentence)
+    yield ExaminedItem("reachability", Fitness.FINE, found.sentence)
     try:
         client = RobotClient(uri, keys=keys, timeout=_PATIENCE, software="estimator doctor")
     except RobotError as error:
         subject = "version" if error.code == "unsupported_version" else "session"
-        yield Finding(subject, Verdict.BAD, f"{error.message} {error.advice}")
+        yield ExaminedItem(subject, Fitness.BAD, f"{error.message} {error.advice}")
         return
     except RobotUnreachableError as error:
-        yield Finding("session", Verdict.BAD, str(error))
+        yield ExaminedItem("session", Fitness.BAD, str(error))
         return
     with closing(client):
         yield _role(client, with_keys=keys is not None)
@@ -100,49 +100,51 @@ def examine(uri: str, keys: Path | None = None) -> Iterator[Finding]:
             if status.state in _CALM:
                 yield from _freshness(client)
         except BodyschemaError as error:
-            yield Finding("connection", Verdict.BAD, str(error))
+            yield ExaminedItem("connection", Fitness.BAD, str(error))
             return
         yield _telemetry(client, keys)
 
 
-def _role(client: RobotClient, *, with_keys: bool) -> Finding:
+def _role(client: RobotClient, *, with_keys: bool) -> ExaminedItem:
     try:
         client.release()
     except RobotError as error:
         if error.code == "unauthorised":
-            return Finding(
+            return ExaminedItem(
                 "keys",
-                Verdict.BAD,
+                Fitness.BAD,
                 f"{error.message} To identify the robot, this key needs the role controller there.",
             )
     if with_keys:
-        return Finding("keys", Verdict.FINE, "The robot knows this key, as a controller's.")
-    return Finding(
-        "keys", Verdict.FINE, "The robot asks for none: who can reach it can control it."
+        return ExaminedItem("keys", Fitness.FINE, "The robot knows this key, as a controller's.")
+    return ExaminedItem(
+        "keys", Fitness.FINE, "The robot asks for none: who can reach it can control it."
     )
 
 
-def _version(client: RobotClient) -> Finding:
+def _version(client: RobotClient) -> ExaminedItem:
     theirs, ours = client.capabilities.software, f"bodyschema {metadata.version('bodyschema')}"
     if theirs == ours:
-        return Finding("version", Verdict.FINE, f"Both sides run {ours}.")
-    return Finding("version", Verdict.NOTE, f"The robot runs {theirs}, this is {ours}.")
+        return ExaminedItem("version", Fitness.FINE, f"Both sides run {ours}.")
+    return ExaminedItem("version", Fitness.NOTE, f"The robot runs {theirs}, this is {ours}.")
 
 
-def _robot(client: RobotClient) -> Finding:
+def _robot(client: RobotClient) -> ExaminedItem:
     robot = client.capabilities
     missing = [modality for modality in MODALITIES if robot.sensor(modality) is None]
     senses = [sensor.modality for sensor in robot.sensors]
     joints = f"{robot.robot}: {len(robot.joints)} joints"
     if not senses:
-        return Finding("robot", Verdict.BAD, f"{joints}; it feels nothing, so nothing is learnt.")
+        return ExaminedItem(
+            "robot", Fitness.BAD, f"{joints}; it feels nothing, so nothing is learnt."
+        )
     sentence = f"{joints}; feels {', '.join(senses)}"
     if missing:
-        return Finding("robot", Verdict.NOTE, f"{sentence}, but not {', '.join(missing)}.")
-    return Finding("robot", Verdict.FINE, f"{sentence}.")
+        return ExaminedItem("robot", Fitness.NOTE, f"{sentence}, but not {', '.join(missing)}.")
+    return ExaminedItem("robot", Fitness.FINE, f"{sentence}.")
 
 
-def _latency(client: RobotClient) -> Finding:
+def _latency(client: RobotClient) -> ExaminedItem:
     waits = []
     for _ in range(ROUND_TRIPS):
         begun = time.perf_counter()
@@ -155,78 +157,82 @@ def _latency(client: RobotClient) -> Finding:
         f"longest {waits[-1] * 1000:.1f} ms."
     )
     if waits[-1] > HEARTBEAT:
-        return Finding(
+        return ExaminedItem(
             "latency",
-            Verdict.BAD,
+            Fitness.BAD,
             f"{sentence} The robot needs a sign of life each second: mend the network.",
         )
-    return Finding("latency", Verdict.NOTE if waits[-1] > SLOW else Verdict.FINE, sentence)
+    return ExaminedItem("latency", Fitness.NOTE if waits[-1] > SLOW else Fitness.FINE, sentence)
 
 
-def _control(status: Status, client: RobotClient) -> Finding:
+def _control(status: Status, client: RobotClient) -> ExaminedItem:
     if status.controller in (None, client.client_id):
-        return Finding("control", Verdict.FINE, "Nobody holds the robot.")
-    return Finding(
+        return ExaminedItem("control", Fitness.FINE, "Nobody holds the robot.")
+    return ExaminedItem(
         "control",
-        Verdict.BAD,
+        Fitness.BAD,
         f"Client {status.controller} holds the robot: wait until it releases, or ask its owner.",
     )
 
 
-def _state(status: Status) -> Finding:
+def _state(status: Status) -> ExaminedItem:
     reason = f" ({status.reason})" if status.reason else ""
     sentence = f"The robot is {status.state}{reason}."
     if status.state in _CALM:
-        return Finding("state", Verdict.FINE, sentence)
+        return ExaminedItem("state", Fitness.FINE, sentence)
     advice = {
         "stopped": "Make sure that it is safe, then: python -m protocol URI clear",
         "fault": "Mend the cause, then: python -m protocol URI clear",
         "relaxed": "Hold it first: python -m protocol URI hold",
     }.get(status.state, "Wait for the end of its motion.")
-    return Finding("state", Verdict.BAD, f"{sentence} {advice}")
+    return ExaminedItem("state", Fitness.BAD, f"{sentence} {advice}")
 
 
-def _freshness(client: RobotClient) -> Iterator[Finding]:
+def _freshness(client: RobotClient) -> Iterator[ExaminedItem]:
     """Two reads: are they fresh, and do the clocks agree?"""
     try:
         first, heard_first = client.read(), time.monotonic()
         client.status()
         second, heard_second = client.read(), time.monotonic()
     except RobotError as error:
-        yield Finding("freshness", Verdict.BAD, f"It cannot be read: {error}")
+        yield ExaminedItem("freshness", Fitness.BAD, f"It cannot be read: {error}")
         return
     if second.robot_time < first.robot_time or second.monotonic <= first.monotonic:
-        yield Finding("freshness", Verdict.BAD, "A second reading is not younger than the first.")
+        yield ExaminedItem(
+            "freshness", Fitness.BAD, "A second reading is not younger than the first."
+        )
         return
-    yield Finding(
+    yield ExaminedItem(
         "freshness",
-        Verdict.FINE,
+        Fitness.FINE,
         f"Readings are fresh: {first.sequence}, then {second.sequence}, "
         f"each an average of {second.samples} samples.",
     )
     yield _clock(first, second, heard_second - heard_first)
 
 
-def _clock(first: Observation, second: Observation, elapsed: float) -> Finding:
+def _clock(first: ObservationReply, second: ObservationReply, elapsed: float) -> ExaminedItem:
     theirs = second.monotonic - first.monotonic
     if not math.isclose(theirs, elapsed, rel_tol=_DRIFT, abs_tol=_JITTER):
-        return Finding(
+        return ExaminedItem(
             "clock",
-            Verdict.BAD,
+            Fitness.BAD,
             f"Between two readings {elapsed:.3f} s passed here and {theirs:.3f} s at the robot: "
             "one of the clocks is wrong, or the readings were held up.",
         )
     robot = second.robot_time - first.robot_time
     if not math.isclose(robot, theirs, rel_tol=_VIRTUAL):
-        return Finding(
+        return ExaminedItem(
             "clock",
-            Verdict.FINE,
+            Fitness.FINE,
             f"The robot's time is virtual: {robot:.3f} s passed there in {theirs:.3f} s.",
         )
-    return Finding("clock", Verdict.FINE, f"Clocks agree to {abs(theirs - elapsed) * 1000:.1f} ms.")
+    return ExaminedItem(
+        "clock", Fitness.FINE, f"Clocks agree to {abs(theirs - elapsed) * 1000:.1f} ms."
+    )
 
 
-def _telemetry(client: RobotClient, keys: Path | None) -> Finding:
+def _telemetry(client: RobotClient, keys: Path | None) -> ExaminedItem:
     rate = client.capabilities.telemetry_rate
     place = client.telemetry_endpoint
     try:
@@ -236,14 +242,14 @@ def _telemetry(client: RobotClient, keys: Path | None) -> Finding:
             subscriber.next(max(_PATIENCE, 3.0 / rate))
             waited = time.monotonic() - begun
     except BodyschemaError:
-        return Finding(
+        return ExaminedItem(
             "telemetry",
-            Verdict.BAD,
+            Fitness.BAD,
             f"Nothing is heard at {place}, although requests are answered: is that port open, too?",
         )
     late = waited > 2.0 / rate + _JITTER
-    return Finding(
+    return ExaminedItem(
         "telemetry",
-        Verdict.NOTE if late else Verdict.FINE,
+        Fitness.NOTE if late else Fitness.FINE,
         f"Publications come at {place}, the last after {waited:.2f} s of {1 / rate:.2f} s.",
     )

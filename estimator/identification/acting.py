@@ -9,7 +9,7 @@ from estimator.errors import InteractionError
 from estimator.identification.listener import Listener
 from estimator.readings.observation import Observation
 from estimator.robot_link.base import RobotLink
-from estimator.storage.records import Interaction, Ticket
+from estimator.storage.records import InteractionRecord, Ticket
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 
 Commit = Callable[[Ticket | None], None]
@@ -17,7 +17,7 @@ Commit = Callable[[Ticket | None], None]
 
 
 def carry_out(
-    link: RobotLink, number: int, planned: Interaction, commit: Commit, listener: Listener
+    link: RobotLink, number: int, planned: InteractionRecord, commit: Commit, listener: Listener
 ) -> Observation:
     """Performs a motor program, or finds out what became of it.
 
@@ -56,7 +56,7 @@ def carry_out(
 
 
 def _ask_again(
-    link: RobotLink, number: int, planned: Interaction, listener: Listener
+    link: RobotLink, number: int, planned: InteractionRecord, listener: Listener
 ) -> Observation | None:
     """The outcome of a request whose answer an earlier process did not live to see."""
     assert planned.ticket is not None

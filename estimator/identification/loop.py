@@ -21,7 +21,7 @@ from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import RobotLink
 from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.search.randomness import Stream, generator
-from estimator.storage.records import Counters, Generation, Interaction
+from estimator.storage.records import Counters, Generation, InteractionRecord
 from estimator.storage.store import RunStore
 
 Connect = Callable[[], RobotLink]
@@ -107,7 +107,7 @@ class Identification:
         if self._link is None:
             self._link = self._connect()
         if planned is None:
-            planned = Interaction(program=self._program(number, self._link))
+            planned = InteractionRecord(program=self._program(number, self._link))
             self._store.plan(number, planned.program)
         commit = partial(self._store.ask, number)
         observation = carry_out(self._link, number, planned, commit, self._listener)

@@ -20,7 +20,7 @@ from estimator.identification.loop import Identification
 from estimator.identification.reference_check import finish
 from estimator.identification.subjective_error import check_modalities
 from estimator.physics.backends import REFERENCE, OpenPhysics, check_name, foresight_of
-from estimator.physics.base import Settings
+from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
@@ -130,7 +130,7 @@ def problem_of(store: RunStore) -> Problem:
     return asked.for_robot(store.capabilities)
 
 
-def world_of(store: RunStore, problem: Problem) -> Settings:
+def world_of(store: RunStore, problem: Problem) -> WorldSettings:
     """The world in which a run's models are simulated."""
     return replace(problem.settings(store.capabilities), full_steps=store.settings.full_steps)
 

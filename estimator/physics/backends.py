@@ -9,13 +9,13 @@ from typing import Final, TypeAlias
 
 from estimator.errors import EstimatorError
 from estimator.parallel.cluster import Cluster
-from estimator.physics.base import Physics, Settings
+from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.dask import DaskPhysics
 from estimator.physics.pool import MakePhysics, PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 
-OpenPhysics: TypeAlias = Callable[[str, Settings], Physics]
+OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 """Makes the back-end of a given name for a given world."""
 
 REFERENCE: Final = "pybullet"
@@ -25,7 +25,7 @@ _BACKENDS: Final = MappingProxyType({REFERENCE: PyBulletPhysics, "statics": Stat
 BACKENDS: Final = tuple(_BACKENDS)
 
 
-def maker(name: str, settings: Settings) -> MakePhysics:
+def maker(name: str, settings: WorldSettings) -> MakePhysics:
     """Makes a back-end when called, in whatever process it is called; picklable.
 
     Raises:
@@ -45,7 +45,7 @@ def check_name(name: str) -> None:
         raise EstimatorError(f"there is no physics {name!r}: choose {', '.join(BACKENDS)}")
 
 
-def foresight_of(name: str, settings: Settings) -> StaticsPhysics | None:
+def foresight_of(name: str, settings: WorldSettings) -> StaticsPhysics | None:
     """What guesses the readings of a slower back-end; ``None`` where it would be that back-end."""
     return None if name == "statics" else StaticsPhysics(settings)
 
@@ -53,7 +53,7 @@ def foresight_of(name: str, settings: Settings) -> StaticsPhysics | None:
 def in_processes(jobs: int) -> OpenPhysics:
     """Back-ends on ``jobs`` cores: in worker processes, or in threads where the back-end can."""
 
-    def opened(name: str, settings: Settings) -> Physics:
+    def opened(name: str, settings: WorldSettings) -> Physics:
         if name == "statics":
             return StaticsPhysics(settings, jobs=jobs)
         return PhysicsPool(maker(name, settings), jobs)
@@ -66,6 +66,6 @@ def on_cluster(cluster: Cluster) -> OpenPhysics:
     return lambda name, settings: DaskPhysics(maker(name, settings), cluster)
 
 
-def in_this_process(name: str, settings: Settings) -> Physics:
+def in_this_process(name: str, settings: WorldSettings) -> Physics:
     """A back-end in the calling process, for those that have processes of their own."""
     return maker(name, settings)()

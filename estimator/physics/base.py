@@ -30,7 +30,7 @@ Pair: TypeAlias = tuple[Morphology, Array]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class WorldSettings:
     """The world that bodies are simulated in; the same for robot and models where it can be.
 
     Attributes:

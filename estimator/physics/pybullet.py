@@ -4,8 +4,8 @@ What PyBullet needs to be told, and why:
 
 * ``URDF_MAINTAIN_LINK_ORDER``, or ``createMultiBody`` reorders links and joint j is no longer
   part j.
-* Every link gets a local inertia of at least ``Settings.inertia_floor``. With the true inertia of
-  light parts the solver misses joint angles by whole degrees, and a missed angle biases every
+* Every link gets a local inertia of at least ``WorldSettings.inertia_floor``. With the true inertia
+  of light parts the solver misses joint angles by whole degrees, and a missed angle biases every
   length. With too much of it momentum carries bodies into other poses than the true ones.
 * Position and velocity gain 1 with ample force: with the default gains a loaded joint never
   reaches its target.
@@ -31,7 +31,7 @@ from typing import Any, Final
 
 from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
 from estimator.errors import PhysicsError
-from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, Settings, sensor_count
+from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, WorldSettings, sensor_count
 from estimator.physics.native_output import quiet
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
@@ -57,9 +57,9 @@ class PyBulletPhysics(BackEnd):
         PhysicsError: PyBullet is not installed or does not start.
     """
 
-    def __init__(self, settings: Settings | None = None) -> None:
+    def __init__(self, settings: WorldSettings | None = None) -> None:
         super().__init__()
-        self._settings = settings or Settings()
+        self._settings = settings or WorldSettings()
         self._bodies = 0  # built in the present world
         self._body = -1  # the last of them, which is still there
         self._client = -1

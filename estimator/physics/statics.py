@@ -32,7 +32,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
 from estimator.parallel.interrupts import interrupts_deferred
-from estimator.physics.base import BackEnd, Pair, Readings, Settings, sensor_count
+from estimator.physics.base import BackEnd, Pair, Readings, WorldSettings, sensor_count
 
 PACE: Final = math.radians(1.5)
 """Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,
@@ -58,14 +58,14 @@ class StaticsPhysics(BackEnd):
     """
 
     def __init__(
-        self, settings: Settings | None = None, *, jobs: int = 1, pace: float = PACE
+        self, settings: WorldSettings | None = None, *, jobs: int = 1, pace: float = PACE
     ) -> None:
         super().__init__()
         if jobs < 1:
             raise PhysicsError(f"there must be at least one thread, not {jobs}")
         if not 0 < pace <= PACE:
             raise PhysicsError(f"a joint's step must be above 0 and at most {PACE:.3f} rad")
-        self._settings = settings or Settings()
+        self._settings = settings or WorldSettings()
         self._jobs = jobs
         self._pace = pace
         self._threads: ThreadPoolExecutor | None = None

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
-from estimator.physics.base import Physics, Settings
+from estimator.physics.base import Physics, WorldSettings
 from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.unknowns import Predictor
@@ -29,7 +29,7 @@ _WORTH: Final = 0.005  # probability of a mode that is simulated
 _FEWEST: Final = 3  # samples of a mode
 
 
-def fine(world: Settings) -> Settings:
+def fine(world: WorldSettings) -> WorldSettings:
     """The same world with the fine time step."""
     return replace(world, step=STEP, steps=round(world.steps * world.step / STEP))
 

@@ -19,8 +19,8 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from estimator.body.morphology import Array, Base
 from estimator.errors import ProblemError
-from estimator.physics.base import Settings
-from estimator.problem.sections import Motors, PartRule, SearchSettings, Strict, World
+from estimator.physics.base import WorldSettings
+from estimator.problem.sections import Motors, PartRule, SearchSettings, Strict, WorldSection
 from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
 from estimator.problem.values import Density, Name, complaint
 from protocol.text.toml import TomlError, parse_toml
@@ -49,7 +49,7 @@ class Problem(Strict):
     density: Density
     motors: Motors
     search: SearchSettings
-    world: World = World()
+    world: WorldSection = WorldSection()
     touch: Literal["outermost"] | None = None
     parts: Annotated[tuple[PartRule, ...], Field(min_length=1)]
     _source: str = PrivateAttr(default="")
@@ -173,9 +173,9 @@ class Problem(Strict):
         x, y, z = capabilities.base_size
         return Base(size=(x, y, z), mass=capabilities.base_mass)
 
-    def settings(self, capabilities: Capabilities) -> Settings:
+    def settings(self, capabilities: Capabilities) -> WorldSettings:
         """The world in which models of this robot are simulated."""
-        known = Settings(
+        known = WorldSettings(
             steps=self.world.steps,
             step=self.world.step_s,
             friction=self.world.friction,

@@ -6,7 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from estimator.physics.base import Settings
+from estimator.physics.base import WorldSettings
 from estimator.problem.values import (
     Angles,
     Count,
@@ -96,7 +96,7 @@ class Motors(Strict):
     slew_deg_per_s: Positive
 
 
-class World(Strict):
+class WorldSection(Strict):
     """How models are simulated, where the paper is silent or only implies it.
 
     Attributes:
@@ -105,9 +105,9 @@ class World(Strict):
         friction: Between body and ground.
     """
 
-    steps: Count = Settings.steps
-    step_s: Positive = Settings.step
-    friction: Positive = Settings.friction
+    steps: Count = WorldSettings.steps
+    step_s: Positive = WorldSettings.step
+    friction: Positive = WorldSettings.friction
 
 
 class SearchSettings(Strict):

@@ -63,7 +63,7 @@ class Observation(BaseModel):
     robot_time: Reading | None = None
 
     @classmethod
-    def from_wire(cls, found: messages.Observation, capabilities: Capabilities) -> Observation:
+    def from_wire(cls, found: messages.ObservationReply, capabilities: Capabilities) -> Observation:
         """The same observation, with joints in motor order instead of by name."""
         sensor = capabilities.sensor("touch")
         absent: tuple[bool | None, ...] = (None,) * (sensor.count if sensor else 0)

@@ -12,7 +12,7 @@ from estimator.report.terminal_tables import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import Drawn
 from estimator.reproduction.output_files import write_csv
-from estimator.reproduction.runs.ledger import Session
+from estimator.reproduction.runs.ledger import LedgerEntry
 from estimator.reproduction.runs.plan import (
     PARAMETRIC,
     PARAMETRIC_RUNS,
@@ -40,7 +40,7 @@ def write_report(
     root: Path,
     *,
     budget: Budget,
-    sessions: Sequence[Session],
+    sessions: Sequence[LedgerEntry],
     figures: Sequence[Drawn],
     claims: ClaimsTable | None,
     runs: Sequence[Summary],
@@ -77,7 +77,7 @@ def write_report(
     replace(root / REPORT, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 
-def _how(budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]) -> list[str]:
+def _how(budget: Budget, sessions: Sequence[LedgerEntry], runs: Sequence[Summary]) -> list[str]:
     finished = [item.result for item in runs if item.result is not None]
     seeds = sorted({item.run.seed for item in runs})
     requested = sum(result.simulations_requested for result in finished)

@@ -36,7 +36,7 @@ from estimator.reproduction.runs.single_run import TRUTH, is_finished, work_done
 
 
 @dataclass(frozen=True, kw_only=True)
-class Request:
+class ReproductionRequest:
     """What a person asks for.
 
     Attributes:
@@ -55,7 +55,7 @@ class Request:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class ReproductionResult:
     """What came of it.
 
     Attributes:
@@ -83,8 +83,8 @@ def figures_of(name: str) -> tuple[str, ...]:
 
 
 def reproduce(
-    root: Path, request: Request, listener: Listener, *, cluster: Cluster | None = None
-) -> Outcome:
+    root: Path, request: ReproductionRequest, listener: Listener, *, cluster: Cluster | None = None
+) -> ReproductionResult:
     """Does what is asked for, from wherever the directory says that it stands.
 
     Args:
@@ -120,10 +120,10 @@ def reproduce(
             claims=claims,
             runs=summaries,
         )
-    return Outcome(figures=drawn, claims=claims, failures=failures)
+    return ReproductionResult(figures=drawn, claims=claims, failures=failures)
 
 
-def _check(request: Request) -> None:
+def _check(request: ReproductionRequest) -> None:
     check_name(request.budget.physics)
     if request.runs is not None and not 1 <= request.runs <= len(SEEDS):
         raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {request.runs}")
@@ -175,7 +175,9 @@ def _do(
     return failures
 
 
-def _draw(shelf: Shelf, request: Request) -> tuple[tuple[Drawn, ...], ClaimsTable | None]:
+def _draw(
+    shelf: Shelf, request: ReproductionRequest
+) -> tuple[tuple[Drawn, ...], ClaimsTable | None]:
     budget, runs, asked = request.budget, request.runs, request.figures
     samples: Samples | None = None
     successes: Share | None = None

@@ -94,7 +94,7 @@ class WireLink:
         """Gives the robot back; a motion that is still under way ends where it is."""
         self._client.close()
 
-    def _observation(self, found: messages.Observation) -> Observation:
+    def _observation(self, found: messages.ObservationReply) -> Observation:
         names = [joint.name for joint in self.capabilities.joints]
         if set(found.angles) != set(names):
             raise self._disbelief(

@@ -112,7 +112,7 @@ class Ticket:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interaction:
+class InteractionRecord:
     """A motor program, the ticket under which it was last asked for, and what it returned."""
 
     program: Program
@@ -121,7 +121,7 @@ class Interaction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prediction(Interaction):
+class Prediction(InteractionRecord):
     """A motor program whose readings were predicted before it was performed.
 
     Attributes:

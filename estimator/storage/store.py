@@ -43,7 +43,7 @@ from estimator.storage.records import (
     Counters,
     Finish,
     Generation,
-    Interaction,
+    InteractionRecord,
     Prediction,
     RunSettings,
     Ticket,
@@ -186,13 +186,13 @@ class RunStore:
                 (observation.model_dump_json(), number),
             )
 
-    def interactions(self) -> list[Interaction]:
+    def interactions(self) -> list[InteractionRecord]:
         """All interactions in order; only the last one can lack its observation."""
         with reading(self.directory):
             rows = self._database.execute(
                 "SELECT program, request_id, session, observation FROM interactions ORDER BY number"
             )
-            return [Interaction(**self._performed(*row)) for row in rows]
+            return [InteractionRecord(**self._performed(*row)) for row in rows]
 
     def observations(self) -> list[Observation]:
         """The observations so far, in order."""

@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from protocol.conformance.settings import Settings
-from protocol.conformance.suite import NOT_CHECKED, Result, Verdict, run
+from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.suite import NOT_CHECKED, CheckResult, CheckStatus, run
 from protocol.errors import BodyschemaError
 from protocol.security.keys import ClientKeys, KeyDirectory
 from protocol.text.printable import printable
@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Prints a table; returns 0 when everything that was tried holds, else 1."""
     options = _parser().parse_args(arguments)
     try:
-        settings = Settings(
+        settings = SuiteSettings(
             uri=options.uri,
             keys=_keys(options.keys),
             move=options.move,
@@ -37,11 +37,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     verdicts = Counter(result.verdict for result in results)
     print(
-        f"\n{verdicts[Verdict.HOLDS]} checks hold, {verdicts[Verdict.BROKEN]} are broken, "
-        f"{verdicts[Verdict.UNTRIED]} were not tried. Clauses that no check can try: "
+        f"\n{verdicts[CheckStatus.HOLDS]} checks hold, {verdicts[CheckStatus.BROKEN]} are broken, "
+        f"{verdicts[CheckStatus.UNTRIED]} were not tried. Clauses that no check can try: "
         f"{', '.join(NOT_CHECKED)}."
     )
-    return 1 if verdicts[Verdict.BROKEN] else 0
+    return 1 if verdicts[CheckStatus.BROKEN] else 0
 
 
 def _keys(place: str | None) -> ClientKeys | None:
@@ -52,7 +52,7 @@ def _command(text: str | None) -> Callable[[], object] | None:
     return partial(subprocess.Popen, shlex.split(text)) if text else None
 
 
-def _print(result: Result) -> None:
+def _print(result: CheckResult) -> None:
     where = ", ".join(result.check.clauses)
     print(f"{where:<12}{result.verdict.value:<11}{result.check.title}", flush=True)
     if result.sentence:

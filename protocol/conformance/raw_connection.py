@@ -13,7 +13,7 @@ import zmq
 
 from protocol.conformance.expectations import Broken, expect
 from protocol.conformance.frame_trace import shown
-from protocol.conformance.settings import Settings
+from protocol.conformance.settings import SuiteSettings
 from protocol.errors import ERROR_CODES, RemoteProtocolError
 from protocol.security.keys import ClientKeys
 from protocol.sockets.zmq_sockets import connected
@@ -47,7 +47,7 @@ class Line:
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
-        settings: Settings,
+        settings: SuiteSettings,
         keys: ClientKeys | None,
         noted: defaultdict[str, list[str]],
         number: int,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, TypeAlias
 
-from protocol.conformance.robot_on_trial import Bench
+from protocol.conformance.robot_on_trial import RobotOnTrial
 
-Run: TypeAlias = Callable[[Bench], None]
+Run: TypeAlias = Callable[[RobotOnTrial], None]
 
 
 class Need(Enum):

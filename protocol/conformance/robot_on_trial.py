@@ -14,7 +14,7 @@ import zmq
 
 from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.raw_connection import Line, Map, Unanswered, said
-from protocol.conformance.settings import Settings
+from protocol.conformance.settings import SuiteSettings
 from protocol.security.keys import ClientKeys
 from protocol.wire.capabilities import Capabilities
 
@@ -32,7 +32,7 @@ class Party:
         line: Its connection.
     """
 
-    def __init__(self, bench: Bench, name: str, line: Line):
+    def __init__(self, bench: RobotOnTrial, name: str, line: Line):
         self.name = name
         self.line = line
         self.session = ""
@@ -145,7 +145,7 @@ class Party:
         raise Unanswered(f"A motion did not end within {self._bench.settings.motion:g} s.")
 
 
-class Bench:
+class RobotOnTrial:
     """The robot under trial, as the checks see it.
 
     Use it as a context manager: it closes every connection.
@@ -155,7 +155,7 @@ class Bench:
         dead: Kinds of request that do not work at all, and why no check needs to try them again.
     """
 
-    def __init__(self, settings: Settings):
+    def __init__(self, settings: SuiteSettings):
         self.settings = settings
         self.noted: defaultdict[str, list[str]] = defaultdict(list)
         self.dead: dict[str, str] = {}
@@ -168,7 +168,7 @@ class Bench:
         self._lines: list[Line] = []
         self._connections = 0
 
-    def __enter__(self) -> Bench:
+    def __enter__(self) -> RobotOnTrial:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -10,7 +10,7 @@ from protocol.security.keys import ClientKeys
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class SuiteSettings:
     """What the suite may do.
 
     Attributes:

@@ -13,8 +13,8 @@ from typing import Final
 
 from protocol.conformance.expectations import Broken, Untried
 from protocol.conformance.registry import CHECKS, Check, Need
-from protocol.conformance.robot_on_trial import Bench
-from protocol.conformance.settings import Settings
+from protocol.conformance.robot_on_trial import RobotOnTrial
+from protocol.conformance.settings import SuiteSettings
 from protocol.errors import RobotUnreachableError
 from protocol.transport.connection_probe import probe
 
@@ -65,7 +65,7 @@ _BUILT_ON: Final = MappingProxyType(
 _TAG: Final = re.compile(r"\[(\d+\.\d+)\]")
 
 
-class Verdict(Enum):
+class CheckStatus(Enum):
     """What became of a check."""
 
     HOLDS = "holds"
@@ -74,11 +74,11 @@ class Verdict(Enum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Result:
+class CheckResult:
     """A check and what became of it; ``sentence`` says why it is broken or was not tried."""
 
     check: Check
-    verdict: Verdict
+    verdict: CheckStatus
     sentence: str = ""
 
 
@@ -111,11 +111,11 @@ def ordered() -> list[Check]:
 
 
 def run(
-    settings: Settings,
+    settings: SuiteSettings,
     *,
     only: Collection[str] = (),
-    on_result: Callable[[Result], None] = lambda result: None,
-) -> list[Result]:
+    on_result: Callable[[CheckResult], None] = lambda result: None,
+) -> list[CheckResult]:
     """Runs every check that is allowed.
 
     Args:
@@ -133,7 +133,7 @@ def run(
     if not found.fine:
         raise RobotUnreachableError(found.sentence)
     results = []
-    with Bench(settings) as bench:
+    with RobotOnTrial(settings) as bench:
         for result in _Suite(bench, only).results():
             results.append(result)
             on_result(result)
@@ -148,12 +148,12 @@ class _Suite:
         only: The clauses to try; empty: all of them.
     """
 
-    def __init__(self, bench: Bench, only: Collection[str]):
+    def __init__(self, bench: RobotOnTrial, only: Collection[str]):
         self._bench = bench
         self._only = set(only)
         self._broken: set[str] = set()  # clauses
 
-    def results(self) -> Iterator[Result]:
+    def results(self) -> Iterator[CheckResult]:
         """The checks, one after the other."""
         wanted = [each for each in ordered() if self._is_wanted(each)]
         needed = {Need.NOTHING}.union(*(_BUILT_ON.get(each.need, ()) for each in wanted))
@@ -162,26 +162,26 @@ class _Suite:
                 yield from self._results_of(each)
             elif each.basic is not None and each.need in needed:
                 for result in self._results_of(each):  # what is wanted builds on it
-                    if result.verdict is Verdict.BROKEN:
+                    if result.verdict is CheckStatus.BROKEN:
                         yield result
 
     def _is_wanted(self, each: Check) -> bool:
         return not self._only or not self._only.isdisjoint(each.clauses)
 
-    def _results_of(self, each: Check) -> Iterator[Result]:
+    def _results_of(self, each: Check) -> Iterator[CheckResult]:
         reason = _not_allowed(each, self._bench.settings) or self._lacks(each)
         if reason:
-            yield Result(check=each, verdict=Verdict.UNTRIED, sentence=reason)
+            yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=reason)
             return
         try:
             each.run(self._bench)
         except Untried as error:
-            yield Result(check=each, verdict=Verdict.UNTRIED, sentence=str(error))
+            yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=str(error))
         except Broken as error:
             self._bench.close_lines()
             yield from self._blame(each, error)
         else:
-            yield Result(check=each, verdict=Verdict.HOLDS)
+            yield CheckResult(check=each, verdict=CheckStatus.HOLDS)
         finally:
             self._bench.close_lines()
 
@@ -191,18 +191,18 @@ class _Suite:
         broken = [clause for clause in each.after if clause in self._broken]
         return f"Because {', '.join(broken)} is broken." if broken else ""
 
-    def _blame(self, each: Check, error: Broken) -> Iterator[Result]:
+    def _blame(self, each: Check, error: Broken) -> Iterator[CheckResult]:
         """What a check has found to be broken, under the clause that is."""
         # Where answers come twice, each may have been taken for the answer to what came next.
         clause = error.clause or ("7.5" if self._bench.noted["7.5"] else each.clauses[0])
         reason = f"Because {clause} is broken."
         if clause in each.clauses:
-            yield Result(check=each, verdict=Verdict.BROKEN, sentence=str(error))
+            yield CheckResult(check=each, verdict=CheckStatus.BROKEN, sentence=str(error))
         else:
             if clause not in self._broken:
                 seen = replace(each, clauses=(clause,), title=f"Seen while trying: {each.title}")
-                yield Result(check=seen, verdict=Verdict.BROKEN, sentence=str(error))
-            yield Result(check=each, verdict=Verdict.UNTRIED, sentence=reason)
+                yield CheckResult(check=seen, verdict=CheckStatus.BROKEN, sentence=str(error))
+            yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=reason)
         if each.basic is not None:
             self._bench.dead[each.basic] = reason
         elif clause not in self._broken:
@@ -228,7 +228,7 @@ class _Suite:
                 bench.close_lines()
 
 
-def _not_allowed(each: Check, settings: Settings) -> str:
+def _not_allowed(each: Check, settings: SuiteSettings) -> str:
     if each.need is Need.MOTION and not settings.move:
         return "This needs --move."
     if each.need is Need.TIME and not settings.slow:

@@ -25,7 +25,7 @@ MAX_CLIENTS: Final = 64
 
 
 @dataclass(slots=True)
-class Outcome:
+class RememberedRequest:
     """One request and what has become of it.
 
     Attributes:
@@ -43,7 +43,7 @@ class Outcome:
     reply: bytes | None = None
 
     @classmethod
-    def of(cls, request: Request, peer: bytes) -> Outcome:
+    def of(cls, request: Request, peer: bytes) -> RememberedRequest:
         """The outcome of a request that just arrived: none yet."""
         return cls(request, _fingerprint(request), peer)
 
@@ -72,14 +72,14 @@ class Client:
     user: str | None
     software: str | None
     highest: int = -1
-    outcomes: OrderedDict[int, Outcome] = field(default_factory=OrderedDict)
+    outcomes: OrderedDict[int, RememberedRequest] = field(default_factory=OrderedDict)
 
     @property
     def in_flight(self) -> bool:
         """Whether some request has not ended."""
         return any(outcome.reply is None for outcome in self.outcomes.values())
 
-    def recall(self, request: Request) -> Outcome | None:
+    def recall(self, request: Request) -> RememberedRequest | None:
         """The outcome of the same request, if it was seen before.
 
         Raises:
@@ -99,7 +99,7 @@ class Client:
             )
         return None
 
-    def begin(self, request: Request, peer: bytes) -> Outcome:
+    def begin(self, request: Request, peer: bytes) -> RememberedRequest:
         """Opens the outcome of a new request, forgetting the oldest that has ended.
 
         Raises:
@@ -111,7 +111,7 @@ class Client:
             if oldest is None:
                 raise RobotError("busy", f"{MAX_OUTCOMES} requests of this client are in flight.")
             del self.outcomes[oldest]
-        outcome = Outcome.of(request, peer)
+        outcome = RememberedRequest.of(request, peer)
         self.outcomes[request.id] = outcome
         self.highest = request.id
         return outcome

@@ -1,7 +1,7 @@
 """The client's side of the protocol without sockets, threads or clocks.
 
-A ``Dialogue`` keeps the requests under way: what to send and when, what came back, when to give up.
-Requests are repeated under the same id until they are answered, which is safe because the robot
+A ``ClientCore`` keeps the requests under way: what to send and when, what came back, when to give
+up. Requests are repeated under the same id until they are answered, which is safe because the robot
 carries out each id at most once. A lost session ends every request: nothing is ever carried over to
 a daemon that may not know what the last one did.
 """
@@ -27,7 +27,7 @@ from protocol.wire.messages import (
     FINAL_REPLIES,
     ErrorReply,
     Heartbeat,
-    Observation,
+    ObservationReply,
     Perform,
     Read,
     Reply,
@@ -89,7 +89,7 @@ class Call:
             self.words.put(word)
 
 
-class Dialogue:
+class ClientCore:
     """All requests of one client to one robot.
 
     Args:
@@ -236,7 +236,7 @@ class Dialogue:
     def _last_word(self, call: Call, reply: Reply | ErrorReply) -> Word:
         if isinstance(reply, ErrorReply):
             return reply.to_error(self._peer)
-        if isinstance(reply, Observation):
+        if isinstance(reply, ObservationReply):
             if reply.sequence <= call.after_sequence:
                 return RobotError(
                     "stale",

@@ -17,7 +17,7 @@ from protocol.wire.messages import (
     Clear,
     ErrorReply,
     Hold,
-    Observation,
+    ObservationReply,
     Ok,
     Perform,
     Read,
@@ -31,7 +31,7 @@ from protocol.wire.states import State
 RobotRequest: TypeAlias = Perform | Read | Hold | Relax | Stop | Clear
 """What reaches a robot; the server deals with every other request by itself."""
 
-FinalReply: TypeAlias = Observation | Ok | ErrorReply
+FinalReply: TypeAlias = ObservationReply | Ok | ErrorReply
 """How a robot ends a request: ``Perform`` and ``Read`` with an observation, the others with ok."""
 
 

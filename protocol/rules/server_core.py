@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Final, TypeAlias
 
 from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
-from protocol.rules.at_most_once import Client, Clients, Outcome
+from protocol.rules.at_most_once import Client, Clients, RememberedRequest
 from protocol.rules.lease import EXPIRY, Lapse, Lease
 from protocol.rules.robot_interface import Finished, Progressed, RobotRequest, Snapshot
 from protocol.rules.roles import Role
@@ -99,7 +99,7 @@ class ServerCore:
         self._clients = Clients(token)
         self._lease = Lease()
         self._tickets = itertools.count(1)
-        self._in_flight: dict[int, Outcome] = {}
+        self._in_flight: dict[int, RememberedRequest] = {}
 
     @property
     def deadline(self) -> float | None:
@@ -133,7 +133,7 @@ class ServerCore:
             if isinstance(request, Hello):
                 return [self._hello(peer, request, now, user)]
             if isinstance(request, Stop):
-                return [self._submit(request, Outcome.of(request, peer))]
+                return [self._submit(request, RememberedRequest.of(request, peer))]
             assert isinstance(request, SessionRequest)
             client = self._clients.find(request.client, session=request.session, user=user)
             self._lease.hear(client.name, now)
@@ -298,7 +298,7 @@ class ServerCore:
             f"{self._clients.name_of(self._lease.holder)} controls the robot, not this client.",
         )
 
-    def _acquire(self, client: Client, outcome: Outcome, now: float) -> list[Action]:
+    def _acquire(self, client: Client, outcome: RememberedRequest, now: float) -> list[Action]:
         holder = self._lease.holder
         if holder not in (None, client.name):
             raise RobotError("held", f"{self._clients.name_of(holder)} holds the robot.")
@@ -307,7 +307,7 @@ class ServerCore:
         changed: list[Action] = [ControllerChanged(client.name, reason)] if holder is None else []
         return [*changed, *_end(outcome, self._ok(outcome))]
 
-    def _release(self, outcome: Outcome) -> list[Action]:
+    def _release(self, outcome: RememberedRequest) -> list[Action]:
         assert outcome.request is not None
         reason = f"{self._clients.name_of(outcome.request.client)} released it"
         released = self._let_go(reason, "The controller released the robot in mid-motion")
@@ -319,11 +319,11 @@ class ServerCore:
         unsteered: list[Action] = [Silence(f"{cause}; it holds its pose.")] if moving else []
         return [*unsteered, ControllerChanged(None, reason)]
 
-    def _ok(self, outcome: Outcome) -> Ok:
+    def _ok(self, outcome: RememberedRequest) -> Ok:
         assert outcome.request is not None
         return Ok(id=outcome.request.id, state=self._view().state.value)
 
-    def _submit(self, request: RobotRequest, outcome: Outcome) -> Submit:
+    def _submit(self, request: RobotRequest, outcome: RememberedRequest) -> Submit:
         ticket = next(self._tickets)
         self._in_flight[ticket] = outcome
         return Submit(ticket, request)
@@ -333,11 +333,11 @@ def _send(peer: bytes, message: Message) -> Send:
     return Send(peer, encode(message.to_map()))
 
 
-def _end(outcome: Outcome, reply: Message) -> list[Send]:
+def _end(outcome: RememberedRequest, reply: Message) -> list[Send]:
     frame = encode(reply.to_map())
     outcome.end(frame)
     return _to(outcome, frame)
 
 
-def _to(outcome: Outcome, frame: bytes) -> list[Send]:
+def _to(outcome: RememberedRequest, frame: bytes) -> list[Send]:
     return [Send(outcome.peer, frame)] if outcome.peer is not None else []

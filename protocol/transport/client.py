@@ -18,11 +18,11 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
-from protocol.rules.client_core import FIRST_LOOSE_ID, Call, Dialogue
+from protocol.rules.client_core import FIRST_LOOSE_ID, Call, ClientCore
 from protocol.security.keys import ClientKeys, KeyDirectory
 from protocol.sockets.closable import Closing
 from protocol.sockets.endpoints import Endpoint
-from protocol.transport.client_thread import Link
+from protocol.transport.client_thread import ClientThread
 from protocol.transport.connection_probe import probe
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.declaration import Message
@@ -34,7 +34,7 @@ from protocol.wire.messages import (
     Heartbeat,
     Hello,
     Hold,
-    Observation,
+    ObservationReply,
     Ok,
     Perform,
     Progress,
@@ -114,9 +114,11 @@ class RobotClient(Closing):
         self._first_id = 0
         self._restarted = False
         self._holding = False
-        self._dialogue = Dialogue(self._client, peer=self._uri, now=clock())
+        self._dialogue = ClientCore(self._client, peer=self._uri, now=clock())
         found = KeyDirectory(keys).client_keys() if keys is not None else None
-        self._link = Link(self._uri, self._dialogue, keys=found, context=context, clock=clock)
+        self._link = ClientThread(
+            self._uri, self._dialogue, keys=found, context=context, clock=clock
+        )
         try:
             self._meet(found)
         except BaseException:
@@ -226,7 +228,7 @@ class RobotClient(Closing):
         request_id: int | None = None,
         on_progress: OnProgress | None = None,
         timeout: float | None = None,
-    ) -> Observation:
+    ) -> ObservationReply:
         """Performs one motor program: return to zero, slew to the targets, settle, read.
 
         Args:
@@ -247,15 +249,15 @@ class RobotClient(Closing):
             )
         return self._ask(
             self._in_session(Perform, request_id=request_id, targets=targets),
-            Observation,
+            ObservationReply,
             on_progress=on_progress or self._on_progress,
             limit=math.inf if timeout is None else timeout,
         )
 
-    def read(self, *, on_progress: OnProgress | None = None) -> Observation:
+    def read(self, *, on_progress: OnProgress | None = None) -> ObservationReply:
         """Reads the sensors in the present pose."""
         return self._ask(
-            self._in_session(Read), Observation, on_progress=on_progress or self._on_progress
+            self._in_session(Read), ObservationReply, on_progress=on_progress or self._on_progress
         )
 
     def hold(self) -> Ok:

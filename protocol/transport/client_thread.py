@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import zmq
 
-from protocol.rules.client_core import LOOK, Call, Dialogue
+from protocol.rules.client_core import LOOK, Call, ClientCore
 from protocol.security.keys import ClientKeys
 from protocol.sockets.waker import Waker
 from protocol.sockets.zmq_sockets import connected
@@ -19,7 +19,7 @@ from protocol.sockets.zmq_sockets import connected
 _Order: TypeAlias = Callable[[float], None]  # something to do in the thread, given the time
 
 
-class Link:
+class ClientThread:
     """A connection that mends itself.
 
     Args:
@@ -36,7 +36,7 @@ class Link:
     def __init__(
         self,
         uri: str,
-        dialogue: Dialogue,
+        dialogue: ClientCore,
         *,
         keys: ClientKeys | None = None,
         context: zmq.Context[zmq.Socket[bytes]] | None = None,

@@ -187,7 +187,7 @@ class Progress(Reply):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation(Reply):
+class ObservationReply(Reply):
     """What the robot felt, after a ``Perform`` or a ``Read``.
 
     Attributes:
@@ -283,9 +283,10 @@ REQUESTS: Final = {
     for kind in (Hello, Heartbeat, Acquire, Release, Perform, Read, Hold, Relax, Stop, Clear)
 }
 REPLIES: Final = {
-    kind.TYPE: kind for kind in (Welcome, Ok, Status, Accepted, Progress, Observation, ErrorReply)
+    kind.TYPE: kind
+    for kind in (Welcome, Ok, Status, Accepted, Progress, ObservationReply, ErrorReply)
 }
-FINAL_REPLIES: Final = (Welcome, Ok, Status, Observation, ErrorReply)
+FINAL_REPLIES: Final = (Welcome, Ok, Status, ObservationReply, ErrorReply)
 
 M = TypeVar("M", bound=Message)
 

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from robot.calibration.questions import Dialogue
+from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
@@ -54,7 +54,7 @@ class AccelerometerSession:
         *,
         rate: float,
         clock: Clock,
-        dialogue: Dialogue,
+        dialogue: Questions,
     ):
         self._sensor = sensor
         self._adc = adc

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from robot.calibration.questions import Dialogue
+from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import RulerCalibration
 from robot.errors import DeviceDataError
 from robot.sensing.raw_samples import Spread, sample_distance, spread
@@ -33,7 +33,7 @@ class DistanceSession:
     """
 
     def __init__(
-        self, sensor: BellySensor, finder: RangeFinder, *, noise: float, dialogue: Dialogue
+        self, sensor: BellySensor, finder: RangeFinder, *, noise: float, dialogue: Questions
     ):
         self._sensor = sensor
         self._finder = finder

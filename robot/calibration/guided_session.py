@@ -14,7 +14,7 @@ from typing import Final, Protocol
 from robot.calibration.accelerometer import AccelerometerSession
 from robot.calibration.distance import DistanceSession
 from robot.calibration.joints import HELP, Mover, calibrate_joint
-from robot.calibration.questions import Dialogue, Terminal
+from robot.calibration.questions import Questions, Terminal
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import (
     AxesCalibration,
@@ -45,7 +45,7 @@ Strain gauges. Leave the robot on its stand, no foot touching anything. You need
 you know, 100 g or more, to hang on each foot in turn as the ground would push it: upward."""
 
 
-class Devices(Protocol):
+class CalibratedDevices(Protocol):
     """The drivers that a session needs."""
 
     @property
@@ -71,7 +71,7 @@ def parts(config: RobotConfig) -> list[str]:
     ]
 
 
-class Session:
+class GuidedSession:
     """One guided session.
 
     Args:
@@ -88,7 +88,7 @@ class Session:
     def __init__(
         self,
         config: RobotConfig,
-        devices: Devices,
+        devices: CalibratedDevices,
         *,
         clock: Clock,
         terminal: Terminal,
@@ -101,7 +101,7 @@ class Session:
         self._config = config
         self._devices = devices
         self._clock = clock
-        self._dialogue = Dialogue(terminal)
+        self._dialogue = Questions(terminal)
         self._wanted = set(only or known)
 
     def run(self, before: Calibration, save: Callable[[str, Calibration], None]) -> None:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
-from robot.calibration.questions import Dialogue, number
+from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import (
     MAX_COUNT,
@@ -96,7 +96,7 @@ class Mover:
 
 
 def calibrate_joint(
-    joint: DrivenJoint, mover: Mover, dialogue: Dialogue
+    joint: DrivenJoint, mover: Mover, dialogue: Questions
 ) -> JointCalibration | None:
     """Leads through one joint.
 
@@ -128,7 +128,7 @@ def calibrate_joint(
 class _Measuring:
     """The angles of one joint so far."""
 
-    def __init__(self, joint: DrivenJoint, mover: Mover, dialogue: Dialogue):
+    def __init__(self, joint: DrivenJoint, mover: Mover, dialogue: Questions):
         self._joint = joint
         self._mover = mover
         self._dialogue = dialogue

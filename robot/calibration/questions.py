@@ -39,7 +39,7 @@ class Console:
         return input(f"{prompt} > ")
 
 
-class Dialogue:
+class Questions:
     """Asks until an answer makes sense."""
 
     def __init__(self, terminal: Terminal):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from robot.calibration.questions import Dialogue, number
+from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import GaugeCalibration
 from robot.host.clock import Clock
 from robot.sensing.raw_samples import Spread, sample_channels
@@ -38,7 +38,7 @@ class GaugeSession:
         *,
         rate: float,
         clock: Clock,
-        dialogue: Dialogue,
+        dialogue: Questions,
     ):
         self._gauge = gauge
         self._adc = adc

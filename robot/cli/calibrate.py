@@ -8,8 +8,8 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from robot.calibration.guided_session import Devices, Session
-from robot.calibration.questions import Console, Dialogue, Terminal
+from robot.calibration.guided_session import CalibratedDevices, GuidedSession
+from robot.calibration.questions import Console, Questions, Terminal
 from robot.configuration.calibration_file import Calibration, read_calibration, save_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration, read_config
 from robot.errors import AbandonedError, ConfigError
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
 def calibrate(
     config: RobotConfig,
     before: Calibration,
-    devices: Devices,
+    devices: CalibratedDevices,
     *,
     clock: Clock,
     terminal: Terminal,
@@ -88,7 +88,7 @@ def calibrate(
         AbandonedError: Somebody left, or nothing was measured; what was measured is in the file,
             and the robot holds.
     """
-    session = Session(config, devices, clock=clock, terminal=terminal, only=only)
+    session = GuidedSession(config, devices, clock=clock, terminal=terminal, only=only)
     made = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     written: list[str] = []
     backups: list[str] = []
@@ -96,7 +96,7 @@ def calibrate(
     def save(name: str, found: Calibration) -> None:
         found = replace(found, revision=before.revision + 1, made=made)
         # A full disk is no reason to measure everything again.
-        backup = Dialogue(terminal).attempt(
+        backup = Questions(terminal).attempt(
             lambda: save_calibration(file, found, keep=not written)  # one revision a session
         )
         written.append(name)

@@ -9,8 +9,8 @@ from pathlib import Path
 from robot.calibration.guided_session import parts
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config
-from robot.diagnosis.doctor import Access, Doctor
-from robot.diagnosis.findings import Finding, Verdict, look, ok
+from robot.diagnosis.doctor import DeviceOpeners, Doctor
+from robot.diagnosis.findings import Finding, Severity, look, ok
 from robot.host.clock import Clock, WallClock
 from robot.service.devices import (
     open_bus,
@@ -45,9 +45,9 @@ def run(options: argparse.Namespace) -> int:
     return print_findings(findings, print)
 
 
-def real_access(config: RobotConfig, clock: Clock) -> Access:
+def real_access(config: RobotConfig, clock: Clock) -> DeviceOpeners:
     """The devices that a configuration names, each opened by itself."""
-    return Access(
+    return DeviceOpeners(
         servos=lambda: start_servos(config, open_line(config), clock),
         adc=lambda: start_adc(config, open_ports(config), clock),
         distance=lambda: start_distance(config, open_bus(config), clock),
@@ -78,5 +78,5 @@ def print_findings(findings: Iterable[Finding], show: Callable[[str], None]) -> 
     for finding in findings:
         for line in finding.lines():
             show(line)
-        worst |= finding.verdict is Verdict.BAD
+        worst |= finding.verdict is Severity.BAD
     return int(worst)

@@ -26,7 +26,7 @@ from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform
 from protocol.wire.states import State
-from robot.control.interaction import Interaction, Outcome
+from robot.control.interaction import InteractionResult, MotorProgramRunner
 from robot.control.job_queue import JobQueue
 from robot.control.jobs import ENDS, LEAVING, NEWS, STOPPED, Job, ended_by
 from robot.control.outbox import Outbox
@@ -51,7 +51,7 @@ class Controller:
 
     def __init__(
         self,
-        interaction: Interaction,
+        interaction: MotorProgramRunner,
         *,
         capabilities: Capabilities,
         housekeeping: float | None,
@@ -225,7 +225,7 @@ class Controller:
             self._interaction.hold(check)  # also when it was limp: that must not move after a stop
 
     def _measure(self, job: Job) -> FinalReply:
-        measured: Outcome | RobotError
+        measured: InteractionResult | RobotError
         report = partial(self._report, job)
         try:
             if isinstance(job.request, Perform):

@@ -51,7 +51,7 @@ class Attendant(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class InteractionResult:
     """What one interaction, or one reading, gave."""
 
     reading: Reading
@@ -60,7 +60,7 @@ class Outcome:
     settle_time: float
 
 
-class Interaction:
+class MotorProgramRunner:
     """Performs motor programs.
 
     Args:
@@ -118,7 +118,7 @@ class Interaction:
         """The angle that each joint is commanded to, rad; none for a joint that is limp."""
         return {joint.name: joint.scale.angle(count) for joint, count in self._commanded()}
 
-    def perform(self, targets: Mapping[str, float], report: Report) -> Outcome:
+    def perform(self, targets: Mapping[str, float], report: Report) -> InteractionResult:
         """One interaction.
 
         Raises:
@@ -138,7 +138,7 @@ class Interaction:
         self._slew(targets, "moving", report)
         return self._observe(report)
 
-    def read(self, report: Report) -> Outcome:
+    def read(self, report: Report) -> InteractionResult:
         """Waits for rest in the present pose, and averages the sensors.
 
         Raises:
@@ -222,12 +222,12 @@ class Interaction:
         """Takes the next zero pose as the reference for lying flat."""
         self._flat = None
 
-    def _observe(self, report: Report) -> Outcome:
+    def _observe(self, report: Report) -> InteractionResult:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         settled, settle_time = self._settle(report)
         reading = self._average(partial(report, "sampling"))
         self._verify(partial(report, "sampling", 1.0))
-        return Outcome(
+        return InteractionResult(
             reading=reading,
             saturated_joints=self._saturated(),
             settled=settled,

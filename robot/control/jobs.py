@@ -13,8 +13,8 @@ from typing import Final
 from protocol.errors import CLEAR, RobotError
 from protocol.rules.robot_interface import RobotRequest
 from protocol.rules.transitions import Event
-from protocol.wire.messages import ErrorReply, Observation
-from robot.control.interaction import Outcome
+from protocol.wire.messages import ErrorReply, ObservationReply
+from robot.control.interaction import InteractionResult
 
 SENTENCES: Final = MappingProxyType(
     {
@@ -97,11 +97,11 @@ class Job:
         return True
 
     def observation(
-        self, outcome: Outcome, sequence: int, angles: Mapping[str, float]
-    ) -> Observation:
+        self, outcome: InteractionResult, sequence: int, angles: Mapping[str, float]
+    ) -> ObservationReply:
         """Its answer when it measured something; ``angles`` are the joints', rad."""
         reading = outcome.reading
-        return Observation(
+        return ObservationReply(
             id=self.request.id,
             sequence=sequence,
             robot_time=reading.time,

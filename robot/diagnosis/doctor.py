@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from robot.configuration.robot_config import RobotConfig
-from robot.diagnosis.findings import Finding, Verdict, failed, look, ok
+from robot.diagnosis.findings import Finding, Severity, failed, look, ok
 from robot.diagnosis.sensors import (
     check_accelerometer,
     check_distance,
@@ -24,7 +24,7 @@ from robot.sensing.sensors import AnalogueBoard
 
 
 @dataclass(frozen=True, kw_only=True)
-class Access:
+class DeviceOpeners:
     """How to open and identify each device; each raises ``DeviceError`` by itself."""
 
     servos: Callable[[], SV203]
@@ -42,7 +42,7 @@ class Doctor:
         move: Whether joints may be moved.
     """
 
-    def __init__(self, config: RobotConfig, access: Access, clock: Clock, *, move: bool):
+    def __init__(self, config: RobotConfig, access: DeviceOpeners, clock: Clock, *, move: bool):
         self._config = config
         self._access = access
         self._clock = clock
@@ -74,7 +74,7 @@ class Doctor:
         yield from found
         if counts:
             yield from check_joints(joints, counts)
-            if self._move and any(one.verdict is Verdict.BAD for one in found):
+            if self._move and any(one.verdict is Severity.BAD for one in found):
                 yield look("moves", "none made over such a line.", "See the servo board.")
             elif self._move:
                 yield from move_joints(joints, counts, servos, self._clock)

@@ -12,7 +12,7 @@ from robot.errors import DeviceError
 _SUBJECT_WIDTH: Final = 18
 
 
-class Verdict(StrEnum):
+class Severity(StrEnum):
     """How bad it is; only ``BAD`` fails the examination."""
 
     OK = "ok"
@@ -32,7 +32,7 @@ class Finding:
     """
 
     subject: str
-    verdict: Verdict
+    verdict: Severity
     text: str
     advice: str = ""
 
@@ -45,17 +45,17 @@ class Finding:
 
 def ok(subject: str, text: str) -> Finding:
     """All is well."""
-    return Finding(subject=subject, verdict=Verdict.OK, text=text)
+    return Finding(subject=subject, verdict=Severity.OK, text=text)
 
 
 def look(subject: str, text: str, advice: str) -> Finding:
     """Works, but somebody should know."""
-    return Finding(subject=subject, verdict=Verdict.LOOK, text=text, advice=advice)
+    return Finding(subject=subject, verdict=Severity.LOOK, text=text, advice=advice)
 
 
 def bad(subject: str, text: str, advice: str) -> Finding:
     """Does not work."""
-    return Finding(subject=subject, verdict=Verdict.BAD, text=text, advice=advice)
+    return Finding(subject=subject, verdict=Severity.BAD, text=text, advice=advice)
 
 
 def failed(subject: str, error: DeviceError) -> Finding:

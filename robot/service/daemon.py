@@ -16,7 +16,7 @@ from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
-from robot.control.interaction import Attendant, Interaction
+from robot.control.interaction import Attendant, MotorProgramRunner
 from robot.drivers.dmm32 import RANGES
 from robot.drivers.servo_bus import ServoBus
 from robot.host.clock import Clock
@@ -96,7 +96,7 @@ def assemble(
 
     ``revive`` makes the devices work again after a fault, or raises ``DeviceError``.
     """
-    interaction = Interaction(
+    interaction = MotorProgramRunner(
         joints=config.joints,
         servos=servos,
         sensing=sensing,

@@ -19,7 +19,7 @@ from bench.engines.runs import CEILINGS, RIVALS, RUNS
 from bench.statics_cost import count_operations
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import EstimatorError
-from estimator.physics.base import Readings, Settings
+from estimator.physics.base import Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 
@@ -98,7 +98,7 @@ def test_the_least_inertia_is_a_setting_of_the_world() -> None:
     _, pair, _ = draw("parametric", 0, 0)
     speeds = []
     for least in (6.0, 600.0):
-        with PyBulletPhysics(Settings(steps=20, least_inertia=least)) as physics:
+        with PyBulletPhysics(WorldSettings(steps=20, least_inertia=least)) as physics:
             speeds.append(float(physics.read([pair]).speed[0]))
     assert speeds[0] != speeds[1]
 
@@ -152,10 +152,14 @@ def test_the_cause_is_the_first_world_that_agrees_with_statics() -> None:
     pair = (four_legs(0.15), np.radians([-30.0] * 4))
     with StaticsPhysics() as statics:
         computed = statics.read([pair])
-    worlds = {"too short": Settings(steps=1), "long enough": Settings(), "never": Settings()}
+    worlds = {
+        "too short": WorldSettings(steps=1),
+        "long enough": WorldSettings(),
+        "never": WorldSettings(),
+    }
     assert cause(pair, computed, worlds) == "long enough"
     computed.tilt[0] = 1.0
-    assert cause(pair, computed, {"settled": Settings()}) == UNEXPLAINED
+    assert cause(pair, computed, {"settled": WorldSettings()}) == UNEXPLAINED
 
 
 def test_a_fork_that_the_steps_of_statics_miss_is_its_own_fault(tmp_path: Path) -> None:

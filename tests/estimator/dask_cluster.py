@@ -15,7 +15,7 @@ from typing import Final
 
 import psutil
 
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 
 ROOT: Final = Path(__file__).parents[2]
@@ -136,7 +136,7 @@ def dask(folder: Path) -> Iterator[Dask]:
 class HeldPhysics(PyBulletPhysics):
     """PyBullet that asks, in the middle of its work, whether it may go on."""
 
-    def __init__(self, address: tuple[str, int], settings: Settings):
+    def __init__(self, address: tuple[str, int], settings: WorldSettings):
         super().__init__(settings)
         self._address = address
 

@@ -19,7 +19,7 @@ from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, RobotEvent, RobotRequest, Snapshot
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import ErrorReply, Observation, Ok, Perform
+from protocol.wire.messages import ErrorReply, ObservationReply, Ok, Perform
 from protocol.wire.states import State
 
 JOINTS = ("left", "front", "right", "back")
@@ -140,12 +140,12 @@ class ModelRobot:
             else:
                 self._emit(Finished(ticket=ticket, reply=self._observe(request)))
 
-    def _observe(self, request: Perform) -> Observation:
+    def _observe(self, request: Perform) -> ObservationReply:
         program = np.array(in_motor_order(request.targets, self.capabilities))
         with PyBulletPhysics(make_problem().settings(self.capabilities)) as physics:
             readings = physics.read([(self._body, program)])
         self._sequence += 1
-        return Observation(
+        return ObservationReply(
             id=request.id,
             sequence=self._sequence,
             robot_time=float(self._sequence),

@@ -24,7 +24,7 @@ from functools import partial
 from typing import Final
 
 from protocol.errors import RobotError
-from protocol.wire.messages import Clear, ErrorReply, Observation
+from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
 from sim_robot.electronics.clock import Follower
 from sim_robot.faults.fault_panel import FaultSpec
@@ -116,7 +116,7 @@ class Study:
         for kind in self._pick(kinds):
             self._order(kind, tally)
         end = self.bench.end_of(self.bench.submit(program(self._robot, **self._targets())))
-        if isinstance(end, Observation):
+        if isinstance(end, ObservationReply):
             tally.ends["observation"] += 1
             checked = self._clock.now() - ONE_QUERY
             tally.unnoticed += any(reset < checked for reset in self._resets)

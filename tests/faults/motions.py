@@ -11,7 +11,7 @@ from typing import Final
 
 from protocol.errors import BodyschemaError, RobotError
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation, Status
+from protocol.wire.messages import ObservationReply, Status
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.simulator.still_robot import example_config
 from tests.faults.matrix import PROCESSES
@@ -60,7 +60,7 @@ class Motion:
         self._client = client
         self._targets = {joint.name: 0.0 for joint in client.capabilities.joints}
         self._targets["hip_left"] = math.radians(degrees)
-        self.end: Observation | BodyschemaError | None = None
+        self.end: ObservationReply | BodyschemaError | None = None
         self._thread = threading.Thread(target=self._run)
 
     def _run(self) -> None:
@@ -95,7 +95,7 @@ def check(name: str, end: object, status: Status | None = None) -> None:
     """Holds an outcome against the matrix."""
     row = PROCESSES[name]
     if row.code is None:
-        assert isinstance(end, Observation), end
+        assert isinstance(end, ObservationReply), end
     else:
         assert isinstance(end, RobotError), end
         assert end.code == row.code

@@ -19,7 +19,7 @@ import pytest
 
 from protocol.errors import RobotError, RobotRestartedError
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from sim_robot.faults.network_proxy import TcpProxy, lasting_port
 from tests.faults.matrix import PROCESSES
 from tests.faults.motions import (
@@ -51,7 +51,7 @@ def connections_reset() -> None:
             proxy.mend()
         status = client.status()
         check("cut", motion.end, status)
-        assert isinstance(motion.end, Observation)
+        assert isinstance(motion.end, ObservationReply)
         assert math.degrees(motion.end.angles["hip_left"]) == pytest.approx(FAR, abs=0.4)
         assert motion.end.sequence == status.sequence == 1
 
@@ -178,7 +178,7 @@ def computer_stands_still() -> None:
         assert client.clear().state == "holding"
         with Motion(client, -20.0) as again:
             pass
-        assert isinstance(again.end, Observation)
+        assert isinstance(again.end, ObservationReply)
 
 
 JUMPING: Final = """
@@ -313,7 +313,7 @@ def found_unasked(name: str, client: RobotClient) -> None:
     client.clear()
     with Motion(client, -20.0) as motion:
         pass
-    assert isinstance(motion.end, Observation)
+    assert isinstance(motion.end, ObservationReply)
 
 
 SCENARIOS: Final[Mapping[str, Callable[[], None]]] = MappingProxyType(

@@ -11,7 +11,7 @@ from _pytest.mark import ParameterSet
 
 from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
 from tests.faults.devices import DEVICES
 from tests.faults.matrix import DeviceRow
@@ -27,15 +27,15 @@ class Patient:
 
     client: RobotClient
     faults: FaultClient
-    reference: Observation
+    reference: ObservationReply
     pulses: list[int]
 
-    def perform(self) -> Observation:
+    def perform(self) -> ObservationReply:
         joints = self.client.capabilities.joints
         targets = {joint.name: math.radians(POSE.get(joint.name, 0.0)) for joint in joints}
         return self.client.perform(targets)
 
-    def outcome(self) -> Observation | RobotError:
+    def outcome(self) -> ObservationReply | RobotError:
         try:
             return self.perform()
         except RobotError as error:
@@ -152,7 +152,7 @@ def check_health(patient: Patient, *, after: int) -> None:
     assert patient.faults.report()["pulses"] == patient.pulses
 
 
-def same(one: Observation, other: Observation) -> bool:
+def same(one: ObservationReply, other: ObservationReply) -> bool:
     return (
         one.angles == other.angles
         and one.touch == other.touch

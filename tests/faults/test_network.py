@@ -9,7 +9,7 @@ import pytest
 
 from protocol.errors import RobotUnreachableError
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
 from sim_robot.faults.network_proxy import MessageProxy
 from tests.faults.matrix import NETWORK, WeatherRow
@@ -18,7 +18,7 @@ from tests.processes.simulator import simulator
 PROGRAMS = 4
 
 
-def perform(client: RobotClient, degrees: dict[str, float]) -> Observation:
+def perform(client: RobotClient, degrees: dict[str, float]) -> ObservationReply:
     """Asks for one motion until it is answered, as a program that wrote its id down would."""
     angles = {joint.name: 0.0 for joint in client.capabilities.joints}
     angles |= {name: math.radians(value) for name, value in degrees.items()}
@@ -31,7 +31,7 @@ def perform(client: RobotClient, degrees: dict[str, float]) -> Observation:
     raise AssertionError("the network lets nothing through")
 
 
-def felt(seen: Observation) -> tuple[object, ...]:
+def felt(seen: ObservationReply) -> tuple[object, ...]:
     return seen.sequence, seen.angles, seen.touch, seen.tilt, seen.clearance
 
 

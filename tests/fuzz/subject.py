@@ -25,7 +25,7 @@ from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from protocol.wire.codec import decode, encode
 from protocol.wire.messages import (
     ErrorReply,
-    Observation,
+    ObservationReply,
     Ok,
     Perform,
     Read,
@@ -104,7 +104,7 @@ class ModelRobot:
         ended = []
         for ticket, request in self.under_way.items():
             self.sequence += 1
-            reply = Observation(
+            reply = ObservationReply(
                 id=request.id,
                 sequence=self.sequence,
                 robot_time=1.0,

@@ -12,7 +12,7 @@ from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, problem_of, reconnect
-from estimator.physics.base import Physics, Settings
+from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.run_files import write_report
@@ -21,7 +21,7 @@ from sim_robot.world.body import body_path
 from tests.processes.simulator import simulator
 
 
-def here(name: str, settings: Settings) -> Physics:
+def here(name: str, settings: WorldSettings) -> Physics:
     return PyBulletPhysics(settings)
 
 

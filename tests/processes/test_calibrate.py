@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from tests.processes.simulator import simulator
 
 
-def legs_down(*options: str) -> Observation:
+def legs_down(*options: str) -> ObservationReply:
     """All hips 30° down: the body rises straight, if its legs do what they are told."""
     with simulator(*options) as robot, RobotClient(robot.uri) as client:
         client.acquire()

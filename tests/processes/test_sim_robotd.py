@@ -13,7 +13,7 @@ import pytest
 
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation, Progress
+from protocol.wire.messages import ObservationReply, Progress
 from sim_robot.faults.network_proxy import lasting_port
 from tests.processes.simulator import simulator
 
@@ -23,7 +23,7 @@ def program(client: RobotClient, **degrees: float) -> dict[str, float]:
     return angles | {name: math.radians(value) for name, value in degrees.items()}
 
 
-def felt(seen: Observation) -> tuple[object, ...]:
+def felt(seen: ObservationReply) -> tuple[object, ...]:
     return seen.angles, seen.touch, seen.tilt, seen.clearance
 
 

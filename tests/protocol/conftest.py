@@ -17,7 +17,7 @@ from protocol.rules.robot_interface import Finished, Progressed, RobotEvent, Rob
 from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import Clear, ErrorReply, Observation, Ok, Perform, Read, Stop
+from protocol.wire.messages import Clear, ErrorReply, ObservationReply, Ok, Perform, Read, Stop
 from protocol.wire.states import State
 from robot.control.controller import Controller
 from sim_robot.simulator.still_robot import still_robot
@@ -133,9 +133,9 @@ class FakeRobot:
 
     # --- for tests --------------------------------------------------------------------------------
 
-    def observe(self, request_id: int) -> Observation:
+    def observe(self, request_id: int) -> ObservationReply:
         self.sequence += 1
-        return Observation(
+        return ObservationReply(
             id=request_id,
             sequence=self.sequence,
             robot_time=1.5,

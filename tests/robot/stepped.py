@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from protocol.rules.robot_interface import FinalReply, Finished, RobotEvent
-from protocol.wire.messages import Clear, Hold, Observation, Ok, Perform, Read, Relax, Stop
+from protocol.wire.messages import Clear, Hold, ObservationReply, Ok, Perform, Read, Relax, Stop
 from sim_robot.simulator.still_robot import StillRobot
 
 
@@ -90,9 +90,9 @@ class Bench:
             assert len(replies()) == 1
             return replies()[0]
 
-    def perform(self, **degrees: float) -> Observation:
+    def perform(self, **degrees: float) -> ObservationReply:
         reply = self.end_of(self.submit(program(self.robot, **degrees)))
-        assert isinstance(reply, Observation), reply
+        assert isinstance(reply, ObservationReply), reply
         return reply
 
     def pulses(self) -> tuple[int, ...]:

@@ -14,9 +14,9 @@ from estimator.reproduction.claims.paper_claims import (
     TILT_ALONE_DOES_NOT,
     TILT_ALONE_SUFFICES,
     Aside,
-    Finding,
     Samples,
     SuccessFinding,
+    VariantComparison,
     judge,
     judge_successes,
     overall,
@@ -38,7 +38,7 @@ HEADER: Final = (
 class ClaimsTable:
     """All verdicts; what was not run is empty or ``None``."""
 
-    findings: tuple[Finding, ...]
+    findings: tuple[VariantComparison, ...]
     asides: tuple[Aside, ...]
     successes: SuccessFinding | None
 
@@ -106,7 +106,7 @@ class ClaimsTable:
         return [start, "\n".join(f"- {_aside(item)}" for item in self.asides)]
 
 
-def _row(item: Finding) -> str:
+def _row(item: VariantComparison) -> str:
     cells = (
         _variant(item.better),
         _variant(item.worse),

@@ -35,7 +35,7 @@ from estimator.reproduction.claims.statistics import (
 
 SIGNIFICANT: Final = 0.05
 
-Verdict: TypeAlias = Literal["holds", "not shown", "contradicted"]
+ClaimVerdict: TypeAlias = Literal["holds", "not shown", "contradicted"]
 SuccessVerdict: TypeAlias = Literal["not refuted", "contradicted"]
 Panel: TypeAlias = Literal["3a", "3b"]
 Samples: TypeAlias = Mapping[tuple[Panel, int], Mapping[int, float]]
@@ -98,7 +98,7 @@ TILT_AND_MORE: Final = (1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class VariantComparison:
     """One claim of the table.
 
     Attributes:
@@ -124,7 +124,7 @@ class Finding:
     p: float | None
     corrected: float | None
     corrected_opposite: float | None
-    verdict: Verdict
+    verdict: ClaimVerdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +197,7 @@ class _Paired:
         return mean_difference(self.differences) if len(self) else None
 
 
-def judge(samples: Samples) -> tuple[Finding, ...]:
+def judge(samples: Samples) -> tuple[VariantComparison, ...]:
     """The verdict on every claim about Figure 3."""
     claims = [
         (statement.panel, better, worse)
@@ -215,7 +215,7 @@ def judge(samples: Samples) -> tuple[Finding, ...]:
     for index, ((panel, better, worse), pair) in enumerate(zip(claims, pairs, strict=True)):
         p, less, more = corrected.get(index, (None, None, None))
         found.append(
-            Finding(
+            VariantComparison(
                 panel=panel,
                 better=better,
                 worse=worse,
@@ -231,7 +231,7 @@ def judge(samples: Samples) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def overall(statement: Statement, findings: Sequence[Finding]) -> Verdict:
+def overall(statement: Statement, findings: Sequence[VariantComparison]) -> ClaimVerdict:
     """The verdict on a sentence of the paper: that on its weakest claim."""
     verdicts = {item.verdict for item in findings if item.panel == statement.panel}
     if "contradicted" in verdicts:
@@ -280,7 +280,7 @@ def judge_successes(ours: Share) -> SuccessFinding:
     )
 
 
-def _verdict(less: float | None, more: float | None) -> Verdict:
+def _verdict(less: float | None, more: float | None) -> ClaimVerdict:
     if less is not None and less < SIGNIFICANT:
         return "holds"
     if more is not None and more < SIGNIFICANT:

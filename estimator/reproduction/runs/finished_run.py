@@ -15,14 +15,14 @@ from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.run import problem_of, world_of
-from estimator.physics.base import Settings
+from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.report.result import Result
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.single_run import TRUTH, documents, is_finished
-from estimator.storage.records import Generation, Interaction, Prediction
+from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 
 
@@ -48,10 +48,10 @@ class FinishedRun:
     run: PlannedRun
     problem: Problem
     genome: Genome
-    world: Settings
+    world: WorldSettings
     truth: Truth
     generations: tuple[Generation, ...]
-    interactions: tuple[Interaction, ...]
+    interactions: tuple[InteractionRecord, ...]
     predictions: tuple[Prediction, ...]
     result: Result
     score: Score
@@ -120,7 +120,7 @@ def _generations(store: RunStore) -> tuple[Generation, ...]:
     return *earlier, replace(last, best=tuple(final.genes[final.best].tolist()))
 
 
-def observed(item: Interaction) -> Observation:
+def observed(item: InteractionRecord) -> Observation:
     """What a performed interaction returned."""
     assert item.observation is not None
     return item.observation

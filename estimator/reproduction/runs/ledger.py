@@ -33,7 +33,7 @@ LEDGER: Final = "reproduction.json"
 _LOCK: Final = "reproduction.lock"
 
 
-class Session(BaseModel):
+class LedgerEntry(BaseModel):
     """One start of the command.
 
     Attributes:
@@ -57,7 +57,7 @@ class _Content(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     budget: Budget
-    sessions: tuple[Session, ...] = ()
+    sessions: tuple[LedgerEntry, ...] = ()
 
 
 class Ledger:
@@ -94,7 +94,7 @@ class Ledger:
             os.close(self._lock)
             raise
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        self._session = Session(
+        self._session = LedgerEntry(
             command=command, started=now, jobs=jobs, seconds=0.0, versions=versions()
         )
         self.note()
@@ -107,7 +107,7 @@ class Ledger:
         os.close(self._lock)
 
     @property
-    def sessions(self) -> tuple[Session, ...]:
+    def sessions(self) -> tuple[LedgerEntry, ...]:
         """All starts of the command, the present one last."""
         seconds = self._clock() - self._started
         return (*self._content.sessions, self._session.model_copy(update={"seconds": seconds}))

@@ -10,23 +10,23 @@ from protocol.conformance.checks.motion import small_targets
 from protocol.conformance.expectations import expect
 from protocol.conformance.raw_connection import said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench
+from protocol.conformance.robot_on_trial import RobotOnTrial
 
 
 @check("3.2", basic="hello")
-def hello(bench: Bench) -> None:
+def hello(bench: RobotOnTrial) -> None:
     """A hello is answered with welcome."""
     bench.party()
 
 
 @check("5.5", basic="heartbeat")
-def heartbeat(bench: Bench) -> None:
+def heartbeat(bench: RobotOnTrial) -> None:
     """A heartbeat is answered with status."""
     bench.party().status()
 
 
 @check("7.5", basic="read")
-def read(bench: Bench) -> None:
+def read(bench: RobotOnTrial) -> None:
     """A read is answered to its end."""
     party = bench.party()
     reply = party.ask("read")
@@ -34,35 +34,35 @@ def read(bench: Bench) -> None:
 
 
 @check("5.3", need=Need.CONTROL, basic="acquire")
-def acquire(bench: Bench) -> None:
+def acquire(bench: RobotOnTrial) -> None:
     """An acquire of a free robot is answered with ok."""
     with bench.controlled():
         pass
 
 
 @check("5.3", need=Need.CONTROL, basic="release")
-def release(bench: Bench) -> None:
+def release(bench: RobotOnTrial) -> None:
     """A release is answered with ok."""
     with bench.controlled() as party:
         party.expect("ok", "release")
 
 
 @check("5.9", need=Need.CONTROL, basic="stop")
-def stop(bench: Bench) -> None:
+def stop(bench: RobotOnTrial) -> None:
     """A stop is answered with ok."""
     with bench.controlled() as party:
         party.expect("ok", "stop")
 
 
 @check("6.1", need=Need.CONTROL, basic="clear")
-def clear(bench: Bench) -> None:
+def clear(bench: RobotOnTrial) -> None:
     """A clear is answered with ok."""
     with bench.controlled() as party:
         party.expect("ok", "clear")
 
 
 @check("7.4", need=Need.MOTION, basic="perform")
-def perform(bench: Bench) -> None:
+def perform(bench: RobotOnTrial) -> None:
     """A perform is accepted, and ends with an observation."""
     with bench.controlled() as party:
         request = party.request("perform", targets=small_targets(bench.capabilities(), 0.0))
@@ -73,14 +73,14 @@ def perform(bench: Bench) -> None:
 
 
 @check("6.1", need=Need.MOTION, basic="hold")
-def hold(bench: Bench) -> None:
+def hold(bench: RobotOnTrial) -> None:
     """A hold is answered with ok."""
     with bench.controlled() as party:
         party.expect("ok", "hold")
 
 
 @check("5.13", need=Need.MOTION, basic="relax")
-def relax(bench: Bench) -> None:
+def relax(bench: RobotOnTrial) -> None:
     """A relax is answered with ok."""
     with bench.controlled() as party:
         party.expect("ok", "relax")

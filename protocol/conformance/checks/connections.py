@@ -10,7 +10,7 @@ import zmq
 from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.raw_connection import Map, pack, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 from protocol.rules.roles import MAY, Role
 from protocol.security.keys import ClientKeys, KeyPair
 from protocol.wire.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
@@ -19,13 +19,13 @@ _CURVE_OVERHEAD: Final = 33  # bytes that ZeroMQ adds to a part, and counts, whe
 
 
 @check("1.1")
-def one_part(bench: Bench) -> None:
+def one_part(bench: RobotOnTrial) -> None:
     """A frame is one part, and so is its answer."""
     bench.party().status()  # a line takes nothing else for an answer
 
 
 @check("1.2")
-def several_parts(bench: Bench) -> None:
+def several_parts(bench: RobotOnTrial) -> None:
     """A message of several parts is malformed."""
     party = bench.party()
     hello = pack(party.request("hello", versions=[1]))
@@ -50,7 +50,7 @@ def _padded(request: Map, size: int) -> bytes:
 
 
 @check("1.5")
-def long_frames(bench: Bench) -> None:
+def long_frames(bench: RobotOnTrial) -> None:
     """A frame may have 64 KiB; a longer one is too_large."""
     party = bench.party()
     request = party.request("heartbeat")
@@ -66,7 +66,7 @@ def long_frames(bench: Bench) -> None:
 
 
 @check("1.6")
-def enormous_frames(bench: Bench) -> None:
+def enormous_frames(bench: RobotOnTrial) -> None:
     """Beyond 1 MiB the connection is closed without an answer, and the robot goes on."""
     line = bench.line()
     watch = line.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
@@ -89,7 +89,7 @@ def _nested(levels: int) -> list[Any]:
 
 
 @check("1.7")
-def nesting(bench: Bench) -> None:
+def nesting(bench: RobotOnTrial) -> None:
     """Maps and arrays nest to 16 levels and no further."""
     party = bench.party()
     party.expect("status", "heartbeat", extra=_nested(MAX_NESTING - 1))
@@ -98,7 +98,7 @@ def nesting(bench: Bench) -> None:
 
 
 @check("1.8")
-def lengths(bench: Bench) -> None:
+def lengths(bench: RobotOnTrial) -> None:
     """Arrays and maps have up to 1024 items."""
     party = bench.party()
     short: tuple[Any, ...] = ([0] * MAX_LENGTH, {str(key): 0 for key in range(MAX_LENGTH)})
@@ -111,7 +111,7 @@ def lengths(bench: Bench) -> None:
 
 
 @check("1.9")
-def field_lengths(bench: Bench) -> None:
+def field_lengths(bench: RobotOnTrial) -> None:
     """An array or map field has up to 64 items."""
     party = bench.party()
     party.expect("welcome", "hello", versions=[1] * 64)
@@ -123,7 +123,7 @@ def field_lengths(bench: Bench) -> None:
 
 
 @check("1.10")
-def names(bench: Bench) -> None:
+def names(bench: RobotOnTrial) -> None:
     """A name has 1 to 64 characters, whatever bytes they take."""
     stranger = bench.stranger()
     bench.party(stranger.name[:30] + "ä€𝄞" + "é" * 31)
@@ -137,7 +137,7 @@ def names(bench: Bench) -> None:
 
 
 @check("1.13", need=Need.KEYS)
-def strangers(bench: Bench) -> None:
+def strangers(bench: RobotOnTrial) -> None:
     """Without a key, or with an unknown one, nothing is answered."""
     ours = bench.settings.keys
     assert ours is not None
@@ -158,7 +158,7 @@ def strangers(bench: Bench) -> None:
 
 
 @check("1.15", need=Need.KEYS)
-def a_viewers_key(bench: Bench) -> None:
+def a_viewers_key(bench: RobotOnTrial) -> None:
     """A viewer's key allows what the table allows, and nothing else."""
     party = bench.party()
     if party.ask("release").get("code") != "unauthorised":
@@ -171,7 +171,7 @@ def a_viewers_key(bench: Bench) -> None:
 
 
 @check("1.17", need=Need.KEYS)
-def a_borrowed_id(bench: Bench) -> None:
+def a_borrowed_id(bench: RobotOnTrial) -> None:
     """A client's id, used with another key, is unauthorised."""
     others = bench.settings.other_keys
     if others is None:

@@ -6,7 +6,7 @@ from protocol.conformance.checks.motion import small_targets
 from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.raw_connection import Unanswered, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 
 HARMLESS = ("release", "clear", "perform")  # what cannot make a robot at rest move or go limp
 
@@ -17,7 +17,7 @@ def _without_control(party: Party, kinds: tuple[str, ...] = HARMLESS) -> None:
 
 
 @check("5.1", need=Need.CONTROL)
-def anybody(bench: Bench) -> None:
+def anybody(bench: RobotOnTrial) -> None:
     """While another controls the robot, anybody may say hello, read and see who it is."""
     viewer = bench.party()
     with bench.controlled() as controller:
@@ -31,7 +31,7 @@ def anybody(bench: Bench) -> None:
 
 
 @check("5.2", need=Need.CONTROL)
-def control_is_needed(bench: Bench) -> None:
+def control_is_needed(bench: RobotOnTrial) -> None:
     """Without control, what needs it is not_controller."""
     viewer = bench.party()
     viewer.harmless(viewer.number())  # tells a viewer's key
@@ -41,7 +41,7 @@ def control_is_needed(bench: Bench) -> None:
 
 
 @check("5.2", need=Need.MOTION)
-def control_is_needed_to_hold_and_relax(bench: Bench) -> None:
+def control_is_needed_to_hold_and_relax(bench: RobotOnTrial) -> None:
     """Without control, hold and relax are not_controller."""
     viewer = bench.party()
     with bench.controlled():
@@ -49,7 +49,7 @@ def control_is_needed_to_hold_and_relax(bench: Bench) -> None:
 
 
 @check("5.3", need=Need.CONTROL, after=("5.1", "5.2"))
-def acquire_and_release(bench: Bench) -> None:
+def acquire_and_release(bench: RobotOnTrial) -> None:
     """The controller may acquire again; release ends control."""
     with bench.controlled() as party:
         party.expect("ok", "acquire")
@@ -64,7 +64,7 @@ def acquire_and_release(bench: Bench) -> None:
 
 
 @check("5.4", need=Need.CONTROL, after=("5.1",))
-def held(bench: Bench) -> None:
+def held(bench: RobotOnTrial) -> None:
     """A second controller is held, and told who has it."""
     other = bench.party()
     with bench.controlled() as party:
@@ -77,7 +77,7 @@ def held(bench: Bench) -> None:
 
 
 @check("5.9", need=Need.CONTROL)
-def anybody_stops(bench: Bench) -> None:
+def anybody_stops(bench: RobotOnTrial) -> None:
     """A stranger may stop the robot, without a session."""
     with bench.controlled() as party:
         reply = bench.stranger().expect("ok", "stop")
@@ -87,7 +87,7 @@ def anybody_stops(bench: Bench) -> None:
 
 
 @check("5.11", need=Need.CONTROL, after=("5.2",))
-def stop_latches(bench: Bench) -> None:
+def stop_latches(bench: RobotOnTrial) -> None:
     """After a stop everything is stopped, until the controller clears it."""
     viewer = bench.party()
     with bench.controlled() as party:
@@ -102,7 +102,7 @@ def stop_latches(bench: Bench) -> None:
 
 
 @check("5.12", need=Need.CONTROL)
-def stop_twice(bench: Bench) -> None:
+def stop_twice(bench: RobotOnTrial) -> None:
     """A stop that arrives twice stops twice, also after a clear."""
     with bench.controlled() as party:
         stop = party.request("stop")
@@ -115,7 +115,7 @@ def stop_twice(bench: Bench) -> None:
 
 
 @check("6.1", need=Need.CONTROL)
-def states_at_rest(bench: Bench) -> None:
+def states_at_rest(bench: RobotOnTrial) -> None:
     """At rest, read and clear are possible and change no state; stop and clear lead on."""
     with bench.controlled() as party:
         before = party.status()["state"]
@@ -129,7 +129,7 @@ def states_at_rest(bench: Bench) -> None:
 
 
 @check("6.2", need=Need.CONTROL)
-def requests_that_change_no_state(bench: Bench) -> None:
+def requests_that_change_no_state(bench: RobotOnTrial) -> None:
     """hello, heartbeat, acquire and release change no state, also while stopped."""
     with bench.controlled() as party:
         for expected in ("as it was", "stopped"):
@@ -145,7 +145,7 @@ def requests_that_change_no_state(bench: Bench) -> None:
 
 
 @check("5.14", need=Need.CONTROL)
-def shutting_down(bench: Bench) -> None:
+def shutting_down(bench: RobotOnTrial) -> None:
     """A daemon that ends says so: to what is under way, and to what is asked then."""
     shut_down = bench.settings.shut_down
     if shut_down is None:

@@ -9,7 +9,7 @@ from typing import Final
 from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.raw_connection import FINAL, GRACE, Map, Unanswered, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 
 MOST: Final = 64
 """Requests that a client may have under way."""
@@ -53,7 +53,7 @@ def _time_of_a_read(party: Party) -> float:
 
 
 @check("4.11", need=Need.CONTROL, after=("5.9",))
-def a_flood(bench: Bench) -> None:
+def a_flood(bench: RobotOnTrial) -> None:
     """In a flood of reads all are answered, 64 at most are under way, and a stop ends it."""
     with bench.controlled() as party:
         reads = [party.request("read") for _ in range(_FLOOD)]
@@ -74,7 +74,7 @@ def a_flood(bench: Bench) -> None:
 
 
 @check("1.18", need=Need.KEYS)
-def a_flood_of_a_key(bench: Bench) -> None:
+def a_flood_of_a_key(bench: RobotOnTrial) -> None:
     """Of the reads of a key without control, 8 at most are under way, and one more is busy."""
     party = bench.party()
     reads = [party.request("read") for _ in range(4 * _MOST_OF_A_KEY)]
@@ -88,7 +88,7 @@ def a_flood_of_a_key(bench: Bench) -> None:
 
 
 @check("5.16", "5.15", need=Need.CONTROL)
-def commands_go_before_reads(bench: Bench) -> None:
+def commands_go_before_reads(bench: RobotOnTrial) -> None:
     """A command ends the reads before it, and waits for none of them."""
     with bench.controlled() as party:
         each = min(_time_of_a_read(party) for _ in range(3))

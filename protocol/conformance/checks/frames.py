@@ -10,7 +10,7 @@ from typing import Any, Final
 from protocol.conformance.expectations import Broken, expect
 from protocol.conformance.raw_connection import Map, pack, pack_small, pack_wide, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 from protocol.wire.codec import MAX_FRAME
 
 VECTORS: Final[tuple[Map, ...]] = tuple(
@@ -39,7 +39,7 @@ def _by_vectors(clause: str, title: str) -> None:
     names = CLAUSE_OF[clause].split()
     chosen = [vector for vector in VECTORS if vector["name"] in names]
 
-    def run(bench: Bench) -> None:
+    def run(bench: RobotOnTrial) -> None:
         party = bench.party()
         for vector in chosen:
             _answered(party, vector, with_id=False)
@@ -87,7 +87,7 @@ def _refused_for(party: Party, frame: bytes, request: Map, what: str) -> None:
 
 
 @check("2.1", after=("2.11",))
-def more_than_a_frame(bench: Bench) -> None:
+def more_than_a_frame(bench: RobotOnTrial) -> None:
     """A request with anything before or after it is malformed."""
     party = bench.party()
     beat = party.request("heartbeat")
@@ -103,7 +103,7 @@ def more_than_a_frame(bench: Bench) -> None:
 
 
 @check("2.2", after=("2.11",))
-def odd_keys(bench: Bench) -> None:
+def odd_keys(bench: RobotOnTrial) -> None:
     """A request with a key twice, or one that is no string, is malformed."""
     party = bench.party()
     beat = party.request("heartbeat")
@@ -127,7 +127,7 @@ def odd_keys(bench: Bench) -> None:
 
 
 @check("2.3", after=("2.11",))
-def odd_values(bench: Bench) -> None:
+def odd_values(bench: RobotOnTrial) -> None:
     """A request with what no value may be is malformed, also in a field that is unknown."""
     party = bench.party()
     beat = party.request("heartbeat")
@@ -143,7 +143,7 @@ def odd_values(bench: Bench) -> None:
 
 
 @check("2.12", after=("2.10", "2.11"))
-def ids_of_errors(bench: Bench) -> None:
+def ids_of_errors(bench: RobotOnTrial) -> None:
     """An error carries the id of a frame that has a valid one, and else none."""
     party = bench.party()
     for vector in VECTORS:
@@ -151,7 +151,7 @@ def ids_of_errors(bench: Bench) -> None:
 
 
 @check("2.4")
-def extreme_integers(bench: Bench) -> None:
+def extreme_integers(bench: RobotOnTrial) -> None:
     """Integers of ±(2^53 − 1) are accepted, beyond they are not."""
     party = bench.party()
     extreme = 2**53 - 1
@@ -163,7 +163,7 @@ def extreme_integers(bench: Bench) -> None:
 
 
 @check("2.5", after=("3.5", "5.2"))
-def any_encoding(bench: Bench) -> None:
+def any_encoding(bench: RobotOnTrial) -> None:
     """Any encoding of a value is accepted, and keys in any order."""
     party = bench.party()
     hello = party.request("hello", versions=[1])
@@ -177,7 +177,7 @@ def any_encoding(bench: Bench) -> None:
 
 
 @check("2.6", after=("5.2",))
-def integer_for_float(bench: Bench) -> None:
+def integer_for_float(bench: RobotOnTrial) -> None:
     """An integer is accepted for a float."""
     party = bench.party()
     perform = party.request("perform", targets={"no joint": 1})
@@ -194,7 +194,7 @@ def _parsed(party: Party, request: Map, packer: Callable[[Any], bytes], what: st
 
 
 @check("2.7")
-def no_float_for_integer(bench: Bench) -> None:
+def no_float_for_integer(bench: RobotOnTrial) -> None:
     """A float or a boolean is not accepted for an integer, even 1.0 for 1."""
     party = bench.party()
     for versions in ([1.0], [True]):
@@ -203,7 +203,7 @@ def no_float_for_integer(bench: Bench) -> None:
 
 
 @check("2.8")
-def nil(bench: Bench) -> None:
+def nil(bench: RobotOnTrial) -> None:
     """A field that is nil is left out."""
     party = bench.party()
     hello = party.request("hello", versions=[1]) | {"software": None}
@@ -217,7 +217,7 @@ def nil(bench: Bench) -> None:
 
 
 @check("2.9")
-def unknown_fields(bench: Bench) -> None:
+def unknown_fields(bench: RobotOnTrial) -> None:
     """Unknown fields are ignored."""
     party = bench.party()
     party.expect("status", "heartbeat", future={"a": [1, None, {"b": 0.5}]}, targets={"x": 1})
@@ -228,7 +228,7 @@ def unknown_fields(bench: Bench) -> None:
 
 
 @check("2.11", after=("3.5",))
-def garbage(bench: Bench) -> None:
+def garbage(bench: RobotOnTrial) -> None:
     """Each invalid frame is answered, and changes nothing."""
     party = bench.party()
     before = party.status()
@@ -249,7 +249,7 @@ def garbage(bench: Bench) -> None:
 
 
 @check("2.11", need=Need.CONTROL, after=("2.11", "5.1"))
-def garbage_and_control(bench: Bench) -> None:
+def garbage_and_control(bench: RobotOnTrial) -> None:
     """No invalid frame, of the controller or of another, takes control away."""
     other = bench.party()
     with bench.controlled() as party:

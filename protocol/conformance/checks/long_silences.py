@@ -9,14 +9,14 @@ from protocol.conformance.checks.motion import observed, small_targets
 from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.raw_connection import FINAL, Map, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 from protocol.rules.lease import EXPIRY, SILENCE
 
 _TOLERANCE: Final = 2.0
 """Seconds by which the robot may be late; it must not be early by more than a tenth of that."""
 
 
-def _silent_for(bench: Bench, viewer: Party, seconds: float) -> None:
+def _silent_for(bench: RobotOnTrial, viewer: Party, seconds: float) -> None:
     """Lets time pass in which only a viewer gives signs of life."""
     end = bench.settings.clock() + seconds
     while bench.settings.clock() < end:
@@ -25,7 +25,7 @@ def _silent_for(bench: Bench, viewer: Party, seconds: float) -> None:
 
 
 @check("5.7", need=Need.TIME)
-def control_expires(bench: Bench) -> None:
+def control_expires(bench: RobotOnTrial) -> None:
     """Control is kept for 30 s of silence, then it is free."""
     viewer = bench.party()
     with bench.controlled() as party:
@@ -43,7 +43,7 @@ def control_expires(bench: Bench) -> None:
 
 
 @check("5.5", need=Need.TIME)
-def heartbeats_keep_control(bench: Bench) -> None:
+def heartbeats_keep_control(bench: RobotOnTrial) -> None:
     """Any valid request in the session is a sign of life; garbage and stop are none."""
     viewer = bench.party()
     with bench.controlled() as party:
@@ -62,7 +62,7 @@ def heartbeats_keep_control(bench: Bench) -> None:
 
 
 @check("5.6", need=Need.TIME)
-def silence_ends_a_motion(bench: Bench) -> None:
+def silence_ends_a_motion(bench: RobotOnTrial) -> None:
     """After 5 s of silence a perform ends with aborted_silent, and control is kept."""
     if not bench.settings.move:
         raise Untried("This needs --move.")

@@ -8,7 +8,7 @@ from typing import Final
 from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.raw_connection import Map, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 from protocol.wire.capabilities import Capabilities
 
 REACH: Final = 0.5
@@ -27,7 +27,7 @@ def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, f
     return found
 
 
-def _performed(bench: Bench, party: Party, share: float) -> tuple[dict[str, float], Map]:
+def _performed(bench: RobotOnTrial, party: Party, share: float) -> tuple[dict[str, float], Map]:
     targets = small_targets(bench.capabilities(), share)
     return targets, observed(party, targets)
 
@@ -41,12 +41,12 @@ def observed(party: Party, targets: Mapping[str, float]) -> Map:
     return end
 
 
-def _rest(bench: Bench, party: Party) -> None:
+def _rest(bench: RobotOnTrial, party: Party) -> None:
     """Back to zero."""
     _performed(bench, party, 0.0)
 
 
-def _under_way(bench: Bench, party: Party, kind: str, client: Party, code: str) -> None:
+def _under_way(bench: RobotOnTrial, party: Party, kind: str, client: Party, code: str) -> None:
     """Interrupts a motion with a request; expects that the motion ends with this code."""
     for _ in range(_TRIALS):
         perform = party.request("perform", targets=small_targets(bench.capabilities()))
@@ -68,7 +68,7 @@ def _under_way(bench: Bench, party: Party, kind: str, client: Party, code: str) 
 
 
 @check("7.2", need=Need.MOTION)
-def badsmall_targets(bench: Bench) -> None:
+def badsmall_targets(bench: RobotOnTrial) -> None:
     """Missing and unknown joints are bad_targets."""
     with bench.controlled() as party:
         full = small_targets(bench.capabilities(), 0.0)
@@ -80,7 +80,7 @@ def badsmall_targets(bench: Bench) -> None:
 
 
 @check("7.3", need=Need.MOTION, after=("7.2",))
-def out_of_range(bench: Bench) -> None:
+def out_of_range(bench: RobotOnTrial) -> None:
     """Targets beyond a limit are out_of_range, and nothing is clamped."""
     capabilities = bench.capabilities()
     with bench.controlled() as party:
@@ -91,7 +91,7 @@ def out_of_range(bench: Bench) -> None:
 
 
 @check("7.4", "4.3", need=Need.MOTION, after=("4.4",))
-def perform(bench: Bench) -> None:
+def perform(bench: RobotOnTrial) -> None:
     """A perform is carried out once, to within one resolution of its targets."""
     capabilities = bench.capabilities()
     with bench.controlled() as party:
@@ -110,7 +110,7 @@ def perform(bench: Bench) -> None:
 
 
 @check("7.9", need=Need.MOTION)
-def joints_at_the_end(bench: Bench) -> None:
+def joints_at_the_end(bench: RobotOnTrial) -> None:
     """Joints at the end of their range are named as saturated, and no others."""
     if not bench.settings.far:
         raise Untried("This needs --far.")
@@ -128,7 +128,7 @@ def joints_at_the_end(bench: Bench) -> None:
 
 
 @check("4.5", need=Need.MOTION, after=("3.5", "4.4"))
-def asked_again_under_way(bench: Bench) -> None:
+def asked_again_under_way(bench: RobotOnTrial) -> None:
     """A request that is under way answers with its progress, then its end, once."""
     with bench.controlled() as party:
         request = party.request("perform", targets=small_targets(bench.capabilities()))
@@ -150,7 +150,7 @@ def asked_again_under_way(bench: Bench) -> None:
 
 
 @check("5.10", need=Need.MOTION)
-def stop_in_motion(bench: Bench) -> None:
+def stop_in_motion(bench: RobotOnTrial) -> None:
     """A stop from anybody ends a perform with aborted_stop."""
     with bench.controlled() as party:
         _under_way(bench, party, "stop", bench.stranger(), "aborted_stop")
@@ -162,7 +162,7 @@ def stop_in_motion(bench: Bench) -> None:
 
 
 @check("5.8", need=Need.MOTION)
-def release_in_motion(bench: Bench) -> None:
+def release_in_motion(bench: RobotOnTrial) -> None:
     """A release in mid-motion ends it with aborted_silent."""
     with bench.controlled() as party:
         _under_way(bench, party, "release", party, "aborted_silent")
@@ -171,7 +171,7 @@ def release_in_motion(bench: Bench) -> None:
 
 
 @check("6.1", need=Need.MOTION)
-def busy(bench: Bench) -> None:
+def busy(bench: RobotOnTrial) -> None:
     """While it moves, read, clear and a second perform are busy; hold ends the motion."""
     with bench.controlled() as party:
         for kind in ("read", "clear", "perform"):
@@ -181,7 +181,7 @@ def busy(bench: Bench) -> None:
         _rest(bench, party)
 
 
-def _busy(bench: Bench, party: Party, kind: str) -> None:
+def _busy(bench: RobotOnTrial, party: Party, kind: str) -> None:
     targets = small_targets(bench.capabilities())
     fields = {"targets": targets} if kind == "perform" else {}
     for _ in range(_TRIALS):
@@ -201,7 +201,7 @@ def _busy(bench: Bench, party: Party, kind: str) -> None:
 
 
 @check("5.13", "6.1", need=Need.MOTION)
-def relaxed(bench: Bench) -> None:
+def relaxed(bench: RobotOnTrial) -> None:
     """After relax it is relaxed, and perform wrong_state; hold brings it back."""
     with bench.controlled() as party:
         _rest(bench, party)
@@ -216,7 +216,7 @@ def relaxed(bench: Bench) -> None:
 
 
 @check("6.1", "5.11", need=Need.MOTION)
-def limp_and_stopped(bench: Bench) -> None:
+def limp_and_stopped(bench: RobotOnTrial) -> None:
     """A limp robot that was stopped holds, once it is cleared, and performs."""
     with bench.controlled() as party:
         _rest(bench, party)

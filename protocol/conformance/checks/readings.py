@@ -12,7 +12,7 @@ import zmq
 from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.raw_connection import Map, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench
+from protocol.conformance.robot_on_trial import RobotOnTrial
 from protocol.errors import BodyschemaError, RemoteProtocolError
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.zmq_sockets import connected
@@ -24,7 +24,7 @@ from protocol.wire.messages import parse_telemetry
 _LOOKS: Final = 3  # at the rate: this computer may have had something else to do
 
 
-def _reads(bench: Bench, count: int = 1) -> tuple[Capabilities, list[Map]]:
+def _reads(bench: RobotOnTrial, count: int = 1) -> tuple[Capabilities, list[Map]]:
     party = bench.party()
     capabilities = Capabilities.of(party.hello()["capabilities"])
     found = []
@@ -37,7 +37,7 @@ def _reads(bench: Bench, count: int = 1) -> tuple[Capabilities, list[Map]]:
 
 
 @check("7.1", "1.11")
-def fields_of_replies(bench: Bench) -> None:
+def fields_of_replies(bench: RobotOnTrial) -> None:
     """Replies have their fields, with their types and ranges."""
     party = bench.party()  # welcome and capabilities; a line takes nothing else for a reply
     party.status()
@@ -46,7 +46,7 @@ def fields_of_replies(bench: Bench) -> None:
 
 
 @check("7.5")
-def final_replies_come_once(bench: Bench) -> None:
+def final_replies_come_once(bench: RobotOnTrial) -> None:
     """Final replies come once, and nothing after them."""
     party = bench.party()
     noted = bench.noted["7.5"]
@@ -60,7 +60,7 @@ def final_replies_come_once(bench: Bench) -> None:
 
 
 @check("7.6")
-def ids_of_replies(bench: Bench) -> None:
+def ids_of_replies(bench: RobotOnTrial) -> None:
     """Every reply has the id of its request."""
     party = bench.party()
     beats = [party.request("heartbeat", id=number) for number in (5, 3, 2**53 - 1, 0)]
@@ -72,7 +72,7 @@ def ids_of_replies(bench: Bench) -> None:
 
 
 @check("7.7")
-def observations_fit(bench: Bench) -> None:
+def observations_fit(bench: RobotOnTrial) -> None:
     """Readings and angles fit the capabilities."""
     capabilities, (felt,) = _reads(bench)
     joints = {joint.name for joint in capabilities.joints}
@@ -93,7 +93,7 @@ def observations_fit(bench: Bench) -> None:
 
 
 @check("7.8")
-def sequences_grow(bench: Bench) -> None:
+def sequences_grow(bench: RobotOnTrial) -> None:
     """Each observation has a larger sequence, and status knows the latest."""
     _, felt = _reads(bench, 4)
     sequences = [found["sequence"] for found in felt]
@@ -109,7 +109,7 @@ def sequences_grow(bench: Bench) -> None:
 
 
 @check("9.1")
-def tilt(bench: Bench) -> None:
+def tilt(bench: RobotOnTrial) -> None:
     """Tilt lies in ±π/2, and within what one body can have."""
     _, (felt,) = _reads(bench)
     if "tilt" not in felt:
@@ -124,7 +124,7 @@ def tilt(bench: Bench) -> None:
 
 
 @check("9.2")
-def clearance(bench: Bench) -> None:
+def clearance(bench: RobotOnTrial) -> None:
     """Clearance never exceeds the sensor's upper, and is saturated exactly there."""
     capabilities, (felt,) = _reads(bench)
     sensor = capabilities.sensor("clearance")
@@ -142,7 +142,7 @@ def clearance(bench: Bench) -> None:
 
 
 @check("10.1")
-def clocks(bench: Bench) -> None:
+def clocks(bench: RobotOnTrial) -> None:
     """No clock runs backwards."""
     party = bench.party()
     _, felt = _reads(bench, 2)
@@ -157,7 +157,7 @@ def clocks(bench: Bench) -> None:
     expect(monotonic == sorted(monotonic), f"monotonic went {monotonic}.")
 
 
-def _publications(bench: Bench, seconds: float) -> tuple[float, list[list[bytes]], float]:
+def _publications(bench: RobotOnTrial, seconds: float) -> tuple[float, list[list[bytes]], float]:
     """The promised rate, what was published, and the time in which it was (s)."""
     capabilities = bench.capabilities()
     settings = bench.settings
@@ -185,7 +185,7 @@ def _publications(bench: Bench, seconds: float) -> tuple[float, list[list[bytes]
 
 
 @check("11.1", "11.3")
-def publications(bench: Bench) -> None:
+def publications(bench: RobotOnTrial) -> None:
     """Publications are the topic and a valid frame, and tell what status tells."""
     party = bench.party()
     before = party.status()
@@ -205,7 +205,7 @@ def publications(bench: Bench) -> None:
 
 
 @check("11.2", after=("11.1",))
-def publication_rate(bench: Bench) -> None:
+def publication_rate(bench: RobotOnTrial) -> None:
     """Publications keep the rate that welcome promises, within a factor of two."""
     rate = bench.capabilities().telemetry_rate
     for _ in range(_LOOKS):
@@ -217,7 +217,7 @@ def publication_rate(bench: Bench) -> None:
 
 
 @check("8.1", need=Need.NOTHING)
-def error_table(bench: Bench) -> None:
+def error_table(bench: RobotOnTrial) -> None:
     """Errors have a code of the table, and its retryable."""
     party = bench.party()
     party.ask("dance")

@@ -5,13 +5,13 @@ from __future__ import annotations
 from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.raw_connection import pack, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench
+from protocol.conformance.robot_on_trial import RobotOnTrial
 
 MEMORY = 64
 
 
 @check("4.2", after=("4.4",))
-def memory(bench: Bench) -> None:
+def memory(bench: RobotOnTrial) -> None:
     """The last 64 outcomes of a client are remembered."""
     party = bench.party()
     first = party.number()
@@ -23,7 +23,7 @@ def memory(bench: Bench) -> None:
 
 
 @check("4.4")
-def first_outcome(bench: Bench) -> None:
+def first_outcome(bench: RobotOnTrial) -> None:
     """The same request again brings the first outcome."""
     party = bench.party()
     read = party.request("read")
@@ -38,7 +38,7 @@ def first_outcome(bench: Bench) -> None:
 
 
 @check("4.6", after=("4.4",))
-def reused(bench: Bench) -> None:
+def reused(bench: RobotOnTrial) -> None:
     """Another request under a remembered id is id_reused."""
     party = bench.party()
     number = party.number()
@@ -48,7 +48,7 @@ def reused(bench: Bench) -> None:
 
 
 @check("4.7", after=("4.4",))
-def expired(bench: Bench) -> None:
+def expired(bench: RobotOnTrial) -> None:
     """A smaller id that is not remembered is expired, and nothing is executed."""
     party = bench.party()
     skipped = party.number()
@@ -60,7 +60,7 @@ def expired(bench: Bench) -> None:
 
 
 @check("4.7", after=("4.4",))
-def forgotten(bench: Bench) -> None:
+def forgotten(bench: RobotOnTrial) -> None:
     """An id that was pushed out of the memory is expired, never executed again."""
     party = bench.party()
     read = party.request("read")
@@ -77,7 +77,7 @@ def forgotten(bench: Bench) -> None:
 
 
 @check("4.8", after=("4.4", "4.6"))
-def the_same(bench: Bench) -> None:
+def the_same(bench: RobotOnTrial) -> None:
     """The order of keys, and 1 against 1.0, make no other request; another value does."""
     party = bench.party()
     number = party.number()
@@ -90,7 +90,7 @@ def the_same(bench: Bench) -> None:
 
 
 @check("4.9", need=Need.CONTROL, after=("4.4", "5.1"))
-def refusals_stand(bench: Bench) -> None:
+def refusals_stand(bench: RobotOnTrial) -> None:
     """What was refused is refused again under its id, although it would be possible now."""
     other = bench.party()
     number = other.number()
@@ -109,7 +109,7 @@ def refusals_stand(bench: Bench) -> None:
 
 
 @check("4.10", after=("2.10", "3.8"))
-def what_is_no_outcome(bench: Bench) -> None:
+def what_is_no_outcome(bench: RobotOnTrial) -> None:
     """malformed, unknown_type and restarted leave an id free."""
     party = bench.party()
     number = party.number()
@@ -125,7 +125,7 @@ def what_is_no_outcome(bench: Bench) -> None:
 
 
 @check("4.12", after=("2.10", "3.8", "4.4", "4.6", "5.2"))
-def order(bench: Bench) -> None:
+def order(bench: RobotOnTrial) -> None:
     """Of several things that are wrong, the first in the order is answered."""
     party = bench.party()
     number = party.number()
@@ -140,7 +140,7 @@ def order(bench: Bench) -> None:
 
 
 @check("4.12", need=Need.CONTROL, after=("7.2",))
-def order_in_control(bench: Bench) -> None:
+def order_in_control(bench: RobotOnTrial) -> None:
     """The targets come before the state."""
     with bench.controlled() as party:
         party.expect("ok", "stop")
@@ -148,7 +148,7 @@ def order_in_control(bench: Bench) -> None:
 
 
 @check("4.14", after=("3.5",))
-def not_numbered(bench: Bench) -> None:
+def not_numbered(bench: RobotOnTrial) -> None:
     """Any id will do for hello and heartbeat, again and again."""
     party = bench.party()
     party.harmless(party.number())

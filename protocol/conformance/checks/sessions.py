@@ -7,13 +7,13 @@ import time
 from protocol.conformance.expectations import Broken, expect
 from protocol.conformance.raw_connection import FINAL, GRACE, Map, pack, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Bench, Party
+from protocol.conformance.robot_on_trial import Party, RobotOnTrial
 
 PLACES = 64
 
 
 @check("3.2")
-def versions(bench: Bench) -> None:
+def versions(bench: RobotOnTrial) -> None:
     """Version 1 is chosen where it is offered."""
     stranger = bench.stranger()
     for offered in ([1], [7, 1, 3]):
@@ -23,7 +23,7 @@ def versions(bench: Bench) -> None:
 
 
 @check("3.3")
-def unsupported_versions(bench: Bench) -> None:
+def unsupported_versions(bench: RobotOnTrial) -> None:
     """Versions that are not spoken are unsupported_version."""
     stranger = bench.stranger()
     for offered in ([999], []):
@@ -31,7 +31,7 @@ def unsupported_versions(bench: Bench) -> None:
 
 
 @check("3.4")
-def session_is_needed(bench: Bench) -> None:
+def session_is_needed(bench: RobotOnTrial) -> None:
     """Requests without client or session are malformed."""
     party = bench.party()
     for kind in ("heartbeat", "read", "release"):
@@ -42,7 +42,7 @@ def session_is_needed(bench: Bench) -> None:
 
 
 @check("3.5")
-def same_client(bench: Bench) -> None:
+def same_client(bench: RobotOnTrial) -> None:
     """A client keeps its session, over hellos and connections."""
     first = bench.party()
     session = first.session
@@ -55,7 +55,7 @@ def same_client(bench: Bench) -> None:
 
 
 @check("3.6", after=("3.8",))
-def other_client(bench: Bench) -> None:
+def other_client(bench: RobotOnTrial) -> None:
     """Another client has another session, and no right to this one."""
     first, second = bench.party(), bench.party()
     expect(first.session != second.session, "Two clients have the same session.")
@@ -63,7 +63,7 @@ def other_client(bench: Bench) -> None:
 
 
 @check("3.7", need=Need.MOTION)
-def a_crowd(bench: Bench) -> None:
+def a_crowd(bench: RobotOnTrial) -> None:
     """64 clients are remembered, and a 65th pushes out the one not heard of for longest."""
     first = bench.party()
     for number in range(PLACES - 1):
@@ -77,7 +77,7 @@ def a_crowd(bench: Bench) -> None:
 
 
 @check("3.7", need=Need.MOTION, after=("5.1",))
-def a_crowd_and_the_controller(bench: Bench) -> None:
+def a_crowd_and_the_controller(bench: RobotOnTrial) -> None:
     """A crowd never pushes out the controller."""
     with bench.controlled() as controller:
         for number in range(PLACES + 1):
@@ -89,7 +89,7 @@ def a_crowd_and_the_controller(bench: Bench) -> None:
 
 
 @check("3.8")
-def unknown_session(bench: Bench) -> None:
+def unknown_session(bench: RobotOnTrial) -> None:
     """A request in an unknown session is restarted, and nothing else."""
     party = bench.party()
     for kind in ("heartbeat", "read"):
@@ -99,7 +99,7 @@ def unknown_session(bench: Bench) -> None:
     stranger.expect("restarted", "heartbeat")
 
 
-def _answer_on(bench: Bench, party: Party, request: Map, *, instead: Party) -> Map:
+def _answer_on(bench: RobotOnTrial, party: Party, request: Map, *, instead: Party) -> Map:
     """The final reply on one connection; on another, which asked before, it would be wrong."""
     party.line.send(request)
     strayed = False
@@ -116,7 +116,7 @@ def _answer_on(bench: Bench, party: Party, request: Map, *, instead: Party) -> M
 
 
 @check("3.10", after=("4.4",))
-def answers_follow(bench: Bench) -> None:
+def answers_follow(bench: RobotOnTrial) -> None:
     """The answer goes to the connection from which the request last came."""
     first = bench.party()
     second = bench.party(first.name)

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 
 from estimator.cli import doctor
 from estimator.cli.commands import app
-from estimator.cli.doctor import Finding, Verdict, examine
+from estimator.cli.doctor import ExaminedItem, Fitness, examine
 from protocol.errors import EndpointError, KeysError, RobotError
 from protocol.rules.robot_interface import Robot, RobotRequest
 from protocol.security.keys import KeyDirectory
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import Observation, Read
+from protocol.wire.messages import ObservationReply, Read
 from robot.host.clock import Clock, WallClock
 from sim_robot.simulator.still_robot import still_robot
 from tests.protocol.conformance.spoilt import Fault, SpoiltServer
@@ -63,7 +63,7 @@ def bad(uri: str, keys: Path | None = None) -> list[tuple[str, str]]:
     return [
         (finding.subject, finding.sentence)
         for finding in examine(uri, keys)
-        if finding.verdict is Verdict.BAD
+        if finding.verdict is Fitness.BAD
     ]
 
 
@@ -75,19 +75,19 @@ def the_trouble(uri: str, keys: Path | None = None) -> tuple[str, str]:
 class SoundRobot(FakeRobot):
     """Its readings are of the moment."""
 
-    def observe(self, request_id: int) -> Observation:
+    def observe(self, request_id: int) -> ObservationReply:
         return replace(super().observe(request_id), monotonic=time.monotonic())
 
 
 BUSY = {"latency", "telemetry"}  # may be worth a note on a computer with much to do
 
 
-def remarkable(findings: Iterable[Finding]) -> list[Finding]:
+def remarkable(findings: Iterable[ExaminedItem]) -> list[ExaminedItem]:
     return [
         finding
         for finding in findings
-        if finding.verdict is Verdict.BAD
-        or (finding.verdict is Verdict.NOTE and finding.subject not in BUSY)
+        if finding.verdict is Fitness.BAD
+        or (finding.verdict is Fitness.NOTE and finding.subject not in BUSY)
     ]
 
 
@@ -216,7 +216,7 @@ def test_stopped() -> None:
 
 def test_another_software_is_worth_a_note() -> None:
     with serving(SoundRobot()) as uri:
-        notes = [found for found in examine(uri) if found.verdict is Verdict.NOTE]
+        notes = [found for found in examine(uri) if found.verdict is Fitness.NOTE]
     assert [note.subject for note in notes] == ["version"]
     assert notes[0].sentence.startswith("The robot runs fake 1, this is bodyschema ")
 
@@ -229,17 +229,17 @@ class StaleRobot(SoundRobot):
 
 
 class RepeatingRobot(SoundRobot):
-    def observe(self, request_id: int) -> Observation:
+    def observe(self, request_id: int) -> ObservationReply:
         return replace(super().observe(request_id), sequence=7)
 
 
 class FrozenRobot(SoundRobot):
-    def observe(self, request_id: int) -> Observation:
+    def observe(self, request_id: int) -> ObservationReply:
         return replace(super().observe(request_id), monotonic=1.0)
 
 
 class HastyRobot(SoundRobot):
-    def observe(self, request_id: int) -> Observation:
+    def observe(self, request_id: int) -> ObservationReply:
         found = super().observe(request_id)
         return replace(found, monotonic=found.monotonic * 1e6)
 

@@ -5,7 +5,7 @@ from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import OnProgress
-from estimator.storage.records import Interaction, Ticket
+from estimator.storage.records import InteractionRecord, Ticket
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from tests.estimator.model_robot import make_capabilities
 
@@ -78,7 +78,7 @@ class Person(Listener):
 def run(
     link: ScriptedLink, ticket: Ticket | None = None, listener: Listener | None = None
 ) -> object:
-    planned = Interaction(program=PROGRAM, ticket=ticket)
+    planned = InteractionRecord(program=PROGRAM, ticket=ticket)
     return carry_out(link, 0, planned, link.commit, listener or Person())
 
 

@@ -15,7 +15,7 @@ from estimator.errors import EstimatorError, InteractionError, ProblemError, Run
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import in_processes
-from estimator.physics.base import Physics, Settings
+from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -25,7 +25,7 @@ from protocol.errors import RobotError, RobotUnreachableError
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 
 
-def here(name: str, settings: Settings) -> Physics:
+def here(name: str, settings: WorldSettings) -> Physics:
     return PyBulletPhysics(settings)
 
 

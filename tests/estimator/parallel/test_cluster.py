@@ -27,7 +27,7 @@ from estimator.cli.commands import app
 from estimator.errors import ClusterError, PhysicsError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.dask import DaskPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.reproduction.runs.plan import Budget, PlannedRun, typical_runs
@@ -50,7 +50,7 @@ from tests.estimator.model_robot import ModelRobot, make_order, serving
 from tests.estimator.physics.test_pool import assert_same
 
 MakeBody = Callable[[np.random.Generator], Morphology]
-SETTINGS = Settings(steps=60)
+SETTINGS = WorldSettings(steps=60)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,9 @@ def test_a_cluster_reads_what_this_process_reads(
             physics.read([*pairs[:3], (pairs[3][0], np.full(8, np.nan))])
         assert_same(physics.read(pairs[:3]), expected[0][:3])
         assert len(physics.read([])) == 0
-    other = Settings(steps=60, touch_gap=0.05)  # the workers' engines are for the settings before
+    other = WorldSettings(
+        steps=60, touch_gap=0.05
+    )  # the workers' engines are for the settings before
     with (
         PyBulletPhysics(other) as here,
         DaskPhysics(partial(PyBulletPhysics, other), connected) as there,

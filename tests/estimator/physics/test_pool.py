@@ -16,12 +16,12 @@ import pytest
 
 from estimator.body.morphology import Morphology
 from estimator.errors import PhysicsError, WorkerError
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 
 MakeBody = Callable[[np.random.Generator], Morphology]
-MAKE = partial(PyBulletPhysics, Settings(steps=60))
+MAKE = partial(PyBulletPhysics, WorldSettings(steps=60))
 
 
 @pytest.fixture

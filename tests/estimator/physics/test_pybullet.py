@@ -12,7 +12,7 @@ import pytest
 
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
 from estimator.errors import PhysicsError
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -247,7 +247,7 @@ def test_the_least_inertia_is_no_more_than_needed(
     physics: PyBulletPhysics, random_quadruped: MakeBody
 ) -> None:
     """It grows with weight, reach and step; a tenth of it is not enough."""
-    coarse, fine = Settings(), Settings(step=1 / 240)
+    coarse, fine = WorldSettings(), WorldSettings(step=1 / 240)
     body = legs(0.1)
     heavy = replace(body, base=replace(body.base, mass=2 * body.mass - body.masses.sum()))
     floor = coarse.inertia_floor(body)
@@ -265,7 +265,7 @@ def test_a_joint_that_misses_makes_the_reading_invalid(physics: PyBulletPhysics)
 
 
 def test_v_is_the_speed_of_a_body_that_is_not_at_rest() -> None:
-    with PyBulletPhysics(Settings(steps=40)) as short:
+    with PyBulletPhysics(WorldSettings(steps=40)) as short:
         found = read_one(short, legs(0.2), *[-RIGHT_ANGLE] * 4)
     assert found.speed[0] > 0.05
     assert not found.valid[0]
@@ -313,7 +313,7 @@ def test_a_reading_depends_on_its_own_pair_only(
 
 
 def test_work_is_counted() -> None:
-    with PyBulletPhysics(Settings(steps=3)) as short:
+    with PyBulletPhysics(WorldSettings(steps=3)) as short:
         short.read([(legs(0.1), np.zeros(4))] * 5)
         assert (short.simulations, short.steps) == (5, 15)
 
@@ -364,7 +364,7 @@ def test_stopping_at_rest_reads_what_all_steps_read(problem: str) -> None:
     genome = Genome(Problem.load(problem), BODY)
     motors = 8 if problem == "topological-24" else 4
     pairs = random_pairs(lambda rng: genome.decode(rng.random(genome.size)), 120, 21, motors)
-    with PyBulletPhysics() as usual, PyBulletPhysics(Settings(full_steps=True)) as reference:
+    with PyBulletPhysics() as usual, PyBulletPhysics(WorldSettings(full_steps=True)) as reference:
         quick, full = usual.read(pairs), reference.read(pairs)
         assert reference.steps == 120 * 300
         assert usual.steps < 0.5 * reference.steps

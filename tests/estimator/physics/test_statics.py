@@ -14,7 +14,7 @@ import pytest
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, PhysicsError
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 
@@ -178,7 +178,7 @@ def test_joints_get_no_farther_than_their_time_allows(statics: StaticsPhysics) -
     assert np.degrees(late.joint_miss) == pytest.approx([10])
     assert (late.valid[0], there.valid[0]) == (False, True)
     assert np.array_equal(late.tilt, there.tilt)
-    slow = StaticsPhysics(Settings(steps=10))
+    slow = StaticsPhysics(WorldSettings(steps=10))
     assert np.degrees(read_one(slow, body, 30, 0, 0, 0).joint_miss) == pytest.approx([20])
 
 
@@ -237,7 +237,7 @@ def test_a_larger_robot_rests_like_a_small_one(
     pairs = random_pairs(random_tree, 200, seed=10)
     sure = statics.path_margins(pairs) > math.radians(1)
     small = statics.read(pairs)
-    large = StaticsPhysics(Settings(clearance_cap=1.0, touch_gap=5e-3)).read(
+    large = StaticsPhysics(WorldSettings(clearance_cap=1.0, touch_gap=5e-3)).read(
         [
             (
                 Morphology(
@@ -264,7 +264,7 @@ def agreement(
 ) -> dict[str, tuple[Readings, Readings, Array]]:
     """Readings of 75 bodies of a kind by both back-ends, and the path margins."""
     found = {}
-    with PyBulletPhysics(Settings(steps=1200, step=1 / 240, full_steps=True)) as engine:
+    with PyBulletPhysics(WorldSettings(steps=1200, step=1 / 240, full_steps=True)) as engine:
         for kind, make, motors in (("quadrupeds", random_quadruped, 4), ("trees", random_tree, 8)):
             pairs = random_pairs(make, 75, seed=12, motors=motors)
             found[kind] = (statics.read(pairs), engine.read(pairs), statics.path_margins(pairs))

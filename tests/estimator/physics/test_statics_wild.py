@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
-from estimator.physics.base import Pair, Readings, Settings
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.statics import StaticsPhysics
 
-STATICS = StaticsPhysics(Settings(clearance_cap=1e9))
+STATICS = StaticsPhysics(WorldSettings(clearance_cap=1e9))
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 LENGTHS = (0.0, 1e-9, 0.006, 0.05, 0.2, 30.0)
 RADII = (1e-6, 0.006, 0.05, 2.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Morphology, Part
-from estimator.physics.base import Settings
+from estimator.physics.base import WorldSettings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.likelihood import SensorData
 from estimator.posterior.posterior import Mode, Posterior
@@ -17,7 +17,7 @@ WRONG = np.array([0.9, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
 def test_the_fine_world_lasts_as_long() -> None:
-    world = Settings()
+    world = WorldSettings()
     assert fine(world).step == 1 / 240
     assert fine(world).steps * fine(world).step == pytest.approx(world.steps * world.step)
 

@@ -13,7 +13,7 @@ from estimator.body.morphology import BASE
 from estimator.errors import ProblemError
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify
-from estimator.physics.base import Physics, Settings
+from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -275,5 +275,5 @@ def test_the_manual_tells_the_truth() -> None:
         assert f"| `{name}` |" in manual
 
 
-def here(name: str, settings: Settings) -> Physics:
+def here(name: str, settings: WorldSettings) -> Physics:
     return PyBulletPhysics(settings)

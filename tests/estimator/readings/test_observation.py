@@ -9,8 +9,8 @@ from protocol.wire import messages
 from tests.estimator.model_robot import make_capabilities
 
 
-def wire(**changes: object) -> messages.Observation:
-    found = messages.Observation(
+def wire(**changes: object) -> messages.ObservationReply:
+    found = messages.ObservationReply(
         id=1,
         sequence=3,
         robot_time=2.0,

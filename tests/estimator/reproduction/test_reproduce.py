@@ -20,7 +20,12 @@ from typer.testing import CliRunner
 from estimator.cli.commands import app
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
-from estimator.reproduction.reproduce import Outcome, Request, figures_of, reproduce
+from estimator.reproduction.reproduce import (
+    ReproductionRequest,
+    ReproductionResult,
+    figures_of,
+    reproduce,
+)
 from estimator.reproduction.runs.plan import FIGURES, PlannedRun, planned_runs, typical_runs
 from estimator.reproduction.runs.run_processes import Ended, Worked, Workers
 from estimator.reproduction.runs.single_run import SCORE
@@ -47,10 +52,14 @@ class Hearing(Listener):
 
 
 @pytest.fixture(scope="module")
-def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Outcome, Hearing]:
+def everything(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> tuple[Path, ReproductionResult, Hearing]:
     """One seed of the whole paper, nothing broken off."""
     root, hearing = tmp_path_factory.mktemp("everything"), Hearing()
-    request = Request(figures=FIGURES, runs=1, budget=TINY, jobs=2, command="estimator reproduce")
+    request = ReproductionRequest(
+        figures=FIGURES, runs=1, budget=TINY, jobs=2, command="estimator reproduce"
+    )
     return root, reproduce(root, request, hearing), hearing
 
 
@@ -59,7 +68,9 @@ def table(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def test_every_figure_has_its_three_files(everything: tuple[Path, Outcome, Hearing]) -> None:
+def test_every_figure_has_its_three_files(
+    everything: tuple[Path, ReproductionResult, Hearing],
+) -> None:
     root, outcome, _ = everything
     assert not outcome.failures
     assert [item.name for item in outcome.figures] == list(FIGURES)
@@ -69,7 +80,7 @@ def test_every_figure_has_its_three_files(everything: tuple[Path, Outcome, Heari
         assert json.loads((root / f"{name}.json").read_text())["caption"]
 
 
-def test_progress_goes_over_all_runs(everything: tuple[Path, Outcome, Hearing]) -> None:
+def test_progress_goes_over_all_runs(everything: tuple[Path, ReproductionResult, Hearing]) -> None:
     _, _, hearing = everything
     assert hearing.done == hearing.total > 0
     assert sum("/9 " in sentence for sentence in hearing.said) == 9
@@ -77,7 +88,7 @@ def test_progress_goes_over_all_runs(everything: tuple[Path, Outcome, Hearing]) 
 
 
 def test_figure_2_holds_every_models_error_of_both_variants(
-    everything: tuple[Path, Outcome, Hearing],
+    everything: tuple[Path, ReproductionResult, Hearing],
 ) -> None:
     rows = table(everything[0] / "fig2.csv")
     for panel in "ac":
@@ -90,7 +101,7 @@ def test_figure_2_holds_every_models_error_of_both_variants(
 
 
 def test_figure_3_has_seven_columns_in_each_group_and_the_chance_level(
-    everything: tuple[Path, Outcome, Hearing],
+    everything: tuple[Path, ReproductionResult, Hearing],
 ) -> None:
     root = everything[0]
     rows = table(root / "fig3.csv")
@@ -105,7 +116,7 @@ def test_figure_3_has_seven_columns_in_each_group_and_the_chance_level(
 
 
 def test_figure_4_follows_twelve_configurations(
-    everything: tuple[Path, Outcome, Hearing],
+    everything: tuple[Path, ReproductionResult, Hearing],
 ) -> None:
     root = everything[0]
     numbers = json.loads((root / "fig4.json").read_text())
@@ -119,7 +130,7 @@ def test_figure_4_follows_twelve_configurations(
 
 
 def test_figure_5_shows_robot_and_models_in_two_poses(
-    everything: tuple[Path, Outcome, Hearing],
+    everything: tuple[Path, ReproductionResult, Hearing],
 ) -> None:
     rows = table(everything[0] / "fig5.csv")
     assert [(row["program"], row["body"]) for row in rows] == [
@@ -131,7 +142,7 @@ def test_figure_5_shows_robot_and_models_in_two_poses(
 
 
 def test_figure_6_has_the_chance_line_and_an_interval(
-    everything: tuple[Path, Outcome, Hearing],
+    everything: tuple[Path, ReproductionResult, Hearing],
 ) -> None:
     numbers = json.loads((everything[0] / "fig6.json").read_text())
     assert numbers["by_chance"] == pytest.approx(3.75)
@@ -140,7 +151,9 @@ def test_figure_6_has_the_chance_line_and_an_interval(
     assert 0 <= low <= numbers["successes"] / numbers["runs"] <= high <= 1
 
 
-def test_figure_6_has_the_texts_genome_too(everything: tuple[Path, Outcome, Hearing]) -> None:
+def test_figure_6_has_the_texts_genome_too(
+    everything: tuple[Path, ReproductionResult, Hearing],
+) -> None:
     numbers = json.loads((everything[0] / "fig6-8x4.json").read_text())
     assert (numbers["configurations"], numbers["informative_configurations"]) == (20, 19)
     assert numbers["by_chance"] == pytest.approx(5.4, abs=0.05)
@@ -150,7 +163,7 @@ def test_figure_6_has_the_texts_genome_too(everything: tuple[Path, Outcome, Hear
 
 
 def test_figure_4_says_how_well_the_truth_would_have_done(
-    everything: tuple[Path, Outcome, Hearing],
+    everything: tuple[Path, ReproductionResult, Hearing],
 ) -> None:
     (row,) = table(everything[0] / "fig6.csv")
     errors = [float(row[f"{whose}subjective_error"]) for whose in ("", "true_bodys_")]
@@ -158,7 +171,7 @@ def test_figure_4_says_how_well_the_truth_would_have_done(
     assert [f"{error:.2f}" in " ".join(figure.sentences) for error in errors] == [True, True]
 
 
-def test_the_report_tells_all(everything: tuple[Path, Outcome, Hearing]) -> None:
+def test_the_report_tells_all(everything: tuple[Path, ReproductionResult, Hearing]) -> None:
     root, outcome, _ = everything
     text = (root / "report.md").read_text()
     assert outcome.claims is not None
@@ -173,7 +186,9 @@ def test_the_report_tells_all(everything: tuple[Path, Outcome, Hearing]) -> None
     assert len(table(root / "runs.csv")) == 9
 
 
-def test_what_is_finished_is_not_repeated(everything: tuple[Path, Outcome, Hearing]) -> None:
+def test_what_is_finished_is_not_repeated(
+    everything: tuple[Path, ReproductionResult, Hearing],
+) -> None:
     root, _, _ = everything
     before = {path: path.stat().st_mtime_ns for path in root.rglob(DATABASE)}
     found = CliRunner().invoke(
@@ -210,7 +225,7 @@ def start(root: Path) -> subprocess.Popen[str]:
 
 
 def test_an_interrupted_reproduction_ends_as_one_that_never_was(
-    everything: tuple[Path, Outcome, Hearing], tmp_path: Path
+    everything: tuple[Path, ReproductionResult, Hearing], tmp_path: Path
 ) -> None:
     done = 0
     for broken_by in (signal.SIGKILL, signal.SIGINT):
@@ -270,7 +285,7 @@ def test_a_run_that_fails_is_listed_and_tried_again(
     directory = run.directory(root)
     directory.mkdir(parents=True)
     (directory / DATABASE).write_text("no database at all, but long enough to be taken for one")
-    request = Request(figures=("fig2",), budget=TINY, jobs=1)
+    request = ReproductionRequest(figures=("fig2",), budget=TINY, jobs=1)
     outcome = reproduce(root, request, Listener())
     assert list(outcome.failures) == [run]
     assert not outcome.figures[0].complete
@@ -286,9 +301,9 @@ def test_a_run_that_fails_is_listed_and_tried_again(
 def test_another_robot_or_budget_does_not_mix(root: Path) -> None:
     (root / "truth.urdf").write_text("<robot/>")
     with pytest.raises(RunDirectoryError, match="another body"):
-        reproduce(root, Request(figures=("fig2",), budget=TINY), Listener())
+        reproduce(root, ReproductionRequest(figures=("fig2",), budget=TINY), Listener())
     with pytest.raises(RunDirectoryError, match="give another --out"):
-        reproduce(root, Request(figures=("fig2",)), Listener())
+        reproduce(root, ReproductionRequest(figures=("fig2",)), Listener())
 
 
 @pytest.mark.parametrize(

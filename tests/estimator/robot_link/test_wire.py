@@ -7,7 +7,7 @@ from estimator.robot_link import open_robot
 from estimator.robot_link.wire import WireLink
 from estimator.storage.records import Ticket
 from protocol.errors import BodyschemaError, RobotError, RobotRestartedError
-from protocol.wire.messages import Observation, Perform
+from protocol.wire.messages import ObservationReply, Perform
 from tests.estimator.model_robot import ModelRobot, serving
 
 PROGRAM = (0.3, -0.2, 0.1, 0.4)
@@ -110,7 +110,7 @@ class LyingRobot(ModelRobot):
         super().__init__()
         self._lie = lie
 
-    def _observe(self, request: Perform) -> Observation:
+    def _observe(self, request: Perform) -> ObservationReply:
         lie, self._lie = self._lie, {}
         return replace(super()._observe(request), **lie)  # type: ignore[arg-type]
 

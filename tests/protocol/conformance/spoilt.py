@@ -16,7 +16,7 @@ import pytest
 
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.rules import server_core
-from protocol.rules.at_most_once import Client, Clients, Outcome
+from protocol.rules.at_most_once import Client, Clients, RememberedRequest
 from protocol.rules.lease import Lease
 from protocol.rules.robot_interface import Robot
 from protocol.rules.server_actions import Action, Send
@@ -205,15 +205,15 @@ def unknown_session_uses_ids_up(
     return _find(self, name, session=session, user=user)
 
 
-def nothing_is_remembered(self: Client, request: Request) -> Outcome | None:
+def nothing_is_remembered(self: Client, request: Request) -> RememberedRequest | None:
     return None
 
 
-def nothing_expires(self: Client, request: Request) -> Outcome | None:
+def nothing_expires(self: Client, request: Request) -> RememberedRequest | None:
     return _recall(self, request) if request.id in self.outcomes else None
 
 
-def refusals_are_forgotten(self: Client, request: Request) -> Outcome | None:
+def refusals_are_forgotten(self: Client, request: Request) -> RememberedRequest | None:
     known = self.outcomes.get(request.id)
     if known is not None and known.reply is not None and decode(known.reply)["type"] == "error":
         del self.outcomes[request.id]
@@ -221,14 +221,16 @@ def refusals_are_forgotten(self: Client, request: Request) -> Outcome | None:
     return _recall(self, request)
 
 
-def once_only(self: ServerCore, client: Client, outcome: Outcome, now: float) -> list[Action]:
+def once_only(
+    self: ServerCore, client: Client, outcome: RememberedRequest, now: float
+) -> list[Action]:
     if self._lease.holder == client.name:
         raise RobotError("held", f"{client.name} holds the robot.")
     return _acquire(self, client, outcome, now)
 
 
 def last_come_first_served(
-    self: ServerCore, client: Client, outcome: Outcome, now: float
+    self: ServerCore, client: Client, outcome: RememberedRequest, now: float
 ) -> list[Action]:
     self._lease.free()
     return _acquire(self, client, outcome, now)
@@ -239,8 +241,8 @@ def garbage_ends_control(self: ServerCore, peer: bytes, error: RemoteProtocolErr
     return _complain(self, peer, error)
 
 
-def any_number_under_way(self: Client, request: Request, peer: bytes) -> Outcome:
-    outcome = self.outcomes[request.id] = Outcome.of(request, peer)
+def any_number_under_way(self: Client, request: Request, peer: bytes) -> RememberedRequest:
+    outcome = self.outcomes[request.id] = RememberedRequest.of(request, peer)
     self.highest = request.id
     return outcome
 

@@ -12,8 +12,8 @@ import pytest
 
 from protocol.conformance.__main__ import main
 from protocol.conformance.registry import CHECKS
-from protocol.conformance.settings import Settings
-from protocol.conformance.suite import NOT_CHECKED, Verdict, clauses, run
+from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.suite import NOT_CHECKED, CheckStatus, clauses, run
 from robot.control.controller import Controller
 from tests.processes.simulator import simulator
 from tests.protocol.conformance.spoilt import Fault
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def test_our_daemon_holds_every_clause(calm: Controller) -> None:
     with serving(calm) as uri:
-        results = run(Settings(uri=uri, move=True, far=True))
+        results = run(SuiteSettings(uri=uri, move=True, far=True))
     assert broken(results) == []
     assert untried(results) == {
         "This needs --slow.",
@@ -53,7 +53,7 @@ def test_without_move_it_never_moves(calm: Controller) -> None:
             calm.submit(ticket, request)
 
     with serving(Watched()) as uri:
-        results = run(Settings(uri=uri))
+        results = run(SuiteSettings(uri=uri))
     assert broken(results) == []
     assert set(seen) == {"read", "stop", "clear"}
 
@@ -80,7 +80,7 @@ def test_a_robot_that(name: str, calm: Controller, monkeypatch: pytest.MonkeyPat
     fault.patch(monkeypatch)
     with serving(calm, fault) as uri:
         move = fault.move
-        settings = Settings(uri=uri, move=move, far=move, patience=0.5, motion=10.0)
+        settings = SuiteSettings(uri=uri, move=move, far=move, patience=0.5, motion=10.0)
         results = run(settings, only=[clause])
     assert broken(results)
 
@@ -100,8 +100,10 @@ def test_one_fault_is_one_broken_clause_and_soon_told(
     fault.patch(monkeypatch)
     begun = time.monotonic()
     with serving(calm, fault) as uri:
-        results = run(Settings(uri=uri, patience=1.0))
-    assert {each.check.clauses[0] for each in results if each.verdict is Verdict.BROKEN} == {clause}
+        results = run(SuiteSettings(uri=uri, patience=1.0))
+    assert {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN} == {
+        clause
+    }
     assert f"Because {clause} is broken." in untried(results)
     assert time.monotonic() - begun < 15
 
@@ -119,8 +121,10 @@ def test_each_clause_that_is_checked_without_time_or_keys_has_a_fault() -> None:
 
 def test_answers_that_come_twice_are_no_other_fault(calm: Controller) -> None:
     with serving(calm, FAULTS["answers twice"][1]) as uri:
-        results = run(Settings(uri=uri, patience=0.5), only=["3.3", "4.4", "4.6", "7.5"])
-    assert {each.check.clauses[0] for each in results if each.verdict is Verdict.BROKEN} == {"7.5"}
+        results = run(SuiteSettings(uri=uri, patience=0.5), only=["3.3", "4.4", "4.6", "7.5"])
+    assert {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN} == {
+        "7.5"
+    }
 
 
 def test_a_robot_that_hangs_is_given_up(calm: Controller) -> None:
@@ -133,7 +137,7 @@ def test_a_robot_that_hangs_is_given_up(calm: Controller) -> None:
 
     with serving(calm, Fault(request=lose)) as uri:
         begun = time.monotonic()
-        results = run(Settings(uri=uri, patience=0.2))
+        results = run(SuiteSettings(uri=uri, patience=0.2))
         assert time.monotonic() - begun < 10
     assert 1 <= len(broken(results)) <= 3
     assert any("does not answer any more, since" in sentence for sentence in untried(results))
@@ -144,13 +148,13 @@ def test_a_robot_in_use_is_left_alone(calm: Controller) -> None:
 
     with serving(calm) as uri, RobotClient(uri, software="estimator") as owner:
         owner.acquire()
-        results = run(Settings(uri=uri, move=True), only=["5.4", "5.9", "5.11", "7.4", "6.1"])
-        assert {result.verdict for result in results} == {Verdict.UNTRIED}
+        results = run(SuiteSettings(uri=uri, move=True), only=["5.4", "5.9", "5.11", "7.4", "6.1"])
+        assert {result.verdict for result in results} == {CheckStatus.UNTRIED}
         assert untried(results) == {f"The robot is held by {owner.client_id}."}
         assert owner.status().state in ("idle", "holding")
         owner.stop()
         owner.release()
-        results = run(Settings(uri=uri, move=True), only=["5.4", "5.11"])
+        results = run(SuiteSettings(uri=uri, move=True), only=["5.4", "5.11"])
         assert untried(results) == {"The robot is stopped, and was left so."}
         owner.acquire()
         owner.clear()

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from protocol.conformance.settings import Settings
-from protocol.conformance.suite import Verdict, run
+from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.suite import CheckStatus, run
 from protocol.errors import RobotUnreachableError
 from protocol.rules import server_core
 from protocol.rules.at_most_once import Clients
@@ -35,19 +35,19 @@ def test_with_keys(calm: Controller, keyring: Keyring) -> None:
     }
     with serving(calm, keys=keyring.robot) as uri:
         chosen = ["1.2", "1.5", "1.6", "1.13", "1.15", "3.5", "5.2", "5.9", "8.1", "11.1"]
-        results = run(Settings(uri=uri, keys=keys["controller"], move=True), only=chosen)
+        results = run(SuiteSettings(uri=uri, keys=keys["controller"], move=True), only=chosen)
         assert broken(results) == []
         assert untried(results) == {"This key is a controller's."}
-        results = run(Settings(uri=uri, keys=keys["viewer"]), only=chosen)
+        results = run(SuiteSettings(uri=uri, keys=keys["viewer"]), only=chosen)
         assert broken(results) == []
         assert untried(results) == {"This needs --move.", "This key is a viewer's."}
         with pytest.raises(RobotUnreachableError, match="asks for a key"):
-            run(Settings(uri=uri))
+            run(SuiteSettings(uri=uri))
 
 
 def test_silence(serve: Serve, slow_robot: FakeRobot) -> None:
     server = serve(slow_robot, clock=quick_clock)
-    settings = Settings(uri=server.endpoint, slow=True, move=True, clock=quick_clock)
+    settings = SuiteSettings(uri=server.endpoint, slow=True, move=True, clock=quick_clock)
     results = run(settings, only=["5.5", "5.6", "5.7"])
     assert broken(results) == []
     assert untried(results) == set()
@@ -59,7 +59,7 @@ def test_a_silence_that_is_too_short_or_too_long(
     for expiry, sentence in ((10.0, "was gone after 2"), (60.0, "was kept for 32 s")):
         monkeypatch.setattr("protocol.rules.lease.EXPIRY", expiry)
         server = serve(robot, clock=quick_clock)
-        settings = Settings(uri=server.endpoint, slow=True, clock=quick_clock)
+        settings = SuiteSettings(uri=server.endpoint, slow=True, clock=quick_clock)
         (found,) = broken(run(settings, only=["5.7"]))
         assert sentence in found
 
@@ -93,8 +93,8 @@ class Orderly:
 
 def test_commands_that_wait_for_reads(calm: Controller) -> None:
     with serving(Orderly(calm)) as uri:
-        (told,) = run(Settings(uri=uri, motion=10.0), only=["5.16"])
-    assert told.verdict is Verdict.BROKEN, told.sentence
+        (told,) = run(SuiteSettings(uri=uri, motion=10.0), only=["5.16"])
+    assert told.verdict is CheckStatus.BROKEN, told.sentence
     assert told.sentence.startswith("A clear waited ")
 
 
@@ -113,10 +113,10 @@ def test_what_needs_keys(
         KeyDirectory(keyring.client(role, role)).client_keys() for role in ("controller", "viewer")
     )
     with serving(calm, keys=keyring.robot) as uri:
-        alone = Settings(uri=uri, keys=keys, patience=1.0)
+        alone = SuiteSettings(uri=uri, keys=keys, patience=1.0)
         both = replace(alone, other_keys=others)
         (told,) = run(both, only=[clause])
-        assert told.verdict is Verdict.HOLDS, told.sentence
+        assert told.verdict is CheckStatus.HOLDS, told.sentence
         monkeypatch.setattr(*changed)
         assert broken(run(both, only=[clause]))
         if clause == "1.17":
@@ -135,9 +135,9 @@ def in_real_time() -> Iterator[Controller]:
 
 def test_silence_in_mid_motion(in_real_time: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
     with serving(in_real_time, clock=quick_clock) as uri:
-        settings = Settings(uri=uri, slow=True, move=True, clock=quick_clock)
+        settings = SuiteSettings(uri=uri, slow=True, move=True, clock=quick_clock)
         (told,) = run(settings, only=["5.6"])
-        assert told.verdict is Verdict.HOLDS, told.sentence
+        assert told.verdict is CheckStatus.HOLDS, told.sentence
         monkeypatch.setattr(Controller, "silence", lambda *_: None)
         (found,) = broken(run(settings, only=["5.6"]))
     assert "A motion went on through " in found
@@ -147,7 +147,7 @@ def test_the_suite_is_no_silent_controller_while_a_motion_tells_of_itself(
     in_real_time: Controller,
 ) -> None:
     with serving(in_real_time, clock=lambda: time.monotonic() * 7) as uri:
-        results = run(Settings(uri=uri, move=True), only=["7.2"])  # builds on a perform
+        results = run(SuiteSettings(uri=uri, move=True), only=["7.2"])  # builds on a perform
     assert broken(results) == []
 
 
@@ -158,8 +158,10 @@ def test_a_daemon_that_ends(in_real_time: Controller, *, silent: bool) -> None:
 
     ending = threading.Thread(target=in_real_time.shut_down)
     with serving(in_real_time, Fault(reply=lose)) as uri:
-        settings = Settings(uri=uri, move=True, shut_down=ending.start, patience=0.5, motion=1.5)
+        settings = SuiteSettings(
+            uri=uri, move=True, shut_down=ending.start, patience=0.5, motion=1.5
+        )
         (told,) = run(settings, only=["5.14"])
     ending.join()
-    assert told.verdict is (Verdict.BROKEN if silent else Verdict.HOLDS), told.sentence
+    assert told.verdict is (CheckStatus.BROKEN if silent else CheckStatus.HOLDS), told.sentence
     assert told.sentence == ("The daemon ended without a word." if silent else "")

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from protocol.conformance.suite import Result, Verdict
+from protocol.conformance.suite import CheckResult, CheckStatus
 from protocol.rules.robot_interface import Robot
 from tests.protocol.conformance.spoilt import Fault, SpoiltServer
 
@@ -26,16 +26,16 @@ def serving(robot: Robot, fault: Fault | None = None, **options: Any) -> Iterato
         thread.join()
 
 
-def broken(results: list[Result]) -> list[str]:
+def broken(results: list[CheckResult]) -> list[str]:
     return [
         f"{', '.join(result.check.clauses)} {result.check.title}: {result.sentence}"
         for result in results
-        if result.verdict is Verdict.BROKEN
+        if result.verdict is CheckStatus.BROKEN
     ]
 
 
-def untried(results: list[Result]) -> set[str]:
-    return {result.sentence for result in results if result.verdict is Verdict.UNTRIED}
+def untried(results: list[CheckResult]) -> set[str]:
+    return {result.sentence for result in results if result.verdict is CheckStatus.UNTRIED}
 
 
 def quick_clock() -> float:

@@ -10,15 +10,15 @@ from protocol.rules.server_actions import Action, Send, Submit
 from protocol.rules.server_core import ServerCore
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode, encode
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from protocol.wire.states import State
 
 A = TypeVar("A")
 TARGETS = {"a": 0.1, "b": -0.1}
 
 
-def observation(request_id: int, sequence: int = 1) -> Observation:
-    return Observation(
+def observation(request_id: int, sequence: int = 1) -> ObservationReply:
+    return ObservationReply(
         id=request_id,
         sequence=sequence,
         robot_time=1.0,

@@ -12,14 +12,14 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
-from protocol.rules.client_core import FIRST_LOOSE_ID, Call, Dialogue, Word
+from protocol.rules.client_core import FIRST_LOOSE_ID, Call, ClientCore, Word
 from protocol.wire.codec import decode, encode
 from protocol.wire.declaration import Message
 from protocol.wire.messages import (
     Accepted,
     ErrorReply,
     Hello,
-    Observation,
+    ObservationReply,
     Ok,
     Perform,
     Progress,
@@ -38,7 +38,7 @@ class Bench:
     def __init__(self, capabilities: Any):
         self.now = 100.0
         self.capabilities = capabilities
-        self.dialogue = Dialogue("c", peer="tcp://robot:1", now=self.now)
+        self.dialogue = ClientCore("c", peer="tcp://robot:1", now=self.now)
 
     def ask(self, request: Request, *, patience: float = 10.0, **options: Any) -> Call:
         call = Call(request, patience=patience, **options)
@@ -89,8 +89,8 @@ def read(number: int) -> Read:
     return Read(id=number, client="c", session="s")
 
 
-def observation(number: int, sequence: int) -> Observation:
-    return Observation(
+def observation(number: int, sequence: int) -> ObservationReply:
+    return ObservationReply(
         id=number,
         sequence=sequence,
         robot_time=0.0,

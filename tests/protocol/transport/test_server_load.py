@@ -15,7 +15,7 @@ from protocol.errors import RobotError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
-from protocol.wire.messages import Observation
+from protocol.wire.messages import ObservationReply
 from tests.protocol.background import in_background, links
 from tests.protocol.transport.test_replays_and_floods import until
 
@@ -34,7 +34,7 @@ def test_many_threads_share_a_client(serve: Serve, robot: FakeRobot) -> None:
 
         found = [item for items in pool.map(work, range(8)) for item in items]
     assert len({item.id for item in found}) == 160
-    sequences = [item.sequence for item in found if isinstance(item, Observation)]
+    sequences = [item.sequence for item in found if isinstance(item, ObservationReply)]
     assert sorted(sequences) == list(range(1, 81))
 
 

@@ -18,7 +18,7 @@ from protocol.wire.codec import decode, encode
 from protocol.wire.messages import (
     REPLIES,
     REQUESTS,
-    Observation,
+    ObservationReply,
     Telemetry,
     parse_reply,
     parse_request,
@@ -133,7 +133,7 @@ def act(core: ServerCore, ticket: int, steps: Sequence[dict[str, Any]]) -> list[
     """What the robot of the example does: one progress, one observation."""
     found = {step["json"]["type"]: dict(step["json"]) for step in steps}
     progress, observation = found["progress"], parse_reply(found["observation"])
-    assert isinstance(observation, Observation)
+    assert isinstance(observation, ObservationReply)
     event = Progressed(
         ticket=ticket,
         phase=progress["phase"],

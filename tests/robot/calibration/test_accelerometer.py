@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from robot.calibration.accelerometer import POSITIONS, AccelerometerSession
-from robot.calibration.questions import Dialogue
+from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
 from robot.errors import AbandonedError
 from robot.host.clock import SteppedClock
@@ -43,7 +43,7 @@ class Body:
 
 def run(body: Body, script: Script) -> AxesCalibration | None:
     return AccelerometerSession(
-        BELIEVED, body.inputs, rate=50, clock=SteppedClock(), dialogue=Dialogue(script)
+        BELIEVED, body.inputs, rate=50, clock=SteppedClock(), dialogue=Questions(script)
     ).run()
 
 

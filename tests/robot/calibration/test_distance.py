@@ -7,7 +7,7 @@ import random
 import pytest
 
 from robot.calibration.distance import DistanceSession
-from robot.calibration.questions import Dialogue
+from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import RulerCalibration
 from robot.errors import AbandonedError
 from robot.sensing.sensors import BellySensor
@@ -36,7 +36,7 @@ class Ruler:
 
 
 def run(ruler: Ruler, script: Script, noise: float = 1e-3) -> RulerCalibration | None:
-    dialogue = Dialogue(script)
+    dialogue = Questions(script)
     return DistanceSession(BELIEVED, ruler, noise=noise, dialogue=dialogue).run()
 
 
@@ -57,7 +57,7 @@ def test_many_placements_find_zero_and_scale() -> None:
 
 @pytest.mark.parametrize(("noise", "placements"), [(0.1e-3, 3), (1e-3, 16), (1.0, 25)])
 def test_a_noisier_sensor_is_placed_more_often(noise: float, placements: int) -> None:
-    dialogue = Dialogue(Script())
+    dialogue = Questions(Script())
     found = DistanceSession(BELIEVED, Ruler(), noise=noise, dialogue=dialogue)
     assert found.placements == placements
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.calibration.guided_session import Session, parts
+from robot.calibration.guided_session import GuidedSession, parts
 from robot.calibration.questions import Terminal
 from robot.cli.calibrate import calibrate
 from robot.configuration.calibration_file import (
@@ -33,8 +33,8 @@ class Desk:
     clock: SteppedClock
     devices: Devices
 
-    def session(self, terminal: Terminal, *only: str) -> Session:
-        return Session(
+    def session(self, terminal: Terminal, *only: str) -> GuidedSession:
+        return GuidedSession(
             self.robot.config, self.devices, clock=self.clock, terminal=terminal, only=only
         )
 
@@ -192,7 +192,7 @@ def test_an_interrupt_in_mid_motion_leaves_the_joint_where_it_is(desk: Desk) -> 
                 raise KeyboardInterrupt
 
     clock = Impatient()
-    session = Session(
+    session = GuidedSession(
         desk.robot.config,
         desk.devices,
         clock=clock,

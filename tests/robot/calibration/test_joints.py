@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from robot.calibration.joints import Mover, calibrate_joint
-from robot.calibration.questions import Dialogue
+from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.errors import AbandonedError, DeviceDataError
@@ -27,7 +27,7 @@ GOOD: tuple[Answer, ...] = ("-15", "u 20", "u 20", "-45", "d 20", "d 20", "d 20"
 
 
 def run(board: Board, script: Script) -> JointCalibration | None:
-    return calibrate_joint(JOINT, Mover(board, 2, board.clock), Dialogue(script))
+    return calibrate_joint(JOINT, Mover(board, 2, board.clock), Questions(script))
 
 
 def test_a_swapped_shifted_and_stretched_joint_is_put_right() -> None:

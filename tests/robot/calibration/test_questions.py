@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.calibration.questions import Console, Dialogue, number
+from robot.calibration.questions import Console, Questions, number
 from robot.errors import AbandonedError, DeviceTimeoutError
 from tests.robot.calibration.desk import Script
 
@@ -20,30 +20,30 @@ def test_a_number_may_have_a_comma(text: str, value: float | None) -> None:
 
 def test_a_number_is_asked_for_until_it_is_one() -> None:
     script = Script("many", "-1", "1000", " 7,5 ")
-    assert Dialogue(script).number("how many", 0, 10) == 7.5
+    assert Questions(script).number("how many", 0, 10) == 7.5
     assert len(script.prompts) == 4
     assert script.heard("0 to 10")
 
 
 def test_a_choice_may_be_shortened_as_long_as_it_is_clear() -> None:
     script = Script("s", "x", "", "SK")
-    assert Dialogue(script).choose("which", "six", "skip") == "skip"
+    assert Questions(script).choose("which", "six", "skip") == "skip"
     assert len(script.prompts) == 4
 
 
 def test_enter_is_a_choice_only_where_it_is_offered() -> None:
-    assert Dialogue(Script("")).choose("go on", "", "skip") == ""
-    assert Dialogue(Script("", "yes")).choose("sure", "yes", "no") == "yes"
+    assert Questions(Script("")).choose("go on", "", "skip") == ""
+    assert Questions(Script("", "yes")).choose("sure", "yes", "no") == "yes"
 
 
 @pytest.mark.parametrize("answers", [("q",), ("Quit",), ()])
 def test_every_question_can_be_left(answers: tuple[str, ...]) -> None:
     with pytest.raises(AbandonedError):
-        Dialogue(Script(*answers)).ask("?")
+        Questions(Script(*answers)).ask("?")
     with pytest.raises(AbandonedError):
-        Dialogue(Script(*answers)).number("?", 0, 1)
+        Questions(Script(*answers)).number("?", 0, 1)
     with pytest.raises(AbandonedError):
-        Dialogue(Script(*answers)).choose("?", "yes", "no")
+        Questions(Script(*answers)).choose("?", "yes", "no")
 
 
 def test_a_failing_device_is_tried_again_and_its_advice_is_shown() -> None:
@@ -55,7 +55,7 @@ def test_a_failing_device_is_tried_again_and_its_advice_is_shown() -> None:
         return 7
 
     script = Script("", "")
-    assert Dialogue(script).attempt(measure) == 7
+    assert Questions(script).attempt(measure) == 7
     assert script.heard("Look at the cable.")
 
 
@@ -64,7 +64,7 @@ def test_a_failing_device_can_be_left_alone() -> None:
         raise DeviceTimeoutError("It is late.", "Look at the cable.")
 
     with pytest.raises(AbandonedError):
-        Dialogue(Script("", "", "q")).attempt(fail)
+        Questions(Script("", "", "q")).attempt(fail)
 
 
 def test_the_console_is_standard_input_and_output(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from robot.calibration.questions import Dialogue
+from robot.calibration.questions import Questions
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import GaugeCalibration
 from robot.host.clock import SteppedClock
@@ -29,7 +29,7 @@ class Foot:
 
 def run(foot: Foot, script: Script) -> GaugeCalibration | None:
     return GaugeSession(
-        BELIEVED, foot.inputs, rate=50, clock=SteppedClock(), dialogue=Dialogue(script)
+        BELIEVED, foot.inputs, rate=50, clock=SteppedClock(), dialogue=Questions(script)
     ).run()
 
 

@@ -18,7 +18,7 @@ from robot.configuration.calibration_file import (
     save_calibration,
 )
 from robot.configuration.robot_config import load_config
-from robot.diagnosis.findings import Verdict, bad, look, ok
+from robot.diagnosis.findings import Severity, bad, look, ok
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 
@@ -41,13 +41,13 @@ def robot_toml(folder: Path) -> Path:
 
 def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> None:
     plain = describe_config(load_config(EXAMPLE), EXAMPLE)
-    assert plain.verdict is Verdict.LOOK
+    assert plain.verdict is Severity.LOOK
     assert "robotd calibrate" in plain.advice
     file = robot_toml(tmp_path)
     calibration = Calibration(robot="quadruped", revision=7, made="2026-11-20T03:57:20Z")
     save_calibration(tmp_path / "calibration.toml", calibration)
     found = describe_config(load_config(file), file)
-    assert found.verdict is Verdict.LOOK
+    assert found.verdict is Severity.LOOK
     assert "revision 7 of 2026-11-20" in found.text
     assert "not calibrated yet: hip_left, hip_front" in found.text
     assert "lower_back, distance" in found.text
@@ -69,7 +69,7 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
         distance=RulerCalibration(zero=0.01, scale=1.0),
     )
     save_calibration(tmp_path / "calibration.toml", whole)
-    assert describe_config(load_config(file), file).verdict is Verdict.OK
+    assert describe_config(load_config(file), file).verdict is Severity.OK
 
 
 def test_a_calibration_that_is_yet_to_be_made_hinders_no_examination(

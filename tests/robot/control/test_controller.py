@@ -9,7 +9,16 @@ import pytest
 
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Progressed
-from protocol.wire.messages import Clear, ErrorReply, Hold, Observation, Perform, Read, Relax, Stop
+from protocol.wire.messages import (
+    Clear,
+    ErrorReply,
+    Hold,
+    ObservationReply,
+    Perform,
+    Read,
+    Relax,
+    Stop,
+)
 from tests.robot.stepped import Bench, hip, program, request, shake
 
 SPEED = 60.0  # degrees per second
@@ -37,7 +46,7 @@ def test_no_joint_is_faster_than_its_servo(bench: Bench) -> None:
         # One count of 0.68° may be the rounding of the start.
         assert hip(bench) <= SPEED * (bench.clock.now() - start) + 0.68
     bench.clock.free()
-    assert isinstance(bench.end_of(ticket), Observation)
+    assert isinstance(bench.end_of(ticket), ObservationReply)
 
 
 def test_progress_runs_through_its_phases_in_order(bench: Bench) -> None:
@@ -136,7 +145,7 @@ def test_a_second_motion_is_refused_while_the_first_runs(bench: Bench) -> None:
     assert refused.value.code == "busy"
     assert refused.value.retryable
     bench.clock.free()
-    assert isinstance(bench.end_of(motion), Observation)
+    assert isinstance(bench.end_of(motion), ObservationReply)
 
 
 def test_relax_alone_goes_limp_and_hold_comes_back(bench: Bench) -> None:
@@ -156,8 +165,8 @@ def test_reading_moves_nothing(bench: Bench) -> None:
     bench.robot.world.volts[3] += 1.0  # 5 N on the left foot
     first = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
     second = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
-    assert isinstance(first, Observation)
-    assert isinstance(second, Observation)
+    assert isinstance(first, ObservationReply)
+    assert isinstance(second, ObservationReply)
     assert first.touch == (True, False, False, False)
     assert second.sequence > first.sequence
     assert second.robot_time > first.robot_time
@@ -169,7 +178,7 @@ def test_a_belly_on_the_ground_may_read_below_zero(bench: Bench) -> None:
     assert bench.robot.world.distance_mm is not None
     bench.robot.world.distance_mm -= 2.0
     seen = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
-    assert isinstance(seen, Observation)
+    assert isinstance(seen, ObservationReply)
     assert seen.clearance == pytest.approx(-0.002, abs=1e-3)
     assert not seen.clearance_saturated
 
@@ -179,7 +188,7 @@ def test_joints_at_their_ends_are_named(bench: Bench) -> None:
     upper = math.degrees(joint.reachable[1])
     assert bench.perform(hip_left=upper, hip_back=10.0).saturated_joints == ("hip_left",)
     seen = bench.end_of(bench.submit(Read(id=1, client="test", session="s")))
-    assert isinstance(seen, Observation)
+    assert isinstance(seen, ObservationReply)
     assert seen.saturated_joints == ("hip_left",)
     assert bench.perform(hip_left=upper - 1.0).saturated_joints == ()
 

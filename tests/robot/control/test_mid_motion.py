@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from protocol.wire.messages import ErrorReply, Observation
+from protocol.wire.messages import ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
 from tests.robot.stepped import Bench, program
 
@@ -69,5 +69,5 @@ def test_a_process_that_stood_still_goes_on_with_an_ordinary_step(
     assert bench.state() == "moving"
     bench.clock.charge(stall)
     bench.clock.free()
-    assert isinstance(bench.end_of(motion), Observation)
+    assert isinstance(bench.end_of(motion), ObservationReply)
     assert 0 < longest[0] <= one_update(bench)

@@ -18,7 +18,7 @@ from protocol.rules.robot_interface import RobotRequest
 from protocol.rules.server_core import MAX_READS
 from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
-from protocol.wire.messages import Clear, ErrorReply, Hold, Observation, Ok, Read, Relax, Stop
+from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop
 from tests.protocol.background import in_background
 from tests.protocol.conftest import Keyring
 from tests.robot.stepped import Bench, program, request, shake
@@ -83,7 +83,7 @@ def test_reads_that_come_after_a_command_wait_for_it(bench: Bench) -> None:
     bench.clock.free()
     assert ended(bench, reading).code == "aborted_read"
     assert bench.end_of(holding) == Ok(id=1, state="holding")
-    assert isinstance(bench.end_of(later), Observation)
+    assert isinstance(bench.end_of(later), ObservationReply)
 
 
 def test_a_command_is_answered_before_all_whose_reads_it_ended(bench: Bench) -> None:
@@ -136,7 +136,7 @@ def test_moving_means_that_the_motion_has_begun(bench: Bench) -> None:
     assert refused.value.code == "busy"
     bench.clock.free()
     assert bench.end_of(holding) == Ok(id=1, state="holding")
-    assert isinstance(bench.end_of(motion), Observation)
+    assert isinstance(bench.end_of(motion), ObservationReply)
 
 
 def test_the_answer_to_a_stop_says_what_the_stop_did(bench: Bench) -> None:
@@ -149,7 +149,7 @@ def test_the_answer_to_a_stop_says_what_the_stop_did(bench: Bench) -> None:
     bench.clock.free()
     assert bench.end_of(stopping) == Ok(id=1, state="stopped")
     assert bench.end_of(clearing) == Ok(id=1, state="holding")
-    assert isinstance(bench.end_of(motion), Observation)
+    assert isinstance(bench.end_of(motion), ObservationReply)
 
 
 def test_a_stop_ends_what_waits(bench: Bench) -> None:

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from protocol.errors import RobotError
-from protocol.wire.messages import Clear, ErrorReply, Hold, Observation, Ok, Read, Relax, Stop
+from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop
 from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.still_robot import still_robot
 from tests.robot.stepped import Bench, SteppedClock, program
@@ -167,7 +167,7 @@ def test_a_limp_robot_can_be_read_and_its_reset_is_noticed(bench: Bench) -> None
     bench.perform()
     bench.ok(Relax(id=1, client="test", session="s"))
     seen = bench.end_of(read(bench))
-    assert isinstance(seen, Observation)
+    assert isinstance(seen, ObservationReply)
     assert seen.angles == {}  # nothing is commanded to a limp joint, and nobody knows where it is
     assert seen.saturated_joints == ()
     assert bench.robot.controller.snapshot().angles == {}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot.configuration.robot_config import RobotConfig
-from robot.diagnosis.doctor import Access, Doctor
-from robot.diagnosis.findings import Finding, Verdict
+from robot.diagnosis.doctor import DeviceOpeners, Doctor
+from robot.diagnosis.findings import Finding, Severity
 from robot.host.clock import SteppedClock
 from robot.service.devices import open_line, start_adc, start_distance, start_servos
 from sim_robot.simulator.still_robot import StillRobot
@@ -21,10 +21,10 @@ class Clinic:
     def config(self) -> RobotConfig:
         return self.robot.config
 
-    def access(self) -> Access:
+    def access(self) -> DeviceOpeners:
         """The devices, opened each by itself as on a robot."""
         config, clock, robot = self.config, self.clock, self.robot
-        return Access(
+        return DeviceOpeners(
             servos=lambda: start_servos(config, open_line(config), clock),
             adc=lambda: start_adc(config, robot.daq, clock),
             distance=lambda: start_distance(config, robot.distance, clock),
@@ -35,6 +35,6 @@ class Clinic:
 
     def bad(self, *, move: bool = False) -> dict[str, Finding]:
         """What is bad, by subject; each with advice."""
-        found = [one for one in self.examine(move=move) if one.verdict is Verdict.BAD]
+        found = [one for one in self.examine(move=move) if one.verdict is Severity.BAD]
         assert all(one.advice for one in found)
         return {one.subject: one for one in found}

@@ -8,8 +8,8 @@ import re
 import pytest
 import serial
 
-from robot.diagnosis.doctor import Access, Doctor
-from robot.diagnosis.findings import Verdict
+from robot.diagnosis.doctor import DeviceOpeners, Doctor
+from robot.diagnosis.findings import Severity
 from robot.service.devices import open_line
 from sim_robot.simulator.daemon import emulation
 from sim_robot.world.body import default_body_path, load_body
@@ -30,7 +30,7 @@ ALL = {
 def test_a_sound_robot_is_found_sound_part_by_part(clinic: Clinic) -> None:
     found = clinic.examine()
     assert {one.subject for one in found} == ALL
-    assert [one for one in found if one.verdict is Verdict.BAD] == []
+    assert [one for one in found if one.verdict is Severity.BAD] == []
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_a_robot_that_another_program_drives_is_left_alone(clinic: Clinic) -> No
     before = clinic.clock.now()
     with open_line(clinic.config):
         found = clinic.examine(move=True)
-    assert [one.verdict for one in found] == [Verdict.BAD, Verdict.LOOK]
+    assert [one.verdict for one in found] == [Severity.BAD, Severity.LOOK]
     assert "other program" in found[0].advice
     assert clinic.clock.now() == before  # every access to a device would have taken time
 
@@ -121,13 +121,13 @@ def test_a_noisy_simulated_robot_is_sound_and_a_miscalibrated_one_is_not() -> No
             log=logging.getLogger("test"),
             wrong=wrong,
         ) as parts:
-            access = Access(
+            access = DeviceOpeners(
                 servos=lambda: parts.devices.servos,
                 adc=lambda: parts.devices.adc,
                 distance=lambda: parts.devices.distance,
             )
             doctor = Doctor(parts.config, access, parts.clock, move=True)
-            worst[wrong] = [one for one in doctor.examine() if one.verdict is Verdict.BAD]
+            worst[wrong] = [one for one in doctor.examine() if one.verdict is Severity.BAD]
     assert not worst[None]
     assert any("calibrate" in one.advice for one in worst[2])
 

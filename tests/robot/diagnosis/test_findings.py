@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from robot.diagnosis.findings import Verdict, bad, failed, look, ok
+from robot.diagnosis.findings import Severity, bad, failed, look, ok
 from robot.errors import DeviceTimeoutError
 
 
@@ -20,4 +20,4 @@ def test_whatever_is_wrong_says_what_to_check() -> None:
 
 def test_a_device_error_becomes_a_bad_finding_with_its_advice() -> None:
     finding = failed("distance", DeviceTimeoutError("It is late.", "Wait."))
-    assert (finding.verdict, finding.text, finding.advice) == (Verdict.BAD, "It is late.", "Wait.")
+    assert (finding.verdict, finding.text, finding.advice) == (Severity.BAD, "It is late.", "Wait.")

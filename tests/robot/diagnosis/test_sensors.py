@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from robot.diagnosis.findings import Finding, Verdict
+from robot.diagnosis.findings import Finding, Severity
 from tests.robot.diagnosis.clinic import Clinic
 
 
@@ -62,7 +62,7 @@ def test_tilt_noise_and_rates_are_told(clinic: Clinic) -> None:
 def test_gravity_that_cannot_be_is_bad(clinic: Clinic, volts: list[float], words: str) -> None:
     clinic.robot.world.volts[:3] = volts
     found = of(clinic, "accelerometer")
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Severity.BAD
     assert words in found.text
     assert "calibrate --only accelerometer" in found.advice
 
@@ -70,21 +70,21 @@ def test_gravity_that_cannot_be_is_bad(clinic: Clinic, volts: list[float], words
 def test_a_robot_that_never_comes_to_rest_is_told_of(clinic: Clinic) -> None:
     clinic.robot.world.volts = Trembling(clinic.robot.world.volts, 0, 0.01)
     found = of(clinic, "accelerometer")
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Severity.BAD
     assert "rest is at most 0.5°" in found.text
 
 
 def test_a_leaning_robot_is_worth_a_look(clinic: Clinic) -> None:
     lean(clinic, 0, 15)
     clinic.robot.world.distance_mm = 60
-    assert of(clinic, "accelerometer").verdict is Verdict.LOOK
+    assert of(clinic, "accelerometer").verdict is Severity.LOOK
 
 
 @pytest.mark.parametrize(("force", "verdict"), [
-    (0.0, Verdict.OK), (2.0, Verdict.OK), (-0.5, Verdict.BAD), (80.0, Verdict.BAD),
+    (0.0, Severity.OK), (2.0, Severity.OK), (-0.5, Severity.BAD), (80.0, Severity.BAD),
 ])  # fmt: skip
 def test_the_ground_pushes_and_does_not_pull(
-    clinic: Clinic, force: float, verdict: Verdict
+    clinic: Clinic, force: float, verdict: Severity
 ) -> None:
     clinic.robot.world.volts[4] = 0.2 + 0.05 * force
     gauges = tuple(replace(gauge, volts_per_newton=0.05) for gauge in clinic.config.gauges)
@@ -92,7 +92,7 @@ def test_the_ground_pushes_and_does_not_pull(
     found = of(clinic, "touch lower_front")
     assert found.verdict is verdict
     assert f"{force:+.1f}" in found.text
-    if verdict is Verdict.OK:
+    if verdict is Severity.OK:
         assert found.text.endswith("touching" if force else "free")
     else:
         assert "calibrate --only lower_front" in found.advice
@@ -101,7 +101,7 @@ def test_the_ground_pushes_and_does_not_pull(
 def test_a_threshold_within_the_noise_flickers(clinic: Clinic) -> None:
     clinic.robot.world.volts = Trembling(clinic.robot.world.volts, 4, 0.01)  # 0.05 N
     found = of(clinic, "touch lower_front")
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Severity.BAD
     assert "flicker" in found.text
 
 
@@ -109,21 +109,21 @@ def test_a_slow_board_cannot_keep_the_rate(clinic: Clinic) -> None:
     settling = replace(clinic.config.settling, rate=50_000)
     clinic.robot = replace(clinic.robot, config=replace(clinic.config, settling=settling))
     found = of(clinic, "analogue inputs")
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Severity.BAD
     assert "settling.rate_hz" in found.text
 
 
 @pytest.mark.parametrize(
     ("millimetres", "across", "verdict", "words"),
     [
-        (None, 0, Verdict.LOOK, "sees nothing"),
-        (2.0, 0, Verdict.BAD, "inside the belly"),
-        (10.0, 20, Verdict.BAD, "leans"),  # on the ground, and leaning by 20°
-        (110.0, 20, Verdict.OK, "+100.0 mm"),
+        (None, 0, Severity.LOOK, "sees nothing"),
+        (2.0, 0, Severity.BAD, "inside the belly"),
+        (10.0, 20, Severity.BAD, "leans"),  # on the ground, and leaning by 20°
+        (110.0, 20, Severity.OK, "+100.0 mm"),
     ],
 )
 def test_a_distance_that_cannot_be_is_bad(
-    clinic: Clinic, millimetres: float | None, across: float, verdict: Verdict, words: str
+    clinic: Clinic, millimetres: float | None, across: float, verdict: Severity, words: str
 ) -> None:
     lean(clinic, across, 0)
     clinic.robot.world.distance_mm = millimetres
@@ -134,4 +134,4 @@ def test_a_distance_that_cannot_be_is_bad(
 
 def test_a_robot_without_distance_sensor_is_no_fault(clinic: Clinic) -> None:
     clinic.robot = replace(clinic.robot, config=replace(clinic.config, distance=None))
-    assert of(clinic, "distance").verdict is Verdict.OK
+    assert of(clinic, "distance").verdict is Severity.OK

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from robot.configuration.joint_calibration import JointScale
-from robot.diagnosis.findings import Finding, Verdict
+from robot.diagnosis.findings import Finding, Severity
 from robot.diagnosis.servos import QUERIES, check_joints, move_joints
 from tests.robot.calibration.desk import Board
 from tests.robot.diagnosis.clinic import Clinic
@@ -20,26 +20,26 @@ def joint(clinic: Clinic, count: int) -> Finding:
 
 def test_a_joint_shows_where_it_stands_and_how_far_it_goes(clinic: Clinic) -> None:
     found = joint(clinic, 144)
-    assert found.verdict is Verdict.OK
+    assert found.verdict is Severity.OK
     for words in ("count 144", "-0.1°", "-96.0° to 74.0°", "0.68° a count"):
         assert words in found.text
 
 
 def test_a_limp_joint_is_no_fault(clinic: Clinic) -> None:
-    assert joint(clinic, 0).verdict is Verdict.LOOK
+    assert joint(clinic, 0).verdict is Severity.LOOK
 
 
 def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:
     narrow = replace(clinic.config.joints[0], upper_limit=0.1)
     (found,) = check_joints([narrow], {1: 200})
-    assert found.verdict is Verdict.BAD
+    assert found.verdict is Severity.BAD
     assert "--only hip_left" in found.advice
 
 
 def test_an_unusual_scale_is_mentioned(clinic: Clinic) -> None:
     flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5))))
     (found,) = check_joints([flat], {1: 128})
-    assert found.verdict is Verdict.LOOK
+    assert found.verdict is Severity.LOOK
 
 
 def test_a_board_at_neutral_was_just_switched_on(clinic: Clinic) -> None:
@@ -61,7 +61,7 @@ def test_one_repeated_query_is_worth_a_look_and_does_not_keep_the_joints_still(
     clinic.robot.servo_board.inject("garbage", QUERIES)
     found = clinic.examine(move=True)
     (board,) = (one for one in found if "repeated" in one.text)
-    assert board.verdict is Verdict.LOOK
+    assert board.verdict is Severity.LOOK
     assert f"1 of {QUERIES + 1} queries" in board.text
     assert sum(one.subject.startswith("move ") for one in found) == len(clinic.config.joints)
 
@@ -70,7 +70,7 @@ def test_moves_are_small_slow_one_after_another_and_back(clinic: Clinic) -> None
     board = Board()
     before = dict(board.counts)
     found = list(move_joints(clinic.config.joints, board.counts | {}, board, board.clock))
-    assert [one.verdict for one in found] == [Verdict.OK] * 8
+    assert [one.verdict for one in found] == [Severity.OK] * 8
     assert board.counts == before
     outputs = [output for _, output, _ in board.sent]
     assert outputs == sorted(outputs)
@@ -92,7 +92,7 @@ def test_a_joint_that_is_limp_or_outside_is_not_moved(clinic: Clinic, count: int
     narrow = replace(clinic.config.joints[0], upper_limit=0.1)
     board = Board(counts={1: count})
     (found,) = move_joints([narrow], {1: count}, board, board.clock)
-    assert found.verdict is Verdict.LOOK
+    assert found.verdict is Severity.LOOK
     assert not board.sent
 
 
@@ -107,7 +107,7 @@ def test_a_supply_that_drops_under_load_is_found_and_ends_the_moves(clinic: Clin
     before = board.counts | {1: 100}
     board.counts[1] = 100
     found = list(move_joints(clinic.config.joints, before, board, board.clock))
-    assert [one.verdict for one in found] == [Verdict.OK, Verdict.OK, Verdict.BAD]
+    assert [one.verdict for one in found] == [Severity.OK, Severity.OK, Severity.BAD]
     assert "supply" in found[-1].advice
 
 
