@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import sys
 
-from estimator.parallel.interrupts import interrupts_deferred
+from protocol.system.interrupts import interrupts_deferred
 
 _INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
 

@@ -44,7 +44,6 @@ from estimator.report.result import summarise
 from estimator.report.run_files import (
     LENGTHS_WITH_TRUTH,
     VALIDATION,
-    replace,
     write_files,
     write_report,
 )
@@ -53,6 +52,7 @@ from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
 from estimator.reproduction.runs.plan import FIGURES, SEEDS, Budget
 from estimator.storage.store import RunStore
+from protocol.system.replace_file import replace_file
 
 app = typer.Typer(
     help="Identifies a robot's body from what it feels when it moves.",
@@ -224,7 +224,7 @@ def validate_command(
         ):
             found = validate(store, problem, physics, link, programs=programs, listener=screen)
         text = found.model_dump_json(indent=2) + "\n"
-        replace(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
+        replace_file(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
     print_validation(out, found)
     out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)
 
@@ -293,7 +293,7 @@ def _plot_with_truth(store: RunStore, found: Score) -> None:
     problem = problem_of(store)
     genome = Genome(problem, problem.base(store.capabilities))
     generations = with_last_word(store)
-    replace(
+    replace_file(
         store.directory / LENGTHS_WITH_TRUTH,
         lambda path: plot_lengths(
             path, generations, genome, found.joints, np.array(found.true_lengths_m).tolist()

@@ -5,6 +5,5 @@ Module                  What is in it
 ======================= =========================================================================
 ``child_process``       processes that work for this one, and end when it does
 ``cluster``             a Dask cluster that works for this process
-``interrupts``          Ctrl-C where it must wait
 ======================= =========================================================================
 """

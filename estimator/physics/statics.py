@@ -31,8 +31,8 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
-from estimator.parallel.interrupts import interrupts_deferred
 from estimator.physics.base import BackEnd, Pair, Readings, WorldSettings, sensor_count
+from protocol.system.interrupts import interrupts_deferred
 
 PACE: Final = math.radians(1.5)
 """Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
 from estimator.identification.final_population import with_last_word
-from estimator.parallel.interrupts import interrupts_deferred
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings import readings_csv
 from estimator.report.plots import plot_errors, plot_lengths
 from estimator.report.result import Result, summarise
 from estimator.storage.store import RunStore
+from protocol.system.interrupts import interrupts_deferred
+from protocol.system.replace_file import replace_file
 
 RESULT: Final = "result.json"
 READINGS: Final = "readings.csv"
@@ -53,29 +52,23 @@ def write_files(store: RunStore, problem: Problem, result: Result, *, plots: boo
 
 def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
     joints = [joint.name for joint in store.capabilities.joints]
-    replace(store.directory / RESULT, lambda path: _text(path, result.model_dump_json(indent=2)))
-    replace(
+    replace_file(
+        store.directory / RESULT, lambda path: _text(path, result.model_dump_json(indent=2))
+    )
+    replace_file(
         store.directory / READINGS,
         lambda path: readings_csv.write(path, joints, store.observations()),
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
-    replace(store.directory / ROBOT, lambda path: _text(path, robot))
+    replace_file(store.directory / ROBOT, lambda path: _text(path, robot))
     generations = with_last_word(store)
     if generations and plots:
         genome = Genome(problem, problem.base(store.capabilities))
         names = [leg.joint for leg in result.legs]
-        replace(store.directory / ERRORS, lambda path: plot_errors(path, generations))
-        replace(
+        replace_file(store.directory / ERRORS, lambda path: plot_errors(path, generations))
+        replace_file(
             store.directory / LENGTHS, lambda path: plot_lengths(path, generations, genome, names)
         )
-
-
-def replace(path: Path, write: Callable[[Path], object]) -> None:
-    """Writes a file beside its place, then moves it there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.name}.new{path.suffix}")
-    write(fresh)
-    os.replace(fresh, path)
 
 
 def _text(path: Path, text: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any, Final
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from estimator.report.run_files import replace
+from protocol.system.replace_file import replace_file
 
 _DPI: Final = 150
 
@@ -25,16 +25,16 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
             writer.writerow(header)
             writer.writerows(rows)
 
-    replace(path, write)
+    replace_file(path, write)
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Numbers for programs."""
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    replace(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+    replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 
 def write_png(path: Path, figure: Figure) -> None:
     """A picture; the version of Matplotlib does not enter it."""
     FigureCanvasAgg(figure)
-    replace(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))
+    replace_file(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from estimator.physics.backends import REFERENCE
-from estimator.report.run_files import replace
 from estimator.report.terminal_tables import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import Drawn
@@ -23,6 +22,7 @@ from estimator.reproduction.runs.plan import (
 )
 from estimator.reproduction.runs.progress import in_words
 from estimator.reproduction.runs.run_summary import Summary
+from protocol.system.replace_file import replace_file
 
 REPORT: Final = "report.md"
 HEADER: Final = (
@@ -74,7 +74,7 @@ def write_report(
             )
     paragraphs += ["## Runs", *_runs(runs)]
     text = "\n\n".join(paragraphs) + "\n"
-    replace(root / REPORT, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+    replace_file(root / REPORT, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 
 def _how(budget: Budget, sessions: Sequence[LedgerEntry], runs: Sequence[Summary]) -> list[str]:

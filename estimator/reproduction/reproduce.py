@@ -10,7 +10,6 @@ from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import check_name
-from estimator.report.run_files import replace
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import Share
@@ -33,6 +32,7 @@ from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Worke
 from estimator.reproduction.runs.run_summary import summarise
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
 from estimator.reproduction.runs.single_run import TRUTH, is_finished, work_done
+from protocol.system.replace_file import replace_file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +136,7 @@ def _check(request: ReproductionRequest) -> None:
 def _keep_truth(root: Path) -> None:
     body, path = print_body(), root / TRUTH
     if not path.exists():
-        replace(path, lambda fresh: fresh.write_text(body, encoding="utf-8"))
+        replace_file(path, lambda fresh: fresh.write_text(body, encoding="utf-8"))
     elif path.read_text("utf-8") != body:
         raise RunDirectoryError(
             f"The simulated robot has another body than the one of the runs in {root}: give "

@@ -16,7 +16,6 @@ from __future__ import annotations
 import fcntl
 import os
 import re
-import secrets
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -30,6 +29,7 @@ from zmq.utils import z85
 from protocol.errors import KeysError
 from protocol.rules.roles import Role
 from protocol.security.key_files import check_private, read_toml
+from protocol.system.replace_file import replace_file
 
 ROBOT: Final = "robot"
 """What ``known.toml`` calls the robot that a computer controls."""
@@ -230,25 +230,16 @@ class KeyDirectory:
 
     def _write(self, name: str, text: str, mode: int = 0o600) -> None:
         """Replaces a file in one step; it belongs to whom the directory belongs."""
+        place = self._file(name)
         try:
-            new = self._file(f".{name}.{secrets.token_hex(4)}")
-            handle = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-            try:
-                with open(handle, "w", encoding="utf-8") as file:
-                    os.fchmod(handle, mode)
-                    if os.geteuid() == 0:  # root writes for the daemon's user, who has to read it
-                        owner = os.stat(self.path)
-                        os.fchown(handle, owner.st_uid, owner.st_gid)
-                    file.write(text)
-                    file.flush()
-                    os.fsync(handle)
-                os.replace(new, self._file(name))
-            except BaseException:
-                with suppress(OSError):
-                    os.unlink(new)
-                raise
+            around = os.stat(self.path)
+            # root writes for the daemon's user, who has to read it
+            owner = (around.st_uid, around.st_gid) if os.geteuid() == 0 else None
+            replace_file(
+                place, lambda fresh: fresh.write_text(text, "utf-8"), mode=mode, owner=owner
+            )
         except OSError as error:
-            raise KeysError(f"{self._file(name)} cannot be written: {error.strerror}.") from None
+            raise KeysError(f"{place} cannot be written: {error.strerror}.") from None
 
 
 def read_public(place: Path) -> tuple[str, str]:

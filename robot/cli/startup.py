@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import signal
 import sys
+
+from protocol.system.interrupts import interrupts_deferred
 
 
 def start(command: str, module: str, *, extra: str = "") -> int:
@@ -21,9 +22,8 @@ def start(command: str, module: str, *, extra: str = "") -> int:
         The exit code: that of ``main``, or 1 after a sentence on standard error.
     """
     try:
-        kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        loaded = importlib.import_module(module)
-        signal.pthread_sigmask(signal.SIG_SETMASK, kept)
+        with interrupts_deferred():
+            loaded = importlib.import_module(module)
         return int(loaded.main())
     except KeyboardInterrupt:
         print(f"{command}: interrupted", file=sys.stderr)

@@ -9,14 +9,12 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
+from protocol.system.replace_file import replace_file
 from robot.configuration.device_tables import (
     read_axes,
     read_bridge,
@@ -276,23 +274,8 @@ def _free_name(path: Path) -> Path:
 
 
 def _write(path: Path, data: bytes) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(name, 0o644)  # whoever calibrates, the daemon must be able to read it
-        os.replace(name, path)
-    except BaseException:
-        with suppress(FileNotFoundError):
-            os.unlink(name)
-        raise
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # or the new name could be lost with the power
-    finally:
-        os.close(folder)
+    # Whoever calibrates, the daemon must be able to read it.
+    replace_file(path, lambda fresh: fresh.write_bytes(data), mode=0o644)
 
 
 def _number(value: float) -> str:

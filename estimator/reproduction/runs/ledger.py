@@ -24,10 +24,10 @@ from typing import Final, Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from estimator.errors import RunDirectoryError
-from estimator.report.run_files import replace
 from estimator.reproduction.runs.plan import Budget
 from estimator.storage.locking import lock
 from estimator.versions import versions
+from protocol.system.replace_file import replace_file
 
 LEDGER: Final = "reproduction.json"
 _LOCK: Final = "reproduction.lock"
@@ -116,7 +116,7 @@ class Ledger:
         """Puts on disk how long this session has worked."""
         content = self._content.model_copy(update={"sessions": self.sessions})
         text = content.model_dump_json(indent=2) + "\n"
-        replace(self._path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+        replace_file(self._path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
     def _read(self, budget: Budget) -> _Content:
         if not self._path.exists():

@@ -20,7 +20,6 @@ from typing import Final, Self
 from estimator.errors import WorkerError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster, Future, still_wanted
-from estimator.report.run_files import replace
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.run_processes import Ended, News, Said, Worked
 from estimator.reproduction.runs.single_run import (
@@ -34,6 +33,7 @@ from estimator.reproduction.runs.single_run import (
 from estimator.storage.database import DATABASE
 from estimator.storage.store import LOCK, RunStore
 from protocol.errors import BodyschemaError
+from protocol.system.replace_file import replace_file
 
 TURN: Final = 60.0
 """Least time of a turn that does not end the run, s. Starting a robot anew takes two or three."""
@@ -121,7 +121,7 @@ class ClusterWorkers:
         """Puts a turn's files in their place; last the one that says that the run is finished."""
         for name in sorted(turn.files, key=lambda name: name == SCORE):
             write = partial(Path.write_bytes, data=turn.files[name])
-            replace(run.directory(self._root) / name, write)
+            replace_file(run.directory(self._root) / name, write)
 
 
 class _TurnOver(Exception):  # noqa: N818  not an error

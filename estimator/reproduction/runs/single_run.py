@@ -23,12 +23,13 @@ from estimator.identification.run import identify, problem_of, reconnect, resume
 from estimator.physics.backends import REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result
-from estimator.report.run_files import RESULT, VALIDATION, replace, write_report
+from estimator.report.run_files import RESULT, VALIDATION, write_report
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
 from estimator.storage.database import holds_run
 from estimator.storage.store import RunStore
 from protocol.errors import RobotUnreachableError
+from protocol.system.replace_file import replace_file
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
@@ -180,7 +181,7 @@ def _score(run: PlannedRun, root: Path) -> None:
 
 def _write_json(path: Path, found: BaseModel) -> None:
     text = found.model_dump_json(indent=2) + "\n"
-    replace(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+    replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 
 def _read(file: Path, kind: type[_Document]) -> _Document | None:

@@ -1,4 +1,4 @@
-"""Ctrl-C where it must wait."""
+"""Ctrl-C where it has to wait."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from contextlib import contextmanager
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """An interrupt takes effect when the block is over, which should be soon.
+    """Defers Ctrl-C until the block is over, which should be soon.
 
     Extension modules lose interrupts or turn them into errors of their own: Matplotlib's do both,
-    and what is imported half may not be usable.
+    and a module that is imported half may not be usable.
     """
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread is ever interrupted

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from estimator.parallel.interrupts import interrupts_deferred
+from protocol.system.interrupts import interrupts_deferred
 
 
 def work(done: list[str]) -> None:
