@@ -20,7 +20,7 @@ the search                   ``search.deterministic_crowding.DeterministicCrowdi
 how good a run is            ``evaluation.score.score``: beside the true body (objective error);
                              ``evaluation.validate.validate``: on fresh motor programs
                              (prediction error)
-whether a robot is fit       ``cli.doctor.examine``
+whether a robot is fit       ``cli.examination.examine``
 the paper's figures          ``reproduction``
 what computed it             ``versions``
 what can go wrong            ``errors``; all derive from ``protocol.errors.BodyschemaError``

@@ -17,7 +17,7 @@ def main() -> None:
     """Runs a subcommand; exits with 1 and a sentence when it is interrupted."""
     try:
         with interrupts_deferred():
-            cli = importlib.import_module("estimator.cli.commands")
+            cli = importlib.import_module("estimator.cli.command_line")
         cli.app(prog_name="estimator")
     except ModuleNotFoundError as error:
         print(

@@ -83,3 +83,20 @@ def fail(sentence: str, run: Path | None) -> NoReturn:
             soft_wrap=True,
         )
     raise typer.Exit(1)
+
+
+def print_run_directory(run: Path) -> None:
+    """Says where a run lies and what is in it."""
+    out.print(f"Run: {run} (result.json, readings.csv, plots/)", soft_wrap=True)
+
+
+@contextmanager
+def unless_unwritable(directory: Path) -> Iterator[None]:
+    """Leaves the files of a directory as they are where they cannot be written, and says so."""
+    try:
+        yield
+    except OSError as error:
+        note = (
+            f"Note: {directory} cannot be written ({error.strerror}): its files are as they were."
+        )
+        err.print(note, highlight=False, soft_wrap=True)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from protocol.errors import BodyschemaError
 from robot.cli import COMMANDS
+from robot.cli.startup import add_version
 from robot.host.logs import complain, set_up_logging
 
 
@@ -16,6 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="robotd", description="Drives a robot's servos and reads its sensors for a client."
     )
+    add_version(parser)
     commands = parser.add_subparsers(dest="command", required=True)
     modules = {name: importlib.import_module(module) for name, module in COMMANDS.items()}
     for name, module in modules.items():

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib
 import sys
+from importlib import metadata
 
 from protocol.system.interrupts import interrupts_deferred
 
@@ -35,3 +37,18 @@ def start(command: str, module: str, *, extra: str = "") -> int:
             file=sys.stderr,
         )
         return 1
+
+
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Declares ``--version``, which prints the command's name and version and exits."""
+    parser.add_argument(
+        "--version", action=_PrintVersion, nargs=0, help="show the version and exit"
+    )
+
+
+class _PrintVersion(argparse.Action):
+    """Asks for the version only when it is wanted, so that the rest needs no installation."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"{parser.prog} (bodyschema) {metadata.version('bodyschema')}")
+        parser.exit()

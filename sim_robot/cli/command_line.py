@@ -11,6 +11,7 @@ from pathlib import Path
 from protocol.errors import BodyschemaError
 from protocol.transport.server import Server
 from robot.cli.run import add_server_arguments
+from robot.cli.startup import add_version
 from robot.host.logs import complain, set_up_logging
 from robot.service.daemon import serve
 from sim_robot.errors import BodyError, FaultError
@@ -169,6 +170,7 @@ def _parser() -> argparse.ArgumentParser:
         "(python -m sim_robot.faults.control_socket URI …)",
     )
     add_server_arguments(parser)
+    add_version(parser)
     parser.set_defaults(refuse=parser.error)
     return parser
 

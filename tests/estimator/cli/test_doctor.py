@@ -16,9 +16,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from estimator.cli import doctor
-from estimator.cli.commands import app
-from estimator.cli.doctor import ExaminedItem, Fitness, examine
+from estimator.cli import examination
+from estimator.cli.command_line import app
+from estimator.cli.examination import ExaminedItem, Fitness, examine
 from protocol.errors import EndpointError, KeysError, RobotError
 from protocol.rules.robot_interface import Robot, RobotRequest
 from protocol.security.keys import KeyDirectory
@@ -68,8 +68,8 @@ def bad(uri: str, keys: Path | None = None) -> list[tuple[str, str]]:
 
 
 def the_trouble(uri: str, keys: Path | None = None) -> tuple[str, str]:
-    (found,) = bad(uri, keys)
-    return found
+    (trouble,) = bad(uri, keys)
+    return trouble
 
 
 class SoundRobot(FakeRobot):
@@ -216,7 +216,7 @@ def test_stopped() -> None:
 
 def test_another_software_is_worth_a_note() -> None:
     with serving(SoundRobot()) as uri:
-        notes = [found for found in examine(uri) if found.verdict is Fitness.NOTE]
+        notes = [item for item in examine(uri) if item.verdict is Fitness.NOTE]
     assert [note.subject for note in notes] == ["version"]
     assert notes[0].sentence.startswith("The robot runs fake 1, this is bodyschema ")
 
@@ -240,8 +240,8 @@ class FrozenRobot(SoundRobot):
 
 class HastyRobot(SoundRobot):
     def observe(self, request_id: int) -> ObservationReply:
-        found = super().observe(request_id)
-        return replace(found, monotonic=found.monotonic * 1e6)
+        reply = super().observe(request_id)
+        return replace(reply, monotonic=reply.monotonic * 1e6)
 
 
 @pytest.mark.parametrize(
@@ -257,13 +257,13 @@ def test_readings_that_are_not_to_be_trusted(
     robot: type[FakeRobot], subject: str, sentence: str
 ) -> None:
     with serving(robot()) as uri:
-        found = the_trouble(uri)
-    assert found[0] == subject
-    assert re.search(sentence, found[1])
+        trouble = the_trouble(uri)
+    assert trouble[0] == subject
+    assert re.search(sentence, trouble[1])
 
 
 def test_telemetry_that_does_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "_PATIENCE", 0.5)
+    monkeypatch.setattr(examination, "_PATIENCE", 0.5)
     with serving(SoundRobot(), FAULTS["publishes at another address"][1]) as uri:
         subject, sentence = the_trouble(uri)
     assert subject == "telemetry"
@@ -271,8 +271,8 @@ def test_telemetry_that_does_not_arrive(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def test_a_slow_network(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "ROUND_TRIPS", 3)
-    monkeypatch.setattr(doctor, "HEARTBEAT", 0.0)
+    monkeypatch.setattr(examination, "ROUND_TRIPS", 3)
+    monkeypatch.setattr(examination, "HEARTBEAT", 0.0)
     with serving(SoundRobot()) as uri:
         subject, sentence = the_trouble(uri)
     assert subject == "latency"

@@ -27,7 +27,7 @@ from tests.processes.simulator import simulator
 NURSERY = """
 import json, os, signal, sys
 import numpy
-import estimator.cli.commands
+import estimator.cli.command_line
 from estimator.__main__ import main
 from estimator.body.arrays import Bodies
 from estimator.physics.statics import StaticsPhysics

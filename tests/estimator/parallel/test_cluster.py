@@ -23,7 +23,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from estimator.body.morphology import Morphology
-from estimator.cli.commands import app
+from estimator.cli.command_line import app
 from estimator.errors import ClusterError, PhysicsError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
@@ -217,7 +217,7 @@ def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
 
 
 def test_nobody_pays_for_dask_who_does_not_use_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    code = "import estimator.cli.commands, sys; sys.exit('distributed' in sys.modules)"
+    code = "import estimator.cli.command_line, sys; sys.exit('distributed' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=r"pip install 'bodyschema\[cluster\]'"):

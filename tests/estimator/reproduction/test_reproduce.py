@@ -17,7 +17,7 @@ import psutil
 import pytest
 from typer.testing import CliRunner
 
-from estimator.cli.commands import app
+from estimator.cli.command_line import app
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.reproduction.reproduce import (

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
+from importlib import metadata
 from pathlib import Path
 
 import pytest
+
+from robot.cli.command_line import main as robotd
+from sim_robot.cli.command_line import main as sim_robotd
 
 PROGRAM = "import sys; from robot.cli.startup import start; sys.exit(start('crawl', 'command'))"
 PRESS = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
@@ -81,3 +86,13 @@ sys.exit(main())
         f": needs {library}, which is not installed: pip install 'bodyschema[{extra}]'\n"
     )
     assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(("name", "main"), [("robotd", robotd), ("sim-robotd", sim_robotd)])
+def test_version(
+    name: str, main: Callable[[Sequence[str]], int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"{name} (bodyschema) {metadata.version('bodyschema')}\n"

@@ -10,13 +10,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import pytest
 from typer.testing import CliRunner, Result
 
-from estimator.cli.commands import app
+from estimator.cli.command_line import app
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run, write_truth
 from tests.estimator.identification.test_run import generations_reach, start_identify
@@ -53,13 +54,13 @@ def readings(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(tmp_path_factory: pytest.TempPathFactory, readings: Path) -> Path:
     folder = tmp_path_factory.mktemp("cli")
     problem = make_order(folder, "").problem
-    found = estimator(
+    ended = estimator(
         *("identify", "--robot", f"file:{readings}", "--problem", problem, "--seed", "1"),
         *("--population", "4", "--generations", "1", "--jobs", "1", "--out", folder / "run"),
     )
-    assert found.exit_code == 0, found.output
-    assert "Interaction 3" in found.stderr
-    assert "Sensor (subjective) error" in found.stdout
+    assert ended.exit_code == 0, ended.output
+    assert "Interaction 3" in ended.stderr
+    assert "Sensor (subjective) error" in ended.stdout
     return folder / "run"
 
 
@@ -73,20 +74,20 @@ def test_identify_takes_all_that_was_recorded(run: Path) -> None:
 
 
 def test_show_says_how_far_a_run_has_come(run: Path) -> None:
-    found = estimator("show", run)
-    assert found.exit_code == 0
-    assert "Problem legs, seed 1" in found.stdout
-    assert "complete" in found.stdout
-    assert "spread (mm)" in found.stdout
+    ended = estimator("show", run)
+    assert ended.exit_code == 0
+    assert "Problem legs, seed 1" in ended.stdout
+    assert "complete" in ended.stdout
+    assert "spread (mm)" in ended.stdout
 
 
 def test_score_as_json_is_nothing_but_json(tmp_path: Path) -> None:
     store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     store.close()
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
-    found = estimator("score", tmp_path / "run", "--truth", truth, "--json", "--jobs", "1")
-    assert found.exit_code == 0, found.output
-    assert json.loads(found.stdout)["mean_leg_error_m"] == pytest.approx(0.015)
+    ended = estimator("score", tmp_path / "run", "--truth", truth, "--json", "--jobs", "1")
+    assert ended.exit_code == 0, ended.output
+    assert json.loads(ended.stdout)["mean_leg_error_m"] == pytest.approx(0.015)
     assert (tmp_path / "run" / "plots" / "lengths_with_truth.png").exists()
 
 
@@ -94,8 +95,8 @@ def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
     store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     store.close()
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
-    found = estimator("score", tmp_path / "run", "--truth", truth, "--jobs", "1")
-    text = " ".join(found.stdout.split())
+    ended = estimator("score", tmp_path / "run", "--truth", truth, "--jobs", "1")
+    text = " ".join(ended.stdout.split())
     assert "+40.0 never" in text
     assert "legs that touched the ground 6.7 mm; legs that never did 40.0 mm" in text
     assert "given by the problem, not searched" in text
@@ -106,11 +107,11 @@ def test_validate_over_the_wire(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     store, _ = make_run(tmp_path, TRUE_LENGTHS)
     store.close()
     with serving(ModelRobot()) as uri:
-        found = estimator(
+        ended = estimator(
             "validate", tmp_path / "run", "--robot", uri, "--programs", "2", "--jobs", "1"
         )
-    assert found.exit_code == 0, found.output
-    assert "Prediction error on 2 fresh motor programs" in found.stdout
+    assert ended.exit_code == 0, ended.output
+    assert "Prediction error on 2 fresh motor programs" in ended.stdout
     saved = json.loads((tmp_path / "run" / "validation.json").read_text())
     assert saved["best_model"]["touch"] == 0
 
@@ -128,9 +129,9 @@ def test_ctrl_c_leaves_a_run_that_can_be_resumed(tmp_path: Path) -> None:
         assert "estimator: interrupted" in said
         assert f"estimator resume {tmp_path / 'run'}" in said
         assert "Traceback" not in said
-        found = estimator("resume", tmp_path / "run", "--jobs", "1")
-    assert found.exit_code == 0, found.output
-    assert "complete" in found.stdout
+        ended = estimator("resume", tmp_path / "run", "--jobs", "1")
+    assert ended.exit_code == 0, ended.output
+    assert "complete" in ended.stdout
 
 
 @pytest.mark.parametrize(
@@ -148,10 +149,10 @@ def test_ctrl_c_leaves_a_run_that_can_be_resumed(tmp_path: Path) -> None:
     ],
 )
 def test_failure_is_a_sentence_and_exit_code_1(arguments: list[str], sentence: str) -> None:
-    found = estimator(*arguments)
-    assert found.exit_code == 1
-    assert f"estimator: {sentence}" in found.stderr
-    assert not found.stdout
+    ended = estimator(*arguments)
+    assert ended.exit_code == 1
+    assert f"estimator: {sentence}" in ended.stderr
+    assert not ended.stdout
 
 
 @pytest.mark.parametrize(
@@ -170,9 +171,9 @@ def test_wrong_usage_is_exit_code_2(arguments: list[str]) -> None:
 
 def test_a_run_is_not_overwritten(run: Path, readings: Path) -> None:
     problem = run.parent / "legs.toml"
-    found = estimator("identify", "--robot", f"file:{readings}", "--problem", problem, "--out", run)
-    assert found.exit_code == 1
-    assert "holds a run already" in found.stderr
+    ended = estimator("identify", "--robot", f"file:{readings}", "--problem", problem, "--out", run)
+    assert ended.exit_code == 1
+    assert "holds a run already" in ended.stderr
 
 
 def test_a_hand_written_table_with_a_missing_column_is_a_sentence(
@@ -183,32 +184,38 @@ def test_a_hand_written_table_with_a_missing_column_is_a_sentence(
     table = "\n".join(line.partition(",")[2] for line in lines)
     (tmp_path / "readings.csv").write_text(table)
     problem = make_order(tmp_path, "").problem
-    found = estimator(
+    ended = estimator(
         *("identify", "--robot", f"file:{tmp_path}/readings.csv", "--problem", problem),
         *("--out", tmp_path / "run"),
     )
-    assert found.exit_code == 1
-    assert "write the columns angle_deg_left" in found.stderr
+    assert ended.exit_code == 1
+    assert "write the columns angle_deg_left" in ended.stderr
     assert not (tmp_path / "run").exists()
 
 
 def test_a_run_that_another_process_works_on_is_left_alone(run: Path) -> None:
     with RunStore.open(run):
-        found = estimator("resume", run)
-        assert found.exit_code == 1
-        assert "Another process works on" in found.stderr
+        ended = estimator("resume", run)
+        assert ended.exit_code == 1
+        assert "Another process works on" in ended.stderr
         assert estimator("show", run).exit_code == 0
 
 
 def test_help_lists_the_commands() -> None:
-    found = subprocess.run(
+    said = subprocess.run(
         [sys.executable, "-m", "estimator", "--help"],
         capture_output=True,
         text=True,
         check=True,
-    )
-    for command in ("identify", "resume", "show", "score", "validate"):
-        assert command in found.stdout
+    ).stdout
+    for command in ("identify", "resume", "show", "score", "validate", "doctor", "reproduce"):
+        assert command in said.split()
+
+
+def test_version() -> None:
+    ended = estimator("--version")
+    assert ended.exit_code == 0
+    assert ended.stdout == f"estimator (bodyschema) {metadata.version('bodyschema')}\n"
 
 
 @pytest.mark.parametrize("library", ["numpy", "matplotlib.backends"])
@@ -224,10 +231,10 @@ from estimator.__main__ import main
 sys.argv = ["estimator", "show", "nowhere"]
 main()
 """
-    found = subprocess.run(
+    ended = subprocess.run(
         [sys.executable, "-c", code], check=False, capture_output=True, text=True
     )
-    assert (found.returncode, found.stderr) == (1, "estimator: interrupted\n")
+    assert (ended.returncode, ended.stderr) == (1, "estimator: interrupted\n")
 
 
 EVIL = "le[/x]ft $\\frac{ \x1b[31m"
@@ -239,16 +246,16 @@ def test_a_joint_may_have_any_name(tmp_path: Path, readings: Path) -> None:
         text = readings.with_name(name).read_text().replace("left", escaped)
         (tmp_path / name).write_text(text)
     run = tmp_path / "run"
-    found = estimator(
+    ended = estimator(
         *("identify", "--robot", f"file:{tmp_path / 'readings.csv'}", "--seed", "1"),
         *("--problem", make_order(tmp_path, "").problem, "--population", "2"),
         *("--generations", "1", "--physics", "statics", "--jobs", "1", "--out", run),
     )
-    assert found.exit_code == 0, found.output
+    assert ended.exit_code == 0, ended.output
     shown = estimator("show", run)
     assert shown.exit_code == 0, shown.output
     assert "le[/x]ft" in shown.stdout
-    assert "\x1b" not in found.output + shown.output
+    assert "\x1b" not in ended.output + shown.output
 
 
 @contextmanager
@@ -279,9 +286,9 @@ def test_show_and_score_need_no_writable_directory() -> None:
             assert estimator(*command).exit_code == 0
         before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
         with unwritable(folder):
-            found = [estimator(*command) for command in commands]
+            ended = [estimator(*command) for command in commands]
         assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
-    for item, words in zip(found, ("not finished", "The run is not finished"), strict=True):
+    for item, words in zip(ended, ("not finished", "The run is not finished"), strict=True):
         assert item.exit_code == 0, item.output
         assert "cannot be written (Permission denied): its files are as they were" in item.stderr
         assert words in item.stdout

@@ -1,0 +1,76 @@
+"""``estimator identify``: a run from start to end."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from estimator.cli.console import err, out, print_run_directory, sentences
+from estimator.cli.options import CORES, Dask, Jobs, Keys, PhysicsName, Robot, open_physics
+from estimator.cli.screen import Screen
+from estimator.identification.exploration import RULES
+from estimator.identification.run import Order, identify
+from estimator.identification.subjective_error import MODALITIES
+from estimator.physics.backends import BACKENDS
+from estimator.report.run_files import write_report
+from estimator.report.terminal_tables import print_result
+
+
+def command(
+    *,
+    robot: Robot,
+    problem: Annotated[str, typer.Option(help="A problem's name, or a .toml file.")],
+    interactions: Annotated[
+        int | None, typer.Option(min=1, help="Default: the problem's, or all that were recorded.")
+    ] = None,
+    physics: PhysicsName = BACKENDS[0],
+    explore: Annotated[
+        str, typer.Option(help=f"What chooses motor programs: {', '.join(RULES)}.")
+    ] = RULES[0],
+    modalities: Annotated[
+        str, typer.Option(help="Sensors that count, separated by commas.")
+    ] = ",".join(MODALITIES),
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Source of all randomness. Default: a new one.")
+    ] = None,
+    population: Annotated[
+        int | None, typer.Option(min=2, help="Models, an even number. Default: the problem's.")
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(min=1, help="After each interaction. Default: the problem's.")
+    ] = None,
+    full_steps: Annotated[
+        bool, typer.Option("--full-steps", help="Simulate on after a body has come to rest.")
+    ] = False,
+    jobs: Jobs = CORES,
+    dask: Dask = None,
+    keys: Keys = None,
+    directory: Annotated[
+        Path | None, typer.Option("--out", help="Run directory. Default: a new one in runs/.")
+    ] = None,
+) -> None:
+    """Identify a robot: act, sense, model, again and again."""
+    chosen = secrets.randbelow(2**32) if seed is None else seed
+    name = f"{time.strftime('%Y%m%d-%H%M%S')}-{Path(problem).stem}-{chosen}"
+    place = directory or Path("runs") / name
+    order = Order(
+        robot=robot,
+        problem=problem,
+        seed=chosen,
+        physics=physics,
+        explore=explore,
+        modalities=tuple(item.strip() for item in modalities.split(",")),
+        interactions=interactions,
+        population=population,
+        generations=generations,
+        full_steps=full_steps,
+        keys=keys,
+    )
+    with sentences(place), open_physics(jobs, dask) as physics_of, Screen(err) as screen:
+        result = identify(place, order, physics_of, screen, report=write_report)
+    print_result(out, result)
+    print_run_directory(place)

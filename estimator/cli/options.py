@@ -1,0 +1,58 @@
+"""Options that several subcommands share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Final, TypeAlias
+
+import typer
+
+from estimator.parallel.cluster import Cluster
+from estimator.physics.backends import BACKENDS, OpenPhysics, in_processes, on_cluster
+
+CORES: Final = len(os.sched_getaffinity(0))
+"""Processor cores that this process may use: the default of ``--jobs``."""
+
+Directory: TypeAlias = Annotated[Path, typer.Argument(help="A run directory.", metavar="DIR")]
+Robot: TypeAlias = Annotated[
+    str, typer.Option(help="tcp://HOST:PORT, file:READINGS.csv or replay:DIR.")
+]
+Jobs: TypeAlias = Annotated[
+    int, typer.Option(min=1, help="Worker processes; the result does not depend on it.")
+]
+Dask: TypeAlias = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS",
+        help="Scheduler of a Dask cluster, which does the work in place of --jobs processes here.",
+    ),
+]
+Keys: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Key directory, where the robot asks for keys: robotd keys new makes one.",
+    ),
+]
+PhysicsName: TypeAlias = Annotated[
+    str, typer.Option(help=f"What predicts a model's readings: {', '.join(BACKENDS)}.")
+]
+
+
+@contextmanager
+def open_physics(jobs: int, dask: str | None) -> Iterator[OpenPhysics]:
+    """Where ``--jobs`` and ``--dask`` have models simulated.
+
+    Args:
+        jobs: Processes on this computer, where there is no cluster.
+        dask: Address of a cluster's scheduler.
+    """
+    if dask is None:
+        yield in_processes(jobs)
+    else:
+        with Cluster(dask) as cluster:
+            yield on_cluster(cluster)

@@ -1,0 +1,68 @@
+"""``estimator reproduce``: the runs and figures of the paper."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from estimator.cli.console import err, fail, out, sentences
+from estimator.cli.options import CORES, Dask, PhysicsName
+from estimator.cli.screen import Screen
+from estimator.parallel.cluster import Cluster
+from estimator.physics.backends import BACKENDS
+from estimator.reproduction.report import REPORT
+from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
+from estimator.reproduction.runs.plan import FIGURES, SEEDS, Budget
+
+
+def command(
+    figure: Annotated[str, typer.Argument(help=f"{', '.join(FIGURES)} or all.", metavar="FIGURE")],
+    *,
+    runs: Annotated[
+        int | None,
+        typer.Option(min=1, max=len(SEEDS), help="Seeds. Default: the paper's 30 and 10."),
+    ] = None,
+    interactions: Annotated[
+        int | None, typer.Option(min=1, help="Of each run. Default: the paper's 4 and 9.")
+    ] = None,
+    population: Annotated[
+        int | None, typer.Option(min=2, help="Models, an even number. Default: the paper's.")
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(min=1, help="After each interaction. Default: the paper's.")
+    ] = None,
+    physics: PhysicsName = BACKENDS[0],
+    jobs: Annotated[
+        int, typer.Option(min=1, help="Runs at a time; the result does not depend on it.")
+    ] = CORES,
+    dask: Dask = None,
+    directory: Annotated[
+        Path | None, typer.Option("--out", help="Default: runs/reproduction-PHYSICS.")
+    ] = None,
+) -> None:
+    """Do the paper's runs on simulated robots, and draw its figures; goes on where it was left."""
+    place = directory or Path("runs") / f"reproduction-{physics}"
+    budget = Budget(
+        physics=physics, interactions=interactions, population=population, generations=generations
+    )
+    with (
+        sentences(None),
+        nullcontext() if dask is None else Cluster(dask) as cluster,
+        Screen(err) as screen,
+    ):
+        request = ReproductionRequest(
+            figures=figures_of(figure),
+            runs=runs,
+            budget=budget,
+            jobs=jobs,
+            command=shlex.join(["estimator", *sys.argv[1:]]),
+        )
+        outcome = reproduce(place, request, screen, cluster=cluster)
+    out.print(f"Report: {place / REPORT}", soft_wrap=True)
+    if outcome.failures:
+        fail(f"{len(outcome.failures)} runs failed: the same command tries them again", None)

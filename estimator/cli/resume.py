@@ -1,0 +1,30 @@
+"""``estimator resume``: goes on with a run that was interrupted."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from estimator.cli.console import err, out, print_run_directory, sentences
+from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, open_physics
+from estimator.cli.screen import Screen
+from estimator.identification.run import resume
+from estimator.report.run_files import write_report
+from estimator.report.terminal_tables import print_result
+
+
+def command(
+    directory: Directory,
+    robot: Annotated[
+        str | None, typer.Option(help="Where the robot is now. Default: where it was.")
+    ] = None,
+    jobs: Jobs = CORES,
+    dask: Dask = None,
+    keys: Keys = None,
+) -> None:
+    """Go on with an interrupted run; the result is that of an uninterrupted one."""
+    with sentences(directory), open_physics(jobs, dask) as physics_of, Screen(err) as screen:
+        result = resume(directory, physics_of, screen, robot=robot, keys=keys, report=write_report)
+    print_result(out, result)
+    print_run_directory(directory)

@@ -1,0 +1,47 @@
+"""``estimator validate``: fresh motor programs, predicted and then performed."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from typing import Annotated
+
+import typer
+
+from estimator.cli.console import err, out, sentences
+from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, open_physics
+from estimator.cli.screen import Screen
+from estimator.evaluation.validate import validate
+from estimator.identification.run import problem_of, reconnect, world_of
+from estimator.report.run_files import VALIDATION
+from estimator.report.terminal_tables import print_validation
+from estimator.storage.store import RunStore
+from protocol.system.replace_file import replace_file
+
+
+def command(
+    directory: Directory,
+    robot: Robot,
+    *,
+    programs: Annotated[int, typer.Option(min=1, help="Fresh motor programs.")] = 20,
+    jobs: Jobs = CORES,
+    dask: Dask = None,
+    keys: Keys = None,
+) -> None:
+    """Predict fresh motor programs, then perform them (the prediction error)."""
+    with (
+        sentences(None),
+        RunStore.open(directory) as store,
+        open_physics(jobs, dask) as physics_of,
+        Screen(err) as screen,
+    ):
+        problem = problem_of(store)
+        world = world_of(store, problem)
+        with (
+            closing(physics_of(store.settings.physics, world)) as physics,
+            closing(reconnect(store, problem, robot, screen, keys=keys)) as link,
+        ):
+            validation = validate(store, problem, physics, link, programs=programs, listener=screen)
+        text = validation.model_dump_json(indent=2) + "\n"
+        replace_file(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
+    print_validation(out, validation)
+    out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)
