@@ -22,6 +22,7 @@ how good a run is            ``evaluation.score.score``: beside the true body (o
                              (prediction error)
 whether a robot is fit       ``cli.examination.examine``
 the paper's figures          ``reproduction``
+what packages add            ``plugins.Registry``: implementations by name, ours and theirs
 what computed it             ``versions``
 what can go wrong            ``errors``; all derive from ``protocol.errors.BodyschemaError``
 ============================ ====================================================================

@@ -15,7 +15,7 @@ from estimator.cli.screen import Screen
 from estimator.identification.exploration import RULES
 from estimator.identification.run import Order, identify
 from estimator.identification.subjective_error import MODALITIES
-from estimator.physics.backends import BACKENDS
+from estimator.physics.backends import REFERENCE
 from estimator.report.run_files import write_report
 from estimator.report.terminal_tables import print_result
 
@@ -27,7 +27,7 @@ def command(
     interactions: Annotated[
         int | None, typer.Option(min=1, help="Default: the problem's, or all that were recorded.")
     ] = None,
-    physics: PhysicsName = BACKENDS[0],
+    physics: PhysicsName = REFERENCE,
     explore: Annotated[
         str, typer.Option(help=f"What chooses motor programs: {', '.join(RULES)}.")
     ] = RULES[0],

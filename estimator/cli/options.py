@@ -39,7 +39,11 @@ Keys: TypeAlias = Annotated[
     ),
 ]
 PhysicsName: TypeAlias = Annotated[
-    str, typer.Option(help=f"What predicts a model's readings: {', '.join(BACKENDS)}.")
+    str,
+    typer.Option(
+        metavar="NAME",
+        help=f"What predicts a model's readings: {', '.join(BACKENDS.own)}, or a plug-in.",
+    ),
 ]
 
 

@@ -14,7 +14,7 @@ from estimator.cli.console import err, fail, out, sentences
 from estimator.cli.options import CORES, Dask, PhysicsName
 from estimator.cli.screen import Screen
 from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import BACKENDS
+from estimator.physics.backends import REFERENCE
 from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
 from estimator.reproduction.runs.plan import FIGURES, SEEDS, Budget
@@ -36,7 +36,7 @@ def command(
     generations: Annotated[
         int | None, typer.Option(min=1, help="After each interaction. Default: the paper's.")
     ] = None,
-    physics: PhysicsName = BACKENDS[0],
+    physics: PhysicsName = REFERENCE,
     jobs: Annotated[
         int, typer.Option(min=1, help="Runs at a time; the result does not depend on it.")
     ] = CORES,

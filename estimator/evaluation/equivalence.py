@@ -21,8 +21,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import BASE, SIDES, Array, Morphology
-from estimator.physics.base import Flags, Readings
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import Flags, MarginPhysics, Readings
 
 PROGRAMS: Final = 500
 AGREEMENT: Final = 0.99
@@ -48,7 +47,7 @@ class Reference:
     """
 
     def __init__(
-        self, body: Morphology, programs: Array, physics: StaticsPhysics, modalities: Sequence[str]
+        self, body: Morphology, programs: Array, physics: MarginPhysics, modalities: Sequence[str]
     ):
         self._programs = programs
         self._physics = physics

@@ -20,8 +20,7 @@ from estimator.evaluation.attachments import Comparison, Configuration, Truth
 from estimator.evaluation.equivalence import PROGRAMS, Reference
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.fit import fit_bodies
-from estimator.physics.base import Physics
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import MarginPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
@@ -98,7 +97,7 @@ class Score(BaseModel):
 
 
 def score(
-    store: RunStore, problem: Problem, truth: Path, physics: StaticsPhysics, reference: Physics
+    store: RunStore, problem: Problem, truth: Path, physics: MarginPhysics, reference: Physics
 ) -> Score:
     """Scores the best model of a run.
 
@@ -166,14 +165,14 @@ def _error(
 
 
 def _margins(
-    body: Morphology, seen: Sequence[Observation], physics: StaticsPhysics
+    body: Morphology, seen: Sequence[Observation], physics: MarginPhysics
 ) -> tuple[float, ...]:
     margins = physics.path_margins([(body, np.array(item.angles)) for item in seen])
     return tuple(np.degrees(margins).tolist())
 
 
 def _told_apart(
-    store: RunStore, problem: Problem, physics: StaticsPhysics
+    store: RunStore, problem: Problem, physics: MarginPhysics
 ) -> Callable[[Morphology], Callable[[Morphology], bool]]:
     """The test of equivalence for the run's motors and modalities."""
     rng = generator(store.settings.seed, Stream.EQUIVALENCE)

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.identification.subjective_error import interaction_errors, largest
-from estimator.physics.base import Physics, Readings
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation, ObservedReadings
 
@@ -56,7 +55,7 @@ def fit_genes(
     physics: Physics,
     *,
     limits: Array,
-    foresight: StaticsPhysics | None = None,
+    foresight: ArrayPhysics | None = None,
 ) -> Fit:
     """How badly models fit; where an error reaches the model's limit, it is at least the limit.
 
@@ -80,7 +79,7 @@ def fit_genes(
         guesser = _ArrayReader(genome.bodies(genes), foresight, targets.programs)
         order = targets.worst_first(guesser, len(genes))
     reader: _Reader
-    if isinstance(physics, StaticsPhysics):
+    if takes_arrays(physics):
         reader = _ArrayReader(genome.bodies(genes), physics, targets.programs)
     else:
         reader = _BodyReader(genome.decode_all(genes), physics, targets.programs)
@@ -110,7 +109,7 @@ class _ArrayReader:
     """A whole population as arrays, for a back-end that takes them."""
 
     bodies: Bodies
-    physics: StaticsPhysics
+    physics: ArrayPhysics
     programs: Array
 
     def __call__(self, models: Rows, interactions: Rows) -> Readings:

@@ -13,8 +13,7 @@ from estimator.identification.acting import carry_out
 from estimator.identification.exploration import rule
 from estimator.identification.listener import Listener
 from estimator.identification.modelling import Modeller
-from estimator.physics.base import Physics
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, Program
@@ -49,7 +48,7 @@ class Identification:
         connect: Connect,
         listener: Listener,
         *,
-        foresight: StaticsPhysics | None = None,
+        foresight: ArrayPhysics | None = None,
     ):
         self._store = store
         self._problem = problem

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from estimator.body.morphology import Array
 from estimator.identification.fit import fit_genes
-from estimator.physics.base import Physics
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
 from estimator.search.deterministic_crowding import DeterministicCrowding
@@ -32,7 +31,7 @@ class Modeller:
         modalities: Sequence[str],
         counters: Counters,
         *,
-        foresight: StaticsPhysics | None = None,
+        foresight: ArrayPhysics | None = None,
     ):
         self._genome = genome
         self._physics = physics

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import uuid
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,7 +19,7 @@ from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.reference_check import finish
 from estimator.identification.subjective_error import check_modalities
-from estimator.physics.backends import REFERENCE, OpenPhysics, check_name, foresight_of
+from estimator.physics.backends import BACKENDS, REFERENCE, OpenPhysics, abilities_of, foresight_of
 from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -76,7 +76,7 @@ def identify(
     """
     asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
-    check_name(order.physics)
+    abilities_of(order.physics)
     rule(order.explore)
     client_id = str(uuid.uuid4())
     link = open_robot(
@@ -119,6 +119,12 @@ def resume(
     """
     with RunStore.open(directory) as store:
         problem = problem_of(store)
+        packages = BACKENDS.package(store.settings.physics)
+        if packages != store.settings.plugins:
+            listener.say(
+                f"Note: the run was started with {_said(store.settings.plugins)}, and goes on with "
+                f"{_said(packages)}."
+            )
         uri = robot or store.settings.robot
         connect = partial(reconnect, store, problem, uri, listener, keys=keys)
         return _work(store, problem, open_physics, connect, listener, report=report)
@@ -163,6 +169,10 @@ def reconnect(
     return link
 
 
+def _said(packages: Mapping[str, str]) -> str:
+    return ", ".join(map(" ".join, packages.items())) or "no plug-in"
+
+
 def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:
     return lambda capabilities: problem.for_robot(capabilities).motors.driven
 
@@ -194,6 +204,7 @@ def _settings(
             problem=order.problem,
             problem_text=problem.source,
             physics=order.physics,
+            plugins=BACKENDS.package(order.physics),
             explore=order.explore,
             modalities=modalities,
             seed=order.seed,

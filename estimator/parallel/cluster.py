@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn, Self, TypeAlias
 
 from estimator.errors import ClusterError, WorkerError
+from estimator.plugins import installed_packages
 
 Future: TypeAlias = Any
 """What will come of some work: a ``distributed.Future``."""
@@ -208,7 +209,8 @@ class Cluster:
         """Compares the scheduler and all workers with this computer."""
         client, scheduler = self._client, f"The Dask scheduler at {self._address}"
         found = self._ask(lambda: client.get_versions(packages=list(_COMPUTING)))
-        ours = found["client"]["packages"]  # first what those can tell who do not know our code
+        known = found["client"]["packages"]  # first what those can tell who do not know our code
+        ours = {name: known[name] for name in _COMPARED if name in known}
         _compare(scheduler, found["scheduler"]["packages"], ours)
         for address, its in found["workers"].items():
             _compare(f"Worker {address}", its["packages"], ours)
@@ -252,8 +254,8 @@ def _check_threads(address: str, threads: int) -> None:
 def _compare(who: str, theirs: _Versions, ours: _Versions) -> None:
     differences = [
         f"{name} is {theirs.get(name) or 'missing'} there and {ours[name] or 'missing'} here"
-        for name in (*_COMPARED, _CODE)
-        if name in ours and theirs.get(name) != ours[name]
+        for name in ours
+        if theirs.get(name) != ours[name]
     ]
     if differences:
         raise ClusterError(
@@ -267,7 +269,7 @@ def _identity() -> _Versions:
     """Everything that results could depend on."""
     versions = importlib.import_module("distributed.versions")
     found = versions.get_versions(packages=_COMPUTING)["packages"]
-    return {name: found[name] for name in _COMPARED} | {_CODE: _code()}
+    return {name: found[name] for name in _COMPARED} | {_CODE: _code()} | installed_packages()
 
 
 def _code() -> str:

@@ -2,8 +2,9 @@
 
 ==================================== ==========================================================
 ``base.Physics``                     what every back-end can do; the search knows no more
+``base.Abilities``                   what a back-end declares that it can do beyond that
 ``base.Readings``                    what the bodies feel at rest, as arrays
-``base.Settings``                    the world that bodies are simulated in
+``base.WorldSettings``               the world that bodies are simulated in
 ``backends``                         the back-ends by name, and the ways to run them
 ``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process
 ``statics.StaticsPhysics``           computes the resting pose, in threads of this process

@@ -1,19 +1,23 @@
-"""The physics back-ends by name, and the ways to run them. A new back-end gets its row here."""
+"""The physics back-ends by name, and where each is run.
+
+A back-end of another package belongs to the entry-point group ``bodyschema.physics``: a class whose
+objects are a ``Physics`` and whose attribute ``abilities`` says what they can.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
 from types import MappingProxyType
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from estimator.errors import EstimatorError
 from estimator.parallel.cluster import Cluster
-from estimator.physics.base import Physics, WorldSettings
+from estimator.physics.base import Abilities, ArrayPhysics, Physics, WorldSettings
 from estimator.physics.dask import DaskPhysics
-from estimator.physics.pool import MakePhysics, PhysicsPool
-from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.pool import PhysicsPool
 from estimator.physics.statics import StaticsPhysics
+from estimator.plugins import Registry
 
 OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 """Makes the back-end of a given name for a given world."""
@@ -21,51 +25,87 @@ OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 REFERENCE: Final = "pybullet"
 """The back-end that has the last word on models, whatever searched for them."""
 
-_BACKENDS: Final = MappingProxyType({REFERENCE: PyBulletPhysics, "statics": StaticsPhysics})
-BACKENDS: Final = tuple(_BACKENDS)
+BACKENDS: Final[Registry[Any]] = Registry(
+    kind="physics",
+    group="bodyschema.physics",
+    own=MappingProxyType(
+        {
+            REFERENCE: "estimator.physics.pybullet:PyBulletPhysics",
+            "statics": "estimator.physics.statics:StaticsPhysics",
+        }
+    ),
+)
+
+_METHODS: Final = (("arrays", "read_bodies"), ("path_margins", "path_margins"))
 
 
-def maker(name: str, settings: WorldSettings) -> MakePhysics:
+def abilities_of(name: str) -> Abilities:
+    """What the back-end of a name says that it can.
+
+    Raises:
+        EstimatorError: There is no such back-end, or it cannot be used.
+    """
+    abilities: Abilities = _load(name).abilities
+    return abilities
+
+
+def maker(name: str, settings: WorldSettings) -> partial[Physics]:
     """Makes a back-end when called, in whatever process it is called; picklable.
 
     Raises:
-        EstimatorError: There is no back-end of this name.
+        EstimatorError: There is no such back-end, or it cannot be used.
     """
-    check_name(name)
-    return partial(_BACKENDS[name], settings)
+    return partial(_load(name), settings)
 
 
-def check_name(name: str) -> None:
-    """Refuses what is no back-end.
+def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
+    """What guesses the readings of a back-end; ``None`` for one that is as fast as the guess.
 
     Raises:
-        EstimatorError: There is no back-end of this name.
+        EstimatorError: There is no such back-end, or it cannot be used.
     """
-    if name not in _BACKENDS:
-        raise EstimatorError(f"there is no physics {name!r}: choose {', '.join(BACKENDS)}")
-
-
-def foresight_of(name: str, settings: WorldSettings) -> StaticsPhysics | None:
-    """What guesses the readings of a slower back-end; ``None`` where it would be that back-end."""
-    return None if name == "statics" else StaticsPhysics(settings)
+    return None if abilities_of(name).arrays else StaticsPhysics(settings)
 
 
 def in_processes(jobs: int) -> OpenPhysics:
-    """Back-ends on ``jobs`` cores: in worker processes, or in threads where the back-end can."""
+    """Back-ends on ``jobs`` cores: in worker processes, or in threads where they can use them."""
 
     def opened(name: str, settings: WorldSettings) -> Physics:
-        if name == "statics":
-            return StaticsPhysics(settings, jobs=jobs)
-        return PhysicsPool(maker(name, settings), jobs)
+        make = maker(name, settings)
+        if abilities_of(name).threads:
+            return partial(make, jobs=jobs)()
+        return PhysicsPool(make, jobs, undecided=abilities_of(name).undecided)
 
     return opened
 
 
 def on_cluster(cluster: Cluster) -> OpenPhysics:
     """Back-ends on the workers of a cluster."""
-    return lambda name, settings: DaskPhysics(maker(name, settings), cluster)
+
+    def opened(name: str, settings: WorldSettings) -> Physics:
+        make = maker(name, settings)
+        return DaskPhysics(make, cluster, undecided=abilities_of(name).undecided)
+
+    return opened
 
 
 def in_this_process(name: str, settings: WorldSettings) -> Physics:
     """A back-end in the calling process, for those that have processes of their own."""
     return maker(name, settings)()
+
+
+def _load(name: str) -> Any:
+    back_end = BACKENDS.load(name)
+    abilities = getattr(back_end, "abilities", None)
+    if not isinstance(abilities, Abilities):
+        raise EstimatorError(
+            f"the physics {BACKENDS.described(name)} lacks `abilities`, an object of "
+            "estimator.physics.base.Abilities that says what it can"
+        )
+    for ability, method in _METHODS:
+        if getattr(abilities, ability) and not hasattr(back_end, method):
+            raise EstimatorError(
+                f"the physics {BACKENDS.described(name)} declares `{ability}` and has no method "
+                f"`{method}`"
+            )
+    return back_end

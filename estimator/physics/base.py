@@ -14,11 +14,12 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Final, Protocol, Self, TypeAlias
+from typing import Final, Protocol, Self, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
 
@@ -137,12 +138,39 @@ class Readings:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Abilities:
+    """What a back-end can do beyond ``Physics.read``. A class of back-ends declares it.
+
+    Attributes:
+        arrays: It computes a whole population as arrays: it is an ``ArrayPhysics``. Arrays are used
+            where it runs in this process, so with ``threads``; worker processes are sent pairs.
+        path_margins: It knows how sure its readings are: it is a ``MarginPhysics``, and an
+            ``ArrayMarginPhysics`` where it also takes arrays.
+        undecided: It tells poses that might as well be others; see ``Readings.undecided``.
+        threads: It uses several cores by itself: its constructor takes ``jobs``, their number.
+            Any other is run in worker processes, each with an object of its own.
+    """
+
+    arrays: bool = False
+    path_margins: bool = False
+    undecided: bool = False
+    threads: bool = False
+
+
 class Physics(Protocol):
     """A back-end: computes what bodies feel after motor programs.
 
     A reading depends on its own pair only, never on the others in the batch, their order, earlier
     batches or the number of processes.
+
+    What is found by name (``backends``) is a class. It is constructed with the ``WorldSettings``,
+    in this process or in others, so it has to be picklable: a class at the top of its module.
     """
+
+    @property
+    def abilities(self) -> Abilities:
+        """What it can do beyond ``read``."""
 
     @property
     def simulations(self) -> int:
@@ -170,13 +198,63 @@ class Physics(Protocol):
         """Gives processes and engine memory back; may be called twice."""
 
 
+class ArrayPhysics(Physics, Protocol):
+    """A back-end that takes bodies as arrays, which saves making an object of each."""
+
+    def read_bodies(self, bodies: Bodies, programs: Array) -> Readings:
+        """Simulates one interaction per body.
+
+        Args:
+            bodies: n bodies.
+            programs: Angle of each motor, rad: shape (motors,) for all bodies, or (n, motors).
+
+        Returns:
+            One row per body.
+
+        Raises:
+            PhysicsError: The programs have a wrong shape or are not finite, or the engine failed.
+        """
+
+
+class MarginPhysics(Physics, Protocol):
+    """A back-end that knows how sure its readings are."""
+
+    def path_margins(self, pairs: Sequence[Pair]) -> Array:
+        """By which angle gravity may be inclined without the body landing elsewhere.
+
+        Args:
+            pairs: As for ``read``.
+
+        Returns:
+            Of each pair, rad, shape (n,).
+
+        Raises:
+            PhysicsError: A motor program is too short or not finite, or the engine failed.
+        """
+
+
+class ArrayMarginPhysics(ArrayPhysics, MarginPhysics, Protocol):
+    """A back-end that takes arrays and knows how sure its readings are."""
+
+    def path_margins_of_bodies(self, bodies: Bodies, programs: Array) -> Array:
+        """Path margins, rad, shape (n,); arguments and errors are those of ``read_bodies``."""
+
+
+def takes_arrays(physics: Physics) -> TypeGuard[ArrayPhysics]:
+    """Whether a back-end takes bodies as arrays, by what it declares."""
+    return physics.abilities.arrays
+
+
 class BackEnd(ABC):
     """What back-ends have in common: they count their work, and are context managers.
 
     Attributes:
+        abilities: What the back-end can do beyond ``read``; nothing, unless a subclass declares it.
         simulations: How many interactions were simulated so far.
         steps: How many time steps were computed so far.
     """
+
+    abilities: Abilities = Abilities()
 
     def __init__(self) -> None:
         self.simulations = 0

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Final, TypeAlias
 
 from estimator.parallel.cluster import Cluster
-from estimator.physics.base import BackEnd, Pair, Physics, Readings, sensor_count
+from estimator.physics.base import Abilities, BackEnd, Pair, Physics, Readings, sensor_count
 from estimator.physics.pool import MakePhysics, cut
 
 _TASK: Final = "simulate"
@@ -25,10 +25,12 @@ class DaskPhysics(BackEnd):
         make: Makes the back-end, on the worker; must be picklable, such as
             ``functools.partial(PyBulletPhysics, settings)``.
         cluster: The cluster; stays open.
+        undecided: Whether the back-end tells undecided poses.
     """
 
-    def __init__(self, make: MakePhysics, cluster: Cluster) -> None:
+    def __init__(self, make: MakePhysics, cluster: Cluster, *, undecided: bool = False) -> None:
         super().__init__()
+        self.abilities = Abilities(undecided=undecided)
         self._make = pickle.dumps(make)
         self._cluster = cluster
 

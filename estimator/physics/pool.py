@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 
 from estimator.errors import PhysicsError, WorkerError
 from estimator.parallel.child_process import end_with_parent, interrupts_blocked, silence_stdout
-from estimator.physics.base import BackEnd, Pair, Physics, Readings, sensor_count
+from estimator.physics.base import Abilities, BackEnd, Pair, Physics, Readings, sensor_count
 
 CHUNK: Final = 25
 """Most simulations that a worker fetches at a time: about 0.2 s of work."""
@@ -42,13 +42,15 @@ class PhysicsPool(BackEnd):
         make: Makes the back-end, in the worker; must be picklable, such as
             ``functools.partial(PyBulletPhysics, settings)``.
         jobs: Number of workers.
+        undecided: Whether the back-end tells undecided poses.
 
     Raises:
         PhysicsError: There are no workers to be.
     """
 
-    def __init__(self, make: MakePhysics, jobs: int) -> None:
+    def __init__(self, make: MakePhysics, jobs: int, *, undecided: bool = False) -> None:
         super().__init__()
+        self.abilities = Abilities(undecided=undecided)
         if jobs < 1:
             raise PhysicsError(f"there must be at least one worker process, not {jobs}")
         self._make = make
@@ -117,7 +119,7 @@ class PhysicsPool(BackEnd):
             raise broken
 
 
-_physics: Physics | PhysicsError | None = None  # the worker's own back-end
+_physics: Physics | Exception | None = None  # the worker's own back-end, or why there is none
 
 
 def _start_worker(make: MakePhysics) -> None:
@@ -126,12 +128,12 @@ def _start_worker(make: MakePhysics) -> None:
     end_with_parent()
     try:
         _physics = make()
-    except PhysicsError as error:
+    except Exception as error:
         _physics = error  # raised in an initializer it would look like a dead worker
 
 
 def _work(chunk: Sequence[Pair]) -> _Chunk:
-    if isinstance(_physics, PhysicsError):
+    if isinstance(_physics, Exception):
         raise _physics
     if _physics is None:
         raise PhysicsError("a worker was asked to work before it was started")

@@ -31,7 +31,7 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
-from estimator.physics.base import BackEnd, Pair, Readings, WorldSettings, sensor_count
+from estimator.physics.base import Abilities, BackEnd, Pair, Readings, WorldSettings, sensor_count
 from protocol.system.interrupts import interrupts_deferred
 
 PACE: Final = math.radians(1.5)
@@ -56,6 +56,8 @@ class StaticsPhysics(BackEnd):
         PhysicsError: There are no threads to be, ``pace`` is 0 or too far, or Numba is not
             installed.
     """
+
+    abilities = Abilities(arrays=True, path_margins=True, undecided=True, threads=True)
 
     def __init__(
         self, settings: WorldSettings | None = None, *, jobs: int = 1, pace: float = PACE

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.discovery import Bodies, Discovery
 from estimator.posterior.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
@@ -58,7 +58,7 @@ class Sampler:
 
     Args:
         unknowns: What the posterior is over.
-        make_physics: Makes a statics back-end for each population.
+        make_physics: Makes a back-end for each population.
         noise: How far readings stray.
         effort: How much to do.
         seeds: One for each population and one for what is done in common.
@@ -67,7 +67,7 @@ class Sampler:
     def __init__(
         self,
         unknowns: Unknowns,
-        make_physics: Callable[[], StaticsPhysics],
+        make_physics: Callable[[], ArrayMarginPhysics],
         noise: Noise,
         effort: Effort,
         seeds: Sequence[np.random.SeedSequence],

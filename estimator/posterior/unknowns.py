@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
-from estimator.physics.base import Readings
-from estimator.physics.statics import StaticsPhysics
+from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
@@ -69,10 +68,10 @@ class Predictor:
 
     Args:
         unknowns: The cube.
-        physics: Statics; its own, so that populations can work side by side.
+        physics: Computes it; its own, so that populations can work side by side.
     """
 
-    def __init__(self, unknowns: Unknowns, physics: StaticsPhysics):
+    def __init__(self, unknowns: Unknowns, physics: ArrayMarginPhysics):
         self.unknowns = unknowns
         self._physics = physics
 

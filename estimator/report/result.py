@@ -187,7 +187,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         seed=settings.seed,
         population=settings.population,
         generations=settings.generations,
-        versions=versions(),
+        versions=versions() | dict(store.settings.plugins),
         robot_uri=settings.robot,
         robot=capabilities.to_map(),
         interactions=len(observations),

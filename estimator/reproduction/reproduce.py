@@ -9,7 +9,7 @@ from pathlib import Path
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import check_name
+from estimator.physics.backends import abilities_of
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import Share
@@ -124,7 +124,7 @@ def reproduce(
 
 
 def _check(request: ReproductionRequest) -> None:
-    check_name(request.budget.physics)
+    abilities_of(request.budget.physics)
     if request.runs is not None and not 1 <= request.runs <= len(SEEDS):
         raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {request.runs}")
     if (request.budget.population or 2) % 2:

@@ -27,6 +27,7 @@ class RunSettings(BaseModel):
         population: Models in the population.
         generations: Generations after each interaction.
         full_steps: Whether simulations go on after the body has come to rest.
+        plugins: Version by name of each package from outside that decides the outcome too.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -42,6 +43,7 @@ class RunSettings(BaseModel):
     population: Population
     generations: Annotated[int, Field(ge=1)]
     full_steps: bool = False
+    plugins: Mapping[str, str] = Field(default_factory=dict)
 
 
 class Counters(BaseModel):

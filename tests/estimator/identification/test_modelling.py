@@ -6,7 +6,7 @@ import pytest
 from estimator.body.morphology import Array
 from estimator.identification.modelling import Modeller
 from estimator.identification.subjective_error import interaction_errors
-from estimator.physics.base import Pair, Readings
+from estimator.physics.base import BackEnd, Pair, Readings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
@@ -18,13 +18,8 @@ from tests.estimator.model_robot import make_capabilities, make_problem
 MODALITIES = ("touch", "tilt", "clearance")
 
 
-class ToyPhysics:
+class ToyPhysics(BackEnd):
     """Tilt grows with the first length and the angle; counts what it is asked."""
-
-    steps = 0
-
-    def __init__(self) -> None:
-        self.simulations = 0
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
         self.simulations += len(pairs)

@@ -18,7 +18,7 @@ from estimator.identification.reference_check import (
     leading,
     pairs_turned,
 )
-from estimator.physics.base import Pair, Readings
+from estimator.physics.base import BackEnd, Pair, Readings
 from estimator.problem.genome import Genome
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -33,19 +33,19 @@ def genome() -> Genome:
     return Genome(problem, problem.base(make_capabilities()))
 
 
-class Sceptic:
+class Sceptic(BackEnd):
     """Believes no body whose first leg is longer than a limit, m."""
 
     def __init__(self, limit: float):
-        self.simulations = self.steps = 0
+        super().__init__()
         self._limit = limit
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
         self.simulations += len(pairs)
         self.steps += 300 * len(pairs)
-        found = Readings.empty(len(pairs), 4)
-        found.valid[:] = [body.parts[0].length <= self._limit for body, _ in pairs]
-        return found
+        readings = Readings.empty(len(pairs), 4)
+        readings.valid[:] = [body.parts[0].length <= self._limit for body, _ in pairs]
+        return readings
 
     def close(self) -> None:
         """Nothing to close."""

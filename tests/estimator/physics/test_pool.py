@@ -93,13 +93,13 @@ import os
 from functools import partial
 import numpy as np
 from estimator.body.morphology import Base, Morphology
-from estimator.physics.base import Settings
+from estimator.physics.base import WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 
 if __name__ == "__main__":
     body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
-    with PhysicsPool(partial(PyBulletPhysics, Settings(steps=3000)), 2) as pool:
+    with PhysicsPool(partial(PyBulletPhysics, WorldSettings(steps=3000)), 2) as pool:
         try:
             while True:
                 pool.read([(body, np.zeros(0))] * 20)

@@ -1,0 +1,161 @@
+"""Back-ends by name: ours, those of other packages, and what is said of a wrong one."""
+
+import json
+import os
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Base, Morphology
+from estimator.errors import EstimatorError, PhysicsError
+from estimator.identification.listener import Listener
+from estimator.identification.run import resume
+from estimator.physics.backends import (
+    BACKENDS,
+    abilities_of,
+    foresight_of,
+    in_processes,
+    in_this_process,
+)
+from estimator.physics.base import Abilities, WorldSettings, takes_arrays
+from estimator.physics.pool import PhysicsPool
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
+from estimator.report.run_files import write_report
+from estimator.storage.store import RunStore
+from tests.estimator.model_robot import make_capabilities, make_order
+from tests.estimator.outside_package import PHYSICS, install
+
+ROOT = Path(__file__).parents[3]
+THUMB = "[bodyschema.physics]\nthumb = bodyschema_thumb:Thumb\n"
+WORLD = WorldSettings()
+BALL = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
+READINGS = """\
+angle_deg_left,angle_deg_front,angle_deg_right,angle_deg_back,tilt_lr_deg,tilt_fb_deg
+-25,10,-20,15,2,0.5
+10,-20,5,-30,1,-3
+"""
+
+
+def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
+    assert abilities_of("statics") == Abilities(
+        arrays=True, path_margins=True, undecided=True, threads=True
+    )
+    assert abilities_of("pybullet") == Abilities()
+    open_physics = in_processes(2)
+    with closing(open_physics("statics", WORLD)) as exact:
+        assert type(exact) is StaticsPhysics
+        assert takes_arrays(exact)
+    with closing(open_physics("pybullet", WORLD)) as simulated:
+        assert type(simulated) is PhysicsPool
+        assert not takes_arrays(simulated)
+    with closing(in_this_process("pybullet", WORLD)) as engine:
+        assert type(engine) is PyBulletPhysics
+    assert foresight_of("statics", WORLD) is None
+    assert isinstance(foresight_of("pybullet", WORLD), StaticsPhysics)
+
+
+def test_a_run_with_the_physics_of_another_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In processes of its own, as a user would; then again where the package is missing."""
+    outside = install(tmp_path / "outside", THUMB)
+    (tmp_path / "readings.csv").write_text(READINGS)
+    (tmp_path / "robot.json").write_text(json.dumps(make_capabilities().to_map()))
+    run = tmp_path / "run"
+    identified = subprocess.run(
+        [
+            *(sys.executable, "-m", "estimator", "identify", "--physics", "thumb"),
+            *("--robot", f"file:{tmp_path / 'readings.csv'}", "--seed", "1", "--jobs", "1"),
+            *("--problem", make_order(tmp_path, "").problem, "--modalities", "tilt"),
+            *("--population", "4", "--generations", "1", "--out", run),
+        ],
+        env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{outside}"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert identified.returncode == 0, identified.stderr
+    result = json.loads((run / "result.json").read_text())
+    assert (result["complete"], result["physics"]) == (True, "thumb")
+    assert result["versions"]["bodyschema-thumb"] == "0.3"
+    with RunStore.open(run, to_write=False) as store:
+        assert store.settings.plugins == {"bodyschema-thumb": "0.3"}
+
+    with pytest.raises(EstimatorError, match="no physics 'thumb': choose pybullet, statics"):
+        resume(run, in_this_process, Listener(), report=write_report)
+    said: list[str] = []
+    monkeypatch.setattr(Listener, "say", lambda self, sentence: said.append(sentence))
+    monkeypatch.syspath_prepend(str(install(tmp_path / "newer", THUMB, version="0.4")))
+    resume(run, in_this_process, Listener(), report=write_report)
+    assert said == [
+        "Note: the run was started with bodyschema-thumb 0.3, and goes on with bodyschema-thumb "
+        "0.4."
+    ]
+
+
+@pytest.mark.parametrize(
+    ("entry_points", "code", "sentence"),
+    [
+        (
+            THUMB,
+            "import absent_engine",
+            r"physics 'thumb' of bodyschema-thumb 0.3 cannot be loaded from bodyschema_thumb:Thumb:"
+            r" ModuleNotFoundError: No module named 'absent_engine'",
+        ),
+        (THUMB, "", r"cannot be loaded from bodyschema_thumb:Thumb: AttributeError: .*'Thumb'"),
+        (THUMB, "Thumb = object", r"'thumb' of bodyschema-thumb 0.3 lacks `abilities`"),
+        (
+            THUMB,
+            "from estimator.physics.base import *\n"
+            "class Thumb(BackEnd):\n    abilities = Abilities(arrays=True)",
+            r"declares `arrays` and has no method `read_bodies`",
+        ),
+        (
+            THUMB.replace("thumb =", "statics =") + THUMB.splitlines()[1],
+            "",
+            r"more than one physics 'statics': uninstall all but one of bodyschema, "
+            r"bodyschema-thumb",
+        ),
+    ],
+    ids=["import", "attribute", "abilities", "method", "name taken"],
+)
+def test_a_package_that_cannot_be_used_is_named(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    entry_points: str,
+    code: str,
+    sentence: str,
+) -> None:
+    monkeypatch.syspath_prepend(str(install(tmp_path, entry_points, code=code)))
+    monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
+    assert BACKENDS.names() == ("pybullet", "statics", "thumb")
+    assert abilities_of("pybullet") == Abilities()  # others are not concerned
+    name = "statics" if "statics =" in entry_points else "thumb"
+    with pytest.raises(EstimatorError, match=sentence):
+        abilities_of(name)
+
+
+def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = PHYSICS.replace("super().__init__()", "raise RuntimeError('no licence')")
+    monkeypatch.syspath_prepend(str(install(tmp_path, THUMB, code=code)))
+    monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
+    with (
+        closing(in_processes(1)("thumb", WORLD)) as physics,
+        pytest.raises(RuntimeError, match="no licence"),
+    ):
+        physics.read([(BALL, np.zeros(0))])
+
+
+def test_nothing_is_sought_under_a_wrong_name() -> None:
+    with pytest.raises(EstimatorError, match="no physics 'mujoco': choose pybullet, statics"):
+        in_this_process("mujoco", WORLD)
+    with pytest.raises(PhysicsError, match="at least one thread, not 0"):
+        in_processes(0)("statics", WORLD)
