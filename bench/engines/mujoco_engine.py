@@ -121,23 +121,20 @@ def _sense(
     row: int,
 ) -> None:
     """Fills one row of the readings, except for the joints, from the bodies' present poses."""
-    turn = data.xmat[1].reshape(3, 3)
-    up_x, up_y, up_z = turn[2]
-    readings.tilt[row] = math.asin(max(-1, min(1, up_y))), math.asin(max(-1, min(1, up_x)))
-    belly = max(0.0, data.xpos[1, 2] - up_z * body.base.size[2] / 2)
-    clearance = belly / up_z if up_z > 0 else math.inf
-    readings.clearance[row] = min(clearance, settings.clearance_cap)
-    readings.saturated[row] = clearance >= settings.clearance_cap
     readings.speed[row] = np.linalg.norm(data.qvel[:3])
     gaps = []
     for number, part in zip(links, body.parts, strict=True):
         height, climb = data.xpos[number, 2], data.xmat[number].reshape(3, 3)[2, 0]
         lowest = min(climb * part.near_centre, climb * part.far_centre)
         gaps.append(height + lowest - part.radius)
-    for sensor in range(body.sensors):
-        gap = min((gaps[part] for part in body.sensor_parts(sensor)), default=math.inf)
-        readings.touch[row, sensor] = gap < settings.touch_gap
-        readings.touch_doubtful[row, sensor] = 0 < gap < settings.doubtful_gap
+    readings.fill_row(
+        row,
+        body,
+        settings,
+        height=data.xpos[1, 2],
+        up=data.xmat[1].reshape(3, 3)[2],
+        gaps=gaps,
+    )
 
 
 def mjcf(body: Morphology, settings: WorldSettings) -> str:

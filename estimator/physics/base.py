@@ -3,9 +3,7 @@
 An interaction starts planar: the body upright, all angles 0, its lowest point on the ground. Each
 joint then turns at the slew speed to its own target, the body comes to rest, and is read.
 
-Let u be world up in the body frame. ``tilt[0] = asin(u_y)`` (left side up is positive) and
-``tilt[1] = asin(u_x)`` (nose up is positive): what a level shows. Clearance is the length of the
-ray from the middle of the belly along its outward normal to the ground, legs ignored, capped.
+What tilt, clearance and touch are is defined in ``protocol.wire.readings``.
 """
 
 from __future__ import annotations
@@ -22,6 +20,16 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
+from protocol.wire.readings import (
+    DOUBTFUL_GAP,
+    TOUCH_GAP,
+    Direction,
+    belly_ray,
+    clearance_of,
+    tilt_of,
+    touch_is_doubtful,
+    touches,
+)
 
 GRAVITY: Final = 9.81  # m/s²
 
@@ -55,8 +63,8 @@ class WorldSettings:
     friction: float = 0.7
     slew: float = math.radians(60)
     clearance_cap: float = 0.2
-    touch_gap: float = 1e-3
-    doubtful_gap: float = 2e-3
+    touch_gap: float = TOUCH_GAP
+    doubtful_gap: float = DOUBTFUL_GAP
     joint_tolerance: float = math.radians(0.1)
     full_steps: bool = False
     least_inertia: float = 6.0
@@ -123,6 +131,34 @@ class Readings:
             valid=np.zeros(count, dtype=bool),
             undecided=np.zeros(count, dtype=bool),
         )
+
+    def fill_row(
+        self,
+        row: int,
+        body: Morphology,
+        settings: WorldSettings,
+        *,
+        height: float,
+        up: Direction,
+        gaps: Sequence[float],
+    ) -> None:
+        """Fills in what one body feels in a pose that was simulated.
+
+        Args:
+            row: Of the body.
+            body: The body.
+            settings: Its world.
+            height: Of the main body's middle above the ground, m.
+            up: The world's up in the body's frame.
+            gaps: Distance of each part from the ground, m; negative where it sinks in.
+        """
+        self.tilt[row] = tilt_of(up)
+        ray = belly_ray(height - up[2] * body.base.size[2] / 2, up)
+        self.clearance[row], self.saturated[row] = clearance_of(ray, settings.clearance_cap)
+        for sensor in range(body.sensors):
+            gap = min((gaps[part] for part in body.sensor_parts(sensor)), default=math.inf)
+            self.touch[row, sensor] = touches(gap, settings.touch_gap)
+            self.touch_doubtful[row, sensor] = touch_is_doubtful(gap, settings.doubtful_gap)
 
     @classmethod
     def concatenate(cls, pieces: Iterable[Readings]) -> Readings:

@@ -33,6 +33,7 @@ from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, P
 from estimator.errors import PhysicsError
 from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, WorldSettings, sensor_count
 from estimator.physics.native_output import quiet
+from protocol.wire.readings import up_in_body
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
 _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included
@@ -249,22 +250,17 @@ class PyBulletPhysics(BackEnd):
         if not all(map(math.isfinite, (*position, x, y, z, w, *velocity, *misses))):
             readings.joint_miss[row] = math.inf
             return  # it flew apart; the row stays invalid
-        up_x, up_y, up_z = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-        readings.tilt[row] = math.asin(_clip(up_y)), math.asin(_clip(up_x))
-        belly = position[2] - up_z * morphology.base.size[2] / 2
-        cap = settings.clearance_cap
-        clearance = max(0.0, belly) / up_z if up_z > 0 else math.inf
-        readings.clearance[row] = min(clearance, cap)
-        readings.saturated[row] = clearance >= cap
         readings.speed[row] = math.hypot(*velocity)
         readings.joint_miss[row] = max(misses, default=0.0)
         readings.valid[row] = readings.joint_miss[row] <= settings.joint_tolerance
-
-        gaps = self._gaps(body, morphology) if links else []
-        for sensor in range(morphology.sensors):
-            gap = min((gaps[part] for part in morphology.sensor_parts(sensor)), default=math.inf)
-            readings.touch[row, sensor] = gap < settings.touch_gap
-            readings.touch_doubtful[row, sensor] = 0 < gap < settings.doubtful_gap
+        readings.fill_row(
+            row,
+            morphology,
+            settings,
+            height=position[2],
+            up=up_in_body((x, y, z, w)),
+            gaps=self._gaps(body, morphology) if links else (),
+        )
 
     def _gaps(self, body: int, morphology: Morphology) -> list[float]:
         """Distance of each part's lowest point from the ground, m; negative when it sinks in."""
@@ -301,7 +297,3 @@ def _inertias(morphology: Morphology) -> Iterator[tuple[float, float, float]]:
         extent = part.far_centre - part.near_centre + 2 * part.radius
         across = weight * (3 * part.radius**2 + extent**2) / 12
         yield weight * part.radius**2 / 2, across, across
-
-
-def _clip(sine: float) -> float:
-    return max(-1.0, min(1.0, sine))

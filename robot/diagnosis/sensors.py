@@ -13,7 +13,13 @@ from robot.errors import DeviceDataError, DeviceError
 from robot.host.clock import Clock
 from robot.sensing.plausibility import STUCK_AFTER, ChannelWatch
 from robot.sensing.raw_samples import spread
-from robot.sensing.sensors import PLAUSIBLE_G, AnalogueInput, BellySensor, RangeFinder
+from robot.sensing.sensors import (
+    PLAUSIBLE_G,
+    AnalogueInput,
+    BellySensor,
+    RangeFinder,
+    tilt_at_rest,
+)
 from robot.sensing.touch import TouchGauge
 
 FAST_SCANS: Final = 200
@@ -106,7 +112,7 @@ def check_accelerometer(
             f"{length:.2f} g at rest instead of 1 g (x {x:+.2f}, y {y:+.2f}, z {z:+.2f}).",
             "Check its wires and supply; then: robotd calibrate --only accelerometer",
         ), None
-    tilt = math.asin(max(-1.0, min(1.0, y / length))), math.asin(max(-1.0, min(1.0, x / length)))
+    tilt = tilt_at_rest((x, y, z))
     across, along = (math.degrees(angle) for angle in tilt)
     text = (
         f"{length:.3f} g; tilt {across:+.1f}° left up, {along:+.1f}° nose up; noise {noise:.1f} mg"

@@ -1,8 +1,7 @@
 """Volts and millimetres become tilt, touch and clearance.
 
-Tilt is what a level shows: with u the world's up direction in the body frame, left/right tilt is
-asin(u_y) and forward/back tilt is asin(u_x). A resting accelerometer measures u times 1 g, so a
-reading whose length is far from 1 g is no rest, or no accelerometer.
+A resting accelerometer measures the world's up direction in the body frame times 1 g, so a reading
+whose length is far from 1 g is no rest, or no accelerometer.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
+from protocol.wire.readings import tilt_of
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 from robot.sensing.plausibility import ChannelWatch, Underside
@@ -96,6 +96,12 @@ def ignore(fraction: float) -> None:
     """What becomes of progress that nobody wants to hear of."""
 
 
+def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
+    """Both tilt angles, rad, of a robot whose accelerometer feels nothing but gravity."""
+    length = math.hypot(*acceleration) or 1.0
+    return tilt_of([value / length for value in acceleration])
+
+
 class Senses(Protocol):
     """What an interaction needs of the sensors."""
 
@@ -150,7 +156,7 @@ class Sensing:
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""
-        return self._tilt(self._acceleration(self._volts()))
+        return tilt_at_rest(self._acceleration(self._volts()))
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
         """Averages ``samples`` samples of everything.
@@ -187,7 +193,7 @@ class Sensing:
                 f"The accelerometer reads {length:.2f} g at rest instead of 1 g.",
                 "Check its wiring, supply and calibration.",
             )
-        tilt = self._tilt(mean)
+        tilt = tilt_at_rest(mean)
         clearance, saturated = self._clearance(distances)
         if self._underside is not None and clearance is not None and mean[2] > 0 and not saturated:
             self._underside.check(clearance, tilt)
@@ -208,12 +214,6 @@ class Sensing:
     def _acceleration(self, volts: Sequence[float]) -> tuple[float, ...]:
         picked = [volts[channel - self._low] for channel in self._accelerometer.channels]
         return self._accelerometer.acceleration(picked)
-
-    @staticmethod
-    def _tilt(acceleration: Sequence[float]) -> tuple[float, float]:
-        length = math.hypot(*acceleration) or 1.0
-        x, y = (max(-1.0, min(1.0, value / length)) for value in acceleration[:2])
-        return math.asin(y), math.asin(x)
 
     @staticmethod
     def _distance(finder: RangeFinder, sensor: BellySensor) -> float | None:

@@ -129,10 +129,10 @@ class Wiring:
 
     def distance_mm(self) -> float | None:
         """What the distance sensor is exposed to, mm; ``None`` beyond its sight."""
-        clearance = self._world.clearance()
-        if clearance is None:
+        ray = self._world.belly_ray()
+        if math.isinf(ray):
             return None
-        seen = (clearance + self._noise.clearance()) / self._belly.scale
+        seen = (ray + self._noise.clearance()) / self._belly.scale
         return (seen + self._belly.zero) * 1000
 
     def _acceleration(self) -> list[float]:

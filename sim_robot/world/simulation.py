@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from protocol.sockets.closable import Closing
+from protocol.wire.readings import belly_ray, up_in_body
 from sim_robot.world.body import Body
 from sim_robot.world.native_output import quiet
 
@@ -105,17 +106,16 @@ class World(Closing):
 
     def up(self) -> tuple[float, float, float]:
         """The world's up direction in the body frame."""
-        rotation = self._rotation()
-        return rotation[6], rotation[7], rotation[8]
+        return up_in_body(self._base_pose()[1])
 
-    def clearance(self) -> float | None:
-        """From the belly's middle along its normal to the ground, m; ``None`` where it misses."""
+    def belly_ray(self) -> float:
+        """From the belly's middle along its normal to the ground, m; infinite where it misses."""
         x, y, z = self._body.base_center
         belly = (x, y, z - self._body.base_size[2] / 2)
-        rotation = self._rotation()
-        position = self._base_pose()[0]
-        height = position[2] + sum(a * b for a, b in zip(rotation[6:9], belly, strict=True))
-        return height / rotation[8] if rotation[8] > 1e-9 else None
+        position, orientation = self._base_pose()
+        up = up_in_body(orientation)
+        height = position[2] + sum(a * b for a, b in zip(up, belly, strict=True))
+        return belly_ray(height, up)
 
     def loads(self) -> tuple[float, ...]:
         """Force of the ground, and of whoever presses, on each touch sensor, N."""
@@ -281,9 +281,6 @@ class World(Closing):
         return pybullet.multiplyTransforms(  # type: ignore[no-any-return]
             position, orientation, *self._inertial_to_link
         )
-
-    def _rotation(self) -> tuple[float, ...]:
-        return pybullet.getMatrixFromQuaternion(self._base_pose()[1])  # type: ignore[no-any-return]
 
 
 def _turn_up(up: Sequence[float]) -> tuple[float, float, float, float]:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any, Final
 
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags
-from estimator.physics.kernel.compiling import entrance, stamp
+from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.physics.kernel.contact import depth
 from estimator.physics.kernel.links import STEPS, assemble
 from estimator.physics.kernel.path import gap, margin, settle, undecided, work_space
+from protocol.wire import readings as definitions
 
-_SOURCES: Final = stamp(Path(__file__).parent)
+_SOURCES: Final = stamp(Path(__file__).parent, Path(definitions.__file__))
+
+_tilt_of: Final = compiled(definitions.tilt_of)
+_belly_ray: Final = compiled(definitions.belly_ray)
+_clearance_of: Final = compiled(definitions.clearance_of)
+_touches: Final = compiled(definitions.touches)
+_touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
 
 def _make_rest(sources: int) -> Any:
@@ -80,13 +86,10 @@ def _make_rest(sources: int) -> Any:
             )
             rested = settle(work, links, points, own, cosines, sines, pace, 0.0, 0.0)
             balances[row] = undecided(work, links, points)
-            up_x, up_y, up_z = work.up[0], work.up[1], work.up[2]
-            deep = depth(work.points, points, up_x, up_y, up_z)
-            tilt[row, 0] = math.asin(max(-1.0, min(1.0, up_y)))
-            tilt[row, 1] = math.asin(max(-1.0, min(1.0, up_x)))
-            belly = max(0.0, deep - 0.5 * own[2] * up_z)
-            saturated[row] = not (up_z > 0 and belly < cap * up_z)
-            clearance[row] = cap if saturated[row] else belly / up_z
+            deep = depth(work.points, points, work.up[0], work.up[1], work.up[2])
+            tilt[row, 0], tilt[row, 1] = _tilt_of(work.up)
+            ray = _belly_ray(deep - 0.5 * own[2] * work.up[2], work.up)
+            clearance[row], saturated[row] = _clearance_of(ray, cap)
             largest, longest = 0.0, 0
             for part in range(parts):
                 link = work.place[part, 0]
@@ -95,8 +98,8 @@ def _make_rest(sources: int) -> Any:
                     largest = max(largest, abs(program[motor[row, part]]) - reach)
                 if sensor[row, part] >= 0:
                     above = gap(work, link, deep)
-                    touch[row, sensor[row, part]] = above < touch_gap
-                    doubtful[row, sensor[row, part]] = 0 < above < doubtful_gap
+                    touch[row, sensor[row, part]] = _touches(above, touch_gap)
+                    doubtful[row, sensor[row, part]] = _touch_is_doubtful(above, doubtful_gap)
             miss[row] = largest
             valid[row] = rested and largest <= joint_tolerance
             steps += longest

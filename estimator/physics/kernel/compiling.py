@@ -66,14 +66,14 @@ def entrance(function: _Function) -> _Function:
     return found
 
 
-def stamp(folder: Path) -> int:
-    """A number that changes with the kernel's sources.
+def stamp(folder: Path, *others: Path) -> int:
+    """A number that changes with the kernel's sources: a folder's, and other files compiled in.
 
     The cache looks only at the file of the function that is called from Python. That function
     closes over this number, which makes it part of the key.
     """
     digest = hashlib.sha256()
-    for path in sorted(folder.glob("*.py")):
+    for path in (*sorted(folder.glob("*.py")), *others):
         digest.update(path.read_bytes())
     return int.from_bytes(digest.digest()[:6], "big")
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from estimator.body.morphology import Array, Morphology, part_frames, rotation
 from estimator.evaluation.truth.urdf import Box, Cylinder, Origin, Sphere, Urdf, numbers
+from protocol.wire.readings import belly_ray
 
 Kind: TypeAlias = Literal["box", "cylinder", "sphere"]
 MAIN_BODY: Final = -1
@@ -130,7 +131,7 @@ def robot_solids(urdf: Urdf, angles: Mapping[str, float], motors: Mapping[str, i
 def at_rest(solids: Sequence[Solid], attitude: Attitude) -> list[Solid]:
     """The solids of a body, moved from its own frame to where its readings say it rests."""
     up = _up(attitude, upright=True)
-    if attitude.saturated and _clearance(solids, up) < (attitude.clearance or 0.0):
+    if attitude.saturated and _belly_ray(solids, up) < (attitude.clearance or 0.0):
         up = _up(attitude, upright=False)
     ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
     ahead = ahead / np.linalg.norm(ahead)
@@ -153,13 +154,11 @@ def _lowest(solids: Sequence[Solid], up: Array) -> float:
     return min(item.lowest(up) for item in solids)
 
 
-def _clearance(solids: Sequence[Solid], up: Array) -> float:
-    """Along the belly's normal from its middle to the ground, m, if the body rests with ``up``."""
-    if up[2] <= 0:
-        return math.inf
+def _belly_ray(solids: Sequence[Solid], up: Array) -> float:
+    """From the belly's middle to the ground, m, if the body rests with ``up``."""
     box = next(item for item in solids if item.limb == MAIN_BODY and item.kind == "box")
     belly = box.place - np.array([0.0, 0.0, box.size[2] / 2])
-    return float(up @ belly - _lowest(solids, up)) / float(up[2])
+    return belly_ray(float(up @ belly - _lowest(solids, up)), up)
 
 
 def _inside(frame: tuple[Array, Array], origin: Origin) -> tuple[Array, Array]:

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from protocol.wire.readings import clearance_of, tilt_of, touches, up_in_body
+from protocol.wire.readings import (
+    belly_ray,
+    clearance_of,
+    tilt_of,
+    touch_is_doubtful,
+    touches,
+    up_in_body,
+)
 
 components = st.floats(-1.0, 1.0)
 
@@ -36,16 +43,31 @@ def test_tilt_in_roll_and_pitch(roll: float, pitch: float) -> None:
     assert math.sin(left_right) == pytest.approx(math.cos(pitch) * math.sin(roll), abs=1e-9)
 
 
-@given(orientations(), st.floats(0.0, 1.0), st.floats(0.01, 0.5))
+@given(orientations(), st.floats(-0.1, 1.0), st.floats(0.01, 0.5))
 def test_clearance_is_capped_and_never_shorter_than_the_height(
     orientation: tuple[float, ...], height: float, cap: float
 ) -> None:
-    distance, saturated = clearance_of(height, up_in_body(orientation), cap)
-    assert min(height, cap) * (1 - 1e-9) <= distance <= cap
+    distance, saturated = clearance_of(belly_ray(height, up_in_body(orientation)), cap)
+    assert min(max(0.0, height), cap) * (1 - 1e-9) <= distance <= cap
     assert saturated == (distance == cap)
+
+
+def test_a_belly_below_the_ground_lies_on_it_and_one_that_looks_up_sees_nothing() -> None:
+    level, upside_down = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+    assert belly_ray(-0.0004, level) == -0.0004
+    assert clearance_of(-0.0004, 0.2) == (0.0, False)
+    assert clearance_of(belly_ray(0.05, upside_down), 0.2) == (0.2, True)
+    assert clearance_of(belly_ray(-0.05, upside_down), 0.2) == (0.2, True)
 
 
 def test_touch_is_a_gap_below_a_millimetre() -> None:
     assert touches(-0.01)
     assert touches(0.000999)
     assert not touches(0.001)
+
+
+def test_touch_is_doubtful_just_above_the_ground() -> None:
+    assert not touch_is_doubtful(0.0)
+    assert touch_is_doubtful(0.0005)
+    assert touch_is_doubtful(0.0019)
+    assert not touch_is_doubtful(0.002)

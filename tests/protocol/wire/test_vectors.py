@@ -24,7 +24,7 @@ from protocol.wire.messages import (
     parse_request,
     parse_telemetry,
 )
-from protocol.wire.readings import clearance_of, tilt_of, touches, up_in_body
+from protocol.wire.readings import belly_ray, clearance_of, tilt_of, touches, up_in_body
 from protocol.wire.states import State
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def test_tilt_and_clearance(vector: dict[str, Any]) -> None:
     up = up_in_body(vector["orientation"])
     assert up == pytest.approx(vector["up"], abs=1e-9)
     assert tilt_of(up) == pytest.approx(vector["tilt"], abs=1e-7)  # asin is steep at its ends
-    clearance, saturated = clearance_of(vector["belly_height"], up, vector["upper"])
+    clearance, saturated = clearance_of(belly_ray(vector["belly_height"], up), vector["upper"])
     assert clearance == pytest.approx(vector["clearance"], abs=1e-9)
     assert saturated == vector["clearance_saturated"]
 

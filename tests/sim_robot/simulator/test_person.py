@@ -67,7 +67,7 @@ def test_only_the_foot_in_question_is_loaded(parts: Emulation, person: Simulated
 
 def test_plate_and_ground(parts: Emulation, person: SimulatedPerson) -> None:
     person.ask("plate at 80 mm, 1 of 16: Enter")
-    assert parts.world.clearance() == pytest.approx(0.08, abs=1e-4)
+    assert parts.world.belly_ray() == pytest.approx(0.08, abs=1e-4)
 
 
 def test_what_was_never_asked_is_not_understood(person: SimulatedPerson) -> None:

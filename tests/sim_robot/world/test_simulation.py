@@ -75,7 +75,7 @@ def test_laid_down_it_lies_flat(world: World) -> None:
     world.set_targets([0.0] * 8)
     world.lay_down()
     assert world.up() == pytest.approx((0, 0, 1), abs=1e-9)
-    assert world.clearance() == pytest.approx(0.0, abs=1e-6)
+    assert world.belly_ray() == pytest.approx(0.0, abs=1e-6)
 
 
 def test_laying_it_down_again_and_again_costs_no_memory(world: World) -> None:
@@ -100,10 +100,10 @@ def test_no_file_is_left_even_by_one_that_is_killed(
 def test_a_pose_does_not_depend_on_the_one_before(world: World) -> None:
     pose = [-25.0, 5.0, -12.0, 8.0, 0.0, 0.0, 0.0, 0.0]
     rest(world, pose)
-    first = (world.up(), world.clearance(), world.loads())
+    first = (world.up(), world.belly_ray(), world.loads())
     rest(world, [30.0, -30.0, 30.0, -30.0, 0.0, 0.0, 0.0, 0.0])
     rest(world, pose)
-    assert (world.up(), world.clearance(), world.loads()) == first
+    assert (world.up(), world.belly_ray(), world.loads()) == first
 
 
 def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
@@ -111,7 +111,7 @@ def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
     rest(world, [-down] * 4 + [0.0] * 4)
     # Foot sphere of 6 mm at 0.095 + 0.119 m from the hip, which is 42.5 mm above the belly.
     expected = (0.095 + 0.119) * math.sin(math.radians(down)) + 0.006 - 0.0425
-    assert world.clearance() == pytest.approx(expected, abs=1e-3)
+    assert world.belly_ray() == pytest.approx(expected, abs=1e-3)
     assert world.up() == pytest.approx((0, 0, 1), abs=2e-3)
     weight = (0.6 + 4 * 0.09) * 9.81
     assert sum(world.loads()) == pytest.approx(weight, rel=0.02)
@@ -156,10 +156,10 @@ def test_a_held_body_stays_as_it_is_held(world: World, up: tuple[float, float, f
 def test_a_body_held_upright_is_as_high_as_said_and_falls_when_laid_down(world: World) -> None:
     world.hold(0.12)
     world.advance_to(0.5)
-    assert world.clearance() == pytest.approx(0.12, abs=1e-6)
+    assert world.belly_ray() == pytest.approx(0.12, abs=1e-6)
     world.lay_down()
     world.advance_to(1.0)
-    assert world.clearance() == pytest.approx(0, abs=1e-3)
+    assert world.belly_ray() == pytest.approx(0, abs=1e-3)
 
 
 def test_a_pressed_sensor_feels_it_besides_the_ground(world: World) -> None:
