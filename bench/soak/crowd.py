@@ -88,7 +88,7 @@ class Crowd:
             Broken: A check failed.
         """
         with ExitStack() as stack:
-            self._faults = stack.enter_context(FaultClient(self._robot.control))
+            self._faults = FaultClient(self._robot.control)
             self._viewers = [
                 stack.enter_context(RobotClient(self._robot.uri)) for _ in range(VIEWERS)
             ]

@@ -1,27 +1,30 @@
 """The control socket of a simulated robot: who can reach it can make things fail.
 
-A ZeroMQ REP socket, Unix-domain or loopback. Each request is one JSON object in one frame::
+A stream socket, Unix-domain or loopback. Each connection carries one request, one line of JSON::
 
     {"do": "inject", "fault": "daq.stuck_channel=3@2i+10s"}   as in sim_robot.faults.fault_panel
     {"do": "mend", "fault": "daq.stuck_channel"}              without "fault": all of them
     {"do": "report"}
 
-The answer is ``{"ok": true, "report": {…}}``, or ``{"ok": false, "error": "a sentence"}``. The
-report lists the faults that are active and waiting, the interactions so far, and what else the
-robot has to tell. From a terminal: ``python -m sim_robot.faults.control_socket URI inject
-daq.absent``.
+The answer is a line, too: ``{"ok": true, "report": {…}}``, or ``{"ok": false, "error": "a
+sentence"}``. The report lists the faults that are active and waiting, the interactions so far, and
+what else the robot has to tell. From a terminal:
+``python -m sim_robot.faults.control_socket URI inject daq.absent``.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
+import selectors
+import socket
+import stat
 import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Final
-
-import zmq
 
 from protocol.errors import BodyschemaError
 from protocol.sockets.closable import Closing
@@ -31,7 +34,9 @@ from robot.errors import CommandError
 from sim_robot.errors import FaultError
 from sim_robot.faults.fault_panel import FaultPanel, FaultSpec
 
-_MAX_REQUEST: Final = 65536
+_IPC: Final = "ipc://"
+_MAX_REQUEST: Final = 65536  # bytes of a line
+_HASTE: Final = 0.5  # s that a client may take to say what it wants; others wait meanwhile
 _PATIENCE: Final = 10.0  # s that a client waits for an answer
 
 
@@ -57,21 +62,14 @@ class FaultSocket(Closing):
         *,
         report: Callable[[], Mapping[str, Any]] = dict,
     ):
-        _check_local(uri)
         self._panel = panel
         self._report = report
+        try:
+            self._listener, self.endpoint = _listening(uri)
+        except OSError as error:
+            raise FaultError(f"Cannot serve faults at {uri}: {error.strerror or error}.") from None
         self._waker = Waker()
         self._stopping = False
-        self._context = zmq.Context()
-        self._socket: zmq.Socket[bytes] = self._context.socket(zmq.REP)
-        self._socket.setsockopt(zmq.LINGER, 0)
-        self._socket.setsockopt(zmq.MAXMSGSIZE, _MAX_REQUEST)
-        try:
-            self._socket.bind(uri)
-        except zmq.ZMQError as error:
-            self._dispose()
-            raise FaultError(f"Cannot serve faults at {uri}: {error.strerror}.") from None
-        self.endpoint = self._socket.getsockopt_string(zmq.LAST_ENDPOINT)
         self._thread = threading.Thread(target=self._run, name="faults", daemon=True)
         self._thread.start()
 
@@ -80,25 +78,36 @@ class FaultSocket(Closing):
         self._stopping = True
         self._waker.wake()
         self._thread.join()
-        self._dispose()
+        self._waker.close()
+        self._listener.close()
+        if self.endpoint.startswith(_IPC):
+            with suppress(FileNotFoundError):
+                os.unlink(self.endpoint.removeprefix(_IPC))
 
     def _run(self) -> None:
-        poller = zmq.Poller()
-        poller.register(self._socket, zmq.POLLIN)
-        poller.register(self._waker.fileno(), zmq.POLLIN)
-        while True:
-            ready = dict(poller.poll())
-            if self._stopping:
-                return
-            if self._socket in ready:
-                self._socket.send(json.dumps(self._answer(self._socket.recv())).encode())
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._listener, selectors.EVENT_READ)
+            selector.register(self._waker.fileno(), selectors.EVENT_READ)
+            while True:
+                selector.select()
+                if self._stopping:
+                    return
+                with suppress(OSError):  # whoever asked is gone
+                    connection, _ = self._listener.accept()
+                    self._serve(connection)
 
-    def _answer(self, frame: bytes) -> dict[str, Any]:
+    def _serve(self, connection: socket.socket) -> None:
+        connection.settimeout(_HASTE)
+        with connection, connection.makefile("rwb") as stream:
+            answer = self._answer(stream.readline(_MAX_REQUEST))
+            stream.write(json.dumps(answer).encode() + b"\n")
+
+    def _answer(self, line: bytes) -> dict[str, Any]:
         try:
-            self._obey(json.loads(frame))
+            self._obey(json.loads(line))
         except (FaultError, CommandError) as error:
             return {"ok": False, "error": str(error)}
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             return {"ok": False, "error": f"That is no JSON: {error}."}
         return {"ok": True, "report": self._whole_report()}
 
@@ -125,12 +134,8 @@ class FaultSocket(Closing):
             **self._report(),
         }
 
-    def _dispose(self) -> None:
-        self._context.destroy(linger=0)
-        self._waker.close()
 
-
-class FaultClient(Closing):
+class FaultClient:
     """Talks to the control socket of a simulated robot.
 
     Each method returns the report.
@@ -144,7 +149,6 @@ class FaultClient(Closing):
 
     def __init__(self, uri: str):
         self._uri = uri
-        self._context = zmq.Context()
 
     def inject(self, fault: str) -> dict[str, Any]:
         """Injects a fault, written as in ``sim_robot.faults.fault_panel``."""
@@ -158,31 +162,58 @@ class FaultClient(Closing):
         """What is broken, and how the robot fares."""
         return self._ask({"do": "report"})
 
-    def close(self) -> None:
-        """Closes the connection."""
-        self._context.destroy(linger=0)
-
     def _ask(self, request: Mapping[str, str]) -> dict[str, Any]:
-        with self._context.socket(zmq.REQ) as wire:
-            wire.setsockopt(zmq.LINGER, 0)
-            wire.connect(self._uri)
-            wire.send(json.dumps(request).encode())
-            if not wire.poll(round(_PATIENCE * 1000)):
-                raise FaultError(f"No simulated robot answers at {self._uri}: is its path right?")
-            answer = json.loads(wire.recv())
+        family, address = _address(self._uri)
+        try:
+            with socket.socket(family, socket.SOCK_STREAM) as connection:
+                connection.settimeout(_PATIENCE)
+                connection.connect(address)
+                with connection.makefile("rwb") as stream:
+                    stream.write(json.dumps(request).encode() + b"\n")
+                    stream.flush()
+                    answer = json.loads(stream.readline())
+        except (OSError, ValueError) as error:
+            raise FaultError(
+                f"No simulated robot answers at {self._uri} ({error}): is its path right?"
+            ) from None
         if not answer["ok"]:
             raise FaultError(answer["error"])
         report: dict[str, Any] = answer["report"]
         return report
 
 
-def _check_local(uri: str) -> None:
-    if uri.startswith("ipc://") and len(uri) > len("ipc://"):
-        return
-    if not Endpoint.parse(uri).is_loopback:
+def _address(uri: str) -> tuple[socket.AddressFamily, Any]:
+    """The family and address of a socket on this computer."""
+    if uri.startswith(_IPC) and uri != _IPC:
+        return socket.AF_UNIX, uri.removeprefix(_IPC)
+    place = Endpoint.parse(uri)
+    if not place.is_loopback:
         raise FaultError(
             f"Other computers can reach {uri}; write ipc://PATH or tcp://127.0.0.1:PORT."
         )
+    return (socket.AF_INET6 if place.is_ipv6 else socket.AF_INET), (place.host, place.port)
+
+
+def _listening(uri: str) -> tuple[socket.socket, str]:
+    """A listening socket, and its address with the real port."""
+    family, address = _address(uri)
+    if family == socket.AF_UNIX:
+        with suppress(FileNotFoundError):
+            if stat.S_ISSOCK(os.stat(address).st_mode):  # of a robot that was killed
+                os.unlink(address)
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if family != socket.AF_UNIX:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind(address)
+        listener.listen()
+        listener.setblocking(False)  # whoever knocks may be gone before it is let in
+    except BaseException:
+        listener.close()
+        raise
+    if family == socket.AF_UNIX:
+        return listener, uri
+    return listener, str(Endpoint(*listener.getsockname()[:2]))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -194,16 +225,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     actions.add_parser("mend", help="mend a fault, or all").add_argument("fault", nargs="?")
     actions.add_parser("report", help="what is broken")
     options = parser.parse_args(arguments)
+    client = FaultClient(options.uri)
     try:
-        with FaultClient(options.uri) as client:
-            if options.action == "report":
-                found = client.report()
-            else:
-                found = getattr(client, options.action)(options.fault)
+        if options.action == "report":
+            report = client.report()
+        else:
+            report = getattr(client, options.action)(options.fault)
     except BodyschemaError as error:
         print(f"sim_robot.faults.control_socket: {error}", file=sys.stderr)
         return 1
-    print(json.dumps(found, indent=2))
+    print(json.dumps(report, indent=2))
     return 0
 
 

@@ -54,10 +54,10 @@ def rows(wanted: Callable[[DeviceRow], bool]) -> list[ParameterSet]:
 def robot() -> Iterator[Patient]:
     with (
         simulator("--noise", "none", "--control", "tcp://127.0.0.1:*") as process,
-        FaultClient(process.control) as faults,
         RobotClient(process.uri) as client,
     ):
         client.acquire()
+        faults = FaultClient(process.control)
         patient = Patient(client, faults, reference=None, pulses=[])  # type: ignore[arg-type]
         patient.reference = patient.perform()
         patient.pulses = faults.report()["pulses"]

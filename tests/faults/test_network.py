@@ -59,9 +59,9 @@ def test_each_request_is_carried_out_once(
     with (
         simulator("--seed", "3", "--control", "tcp://127.0.0.1:*") as robot,
         MessageProxy(robot.uri) as proxy,
-        FaultClient(robot.control) as faults,
         RobotClient(proxy.endpoint, timeout=1.5) as client,
     ):
+        faults = FaultClient(robot.control)
         client.acquire()
         proxy.weather = row.weather
         # The noise is drawn by the number of the interaction: one that was done twice would show.

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import threading
+import socket
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-import zmq
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -165,10 +165,8 @@ def test_the_control_socket_does_as_it_is_told(
 ) -> None:
     bench = Panel()
     uri = f"ipc://{tmp_path}/faults"
-    with (
-        FaultSocket(bench.panel, uri, report=lambda: {"more": 1}) as socket,
-        FaultClient(socket.endpoint) as client,
-    ):
+    with FaultSocket(bench.panel, uri, report=lambda: {"more": 1}) as control:
+        client = FaultClient(control.endpoint)
         assert client.inject("daq.absent")["active"] == ["daq.absent"]
         assert client.report() == {
             "active": ["daq.absent"],
@@ -185,22 +183,48 @@ def test_the_control_socket_does_as_it_is_told(
         assert json.loads(capsys.readouterr().out)["active"] == ["servos.dead=1"]
         assert main([uri, "mend", "servos.nothing"]) == 1
         assert "There is no fault" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+    assert main([uri, "report"]) == 1
+    assert f"No simulated robot answers at {uri}" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    "frame", [b"", b"{", b"[]", b"7", b'{"do": "inject"}', b'{"do": 1}', b"\xff"]
-)
-def test_the_control_socket_survives_nonsense(frame: bytes) -> None:
+def test_a_killed_robot_leaves_a_socket_that_the_next_one_takes(tmp_path: Path) -> None:
+    place = tmp_path / "faults"
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(place))
+    with FaultSocket(Panel().panel, f"ipc://{place}") as control:
+        assert FaultClient(control.endpoint).report()["active"] == []
+    place.write_text("somebody's file")
+    with pytest.raises(FaultError, match="in use"):
+        FaultSocket(Panel().panel, f"ipc://{place}")
+    assert place.read_text() == "somebody's file"
+
+
+NONSENSE = [
+    *(b"", b"{", b"[]", b"7", b'{"do": "inject"}', b'{"do": 1}', b"\xff", b"[" * 60_000),
+    b"\xff" + bytes(8) + b"\x7f\x03",  # ZeroMQ
+    b"x" * 100_000,
+]
+
+
+@pytest.mark.parametrize("nonsense", NONSENSE, ids=lambda nonsense: repr(nonsense[:10]))
+def test_the_control_socket_survives_nonsense(nonsense: bytes) -> None:
     bench = Panel()
-    with FaultSocket(bench.panel, "tcp://127.0.0.1:*") as socket, zmq.Context() as context:
-        with context.socket(zmq.REQ) as wire:
-            wire.connect(socket.endpoint)
-            wire.send(frame)
-            assert wire.poll(10_000)
-            assert json.loads(wire.recv())["ok"] is False
-        with FaultClient(socket.endpoint) as client:
-            assert client.report()["active"] == []
-    assert threading.active_count() < 50
+    with FaultSocket(bench.panel, "tcp://127.0.0.1:*") as control:
+        port = int(control.endpoint.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port), timeout=10.0) as stranger:
+            stranger.sendall(nonsense + b"\n")
+            with suppress(ConnectionResetError), stranger.makefile("rb") as stream:
+                assert json.loads(stream.readline())["ok"] is False
+        assert FaultClient(control.endpoint).report()["active"] == []
+
+
+def test_the_control_socket_waits_for_nobody_for_long() -> None:
+    with FaultSocket(Panel().panel, "tcp://127.0.0.1:*") as control:
+        port = int(control.endpoint.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)) as slow:
+            slow.sendall(b'{"do": ')
+            assert FaultClient(control.endpoint).report()["active"] == []
 
 
 @pytest.mark.parametrize(
