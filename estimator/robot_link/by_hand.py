@@ -84,7 +84,7 @@ def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
     if missing:
         raise ReadingsError(f"{robot} lacks {', '.join(missing)}: {advice}.")
     try:
-        said = Capabilities.of({**_assumed(found, table), **found})
+        said = Capabilities.from_map({**_assumed(found, table), **found})
     except LocalProtocolError as error:
         raise ReadingsError(f"{robot}: {error}.") from error
     touch = said.sensor("touch")

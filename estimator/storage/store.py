@@ -72,7 +72,7 @@ class RunStore:
         self._lock = lock
         with reading(directory):
             self.settings = RunSettings.model_validate_json(self._meta("settings"))
-            self.capabilities = Capabilities.of(json.loads(self._meta("capabilities")))
+            self.capabilities = Capabilities.from_map(json.loads(self._meta("capabilities")))
             self.client_id = str(json.loads(self._meta("client_id")))
 
     # --- opening and closing ----------------------------------------------------------------------

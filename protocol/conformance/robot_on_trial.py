@@ -206,7 +206,7 @@ class RobotOnTrial:
 
     def capabilities(self) -> Capabilities:
         """What the robot says about itself."""
-        return Capabilities.of(self.stranger().hello()["capabilities"])
+        return Capabilities.from_map(self.stranger().hello()["capabilities"])
 
     def use_new_names(self) -> None:
         """From now on, with other clients: what a robot thinks of the old ones is uncertain."""

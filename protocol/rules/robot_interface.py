@@ -13,23 +13,8 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from protocol.wire.capabilities import Capabilities
-from protocol.wire.messages import (
-    Clear,
-    ErrorReply,
-    Hold,
-    ObservationReply,
-    Ok,
-    Perform,
-    Read,
-    Relax,
-    Status,
-    Stop,
-    Telemetry,
-)
+from protocol.wire.messages import ErrorReply, ObservationReply, Ok, RobotRequest, Status, Telemetry
 from protocol.wire.states import State
-
-RobotRequest: TypeAlias = Perform | Read | Hold | Relax | Stop | Clear
-"""What reaches a robot; the server deals with every other request by itself."""
 
 FinalReply: TypeAlias = ObservationReply | Ok | ErrorReply
 """How a robot ends a request: ``Perform`` and ``Read`` with an observation, the others with ok."""

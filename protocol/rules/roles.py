@@ -6,7 +6,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from protocol.wire.messages import REQUESTS, Heartbeat, Hello, Read, Stop
+from protocol.wire.messages import REQUESTS
 
 
 class Role(StrEnum):
@@ -18,7 +18,7 @@ class Role(StrEnum):
 
 MAY: Final = MappingProxyType(
     {
-        Role.VIEWER: frozenset(kind.TYPE for kind in (Hello, Heartbeat, Read, Stop)),
+        Role.VIEWER: frozenset(name for name, kind in REQUESTS.items() if kind.FOR_VIEWERS),
         Role.CONTROLLER: frozenset(REQUESTS),
     }
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from protocol.rules.robot_interface import RobotRequest
+from protocol.wire.messages import RobotRequest
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
 from protocol.rules.at_most_once import Client, Clients, RememberedRequest
 from protocol.rules.lease import EXPIRY, Lapse, Lease
-from protocol.rules.robot_interface import Finished, Progressed, RobotRequest, Snapshot
+from protocol.rules.robot_interface import Finished, Progressed, Snapshot
 from protocol.rules.roles import Role
 from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
 from protocol.rules.targets import check_targets
@@ -27,18 +27,16 @@ from protocol.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
     Acquire,
-    Clear,
     ErrorReply,
     Heartbeat,
     Hello,
-    Hold,
     Ok,
     Perform,
     Progress,
     Read,
-    Relax,
     Release,
     Request,
+    RobotRequest,
     SessionRequest,
     Stop,
     Welcome,
@@ -51,11 +49,6 @@ RoleOf: TypeAlias = Callable[[str | None], Role | None]
 
 MAX_READS: Final = 8
 """Reads that the clients of one key may have under way without control of the robot."""
-
-NEEDS_LEASE: Final = (Perform, Hold, Relax, Clear, Release)
-"""Requests that only the controller may make."""
-
-_TAKES_LONG: Final = (Perform, Read)  # told at once that they were accepted
 
 
 def allow_all(user: str | None, request: Request) -> None:
@@ -198,7 +191,7 @@ class ServerCore:
         request = outcome.request
         assert request is not None
         outcome.progress = encode(Accepted(id=request.id).to_map())
-        told = isinstance(request, _TAKES_LONG)
+        told = isinstance(request, RobotRequest) and request.ACCEPTED
         return _to(outcome, outcome.progress) if told else []
 
     def progress(self, event: Progressed) -> list[Send]:
@@ -265,7 +258,7 @@ class ServerCore:
             return [Send(peer, frame)] if frame is not None else []
         outcome = client.begin(request, peer)
         try:
-            if isinstance(request, NEEDS_LEASE):
+            if request.NEEDS_CONTROL:
                 self._needs_lease(client)
             if isinstance(request, Read):
                 self._needs_room(client)
@@ -275,7 +268,7 @@ class ServerCore:
                 return self._acquire(client, outcome, now)
             if isinstance(request, Release):
                 return self._release(outcome)
-            assert isinstance(request, Perform | Read | Hold | Relax | Clear)
+            assert isinstance(request, RobotRequest)
             return [self._submit(request, outcome)]
         except RobotError as error:
             self._on_refusal(request, error)

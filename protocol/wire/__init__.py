@@ -8,7 +8,7 @@ Module                  What is in it
 ``readings``            the definitions of touch, tilt and clearance
 ``states``              the states that a robot can be in
 ``codec``               maps to MessagePack frames and back, strictly
-``declaration``         how a message is declared: fields with a check for each
+``declaration``         how messages are declared: fields with a check for each
 ``field_checks``        the checks
 ======================= =========================================================================
 """

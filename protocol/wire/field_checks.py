@@ -67,13 +67,17 @@ def one_of(name: str, value: Any, choices: Iterable[str]) -> str:
     return str(value)
 
 
-def items(name: str, value: Any, check: Callable[[str, Any], T]) -> tuple[T, ...]:
-    """A sequence of at most 64 checked items, as a tuple."""
+def items(
+    name: str, value: Any, check: Callable[[str, Any], T], *, count: int | None = None
+) -> tuple[T, ...]:
+    """Checked items as a tuple: ``count`` of them, or at most 64; errors count them from 1."""
     if not isinstance(value, list | tuple):
         raise LocalProtocolError(f"'{name}' must be an array, not {value!r:.60}")
     if len(value) > MAX_ITEMS:
         raise LocalProtocolError(f"'{name}' must have at most {MAX_ITEMS} items, not {len(value)}")
-    return tuple(check(f"{name}[{index}]", item) for index, item in enumerate(value))
+    if count is not None and len(value) != count:
+        raise LocalProtocolError(f"'{name}' must have {count} items, not {len(value)}")
+    return tuple(check(f"{name} {number}", item) for number, item in enumerate(value, 1))
 
 
 def mapping(name: str, value: Any, check: Callable[[str, Any], T]) -> dict[str, T]:

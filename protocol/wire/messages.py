@@ -8,15 +8,15 @@ absent. ``SPEC.md`` describes each message in words.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
-from typing import Any, ClassVar, Final, TypeVar, cast
+from typing import Any, ClassVar, Final, cast
 
 from protocol.errors import CLEAR, LocalProtocolError, RemoteProtocolError, RobotError
 from protocol.wire import field_checks
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import request_id_of
-from protocol.wire.declaration import Message, checked, checked_optional
+from protocol.wire.declaration import Message, checked, checked_optional, nested
 from protocol.wire.states import State
 
 PROTOCOL_VERSION: Final = 1
@@ -26,10 +26,7 @@ _natural = partial(field_checks.integer, least=0)
 _positive = partial(field_checks.integer, least=1)
 _name = partial(field_checks.text, longest=field_checks.MAX_NAME)
 _state = partial(field_checks.one_of, choices=[state.value for state in State])
-
-
-def _capabilities(name: str, value: Any) -> Capabilities:
-    return Capabilities.of(value)
+_angles = partial(field_checks.mapping, check=field_checks.number)
 
 
 # --- requests -------------------------------------------------------------------------------------
@@ -37,8 +34,15 @@ def _capabilities(name: str, value: Any) -> Capabilities:
 
 @dataclass(frozen=True, kw_only=True)
 class Request(Message):
-    """What a client asks. ``client`` is the UUID it chose; ``id`` correlates the answers."""
+    """What a client asks. ``client`` is the UUID it chose; ``id`` correlates the answers.
 
+    Attributes:
+        NEEDS_CONTROL: Whether only the client that controls the robot may ask it.
+        FOR_VIEWERS: Whether a viewer's key is enough.
+    """
+
+    NEEDS_CONTROL: ClassVar[bool] = False
+    FOR_VIEWERS: ClassVar[bool] = False
     id: int = checked(_natural)
     client: str = checked(_name)
 
@@ -48,9 +52,8 @@ class Hello(Request):
     """Opens or re-opens a session; answered by ``Welcome``."""
 
     TYPE: ClassVar[str] = "hello"
-    versions: tuple[int, ...] = checked(
-        lambda name, value: field_checks.items(name, value, _positive)
-    )
+    FOR_VIEWERS: ClassVar[bool] = True
+    versions: tuple[int, ...] = checked(partial(field_checks.items, check=_positive))
     software: str | None = checked_optional(_name)
 
 
@@ -62,10 +65,22 @@ class SessionRequest(Request):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RobotRequest(Request):
+    """A request that reaches the robot; the server deals with every other by itself.
+
+    Attributes:
+        ACCEPTED: Whether the client is told when the robot has taken it on.
+    """
+
+    ACCEPTED: ClassVar[bool] = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class Heartbeat(SessionRequest):
     """Sign of life, answered by ``Status``; never remembered, so any id will do."""
 
     TYPE: ClassVar[str] = "heartbeat"
+    FOR_VIEWERS: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,52 +95,59 @@ class Release(SessionRequest):
     """Gives control back."""
 
     TYPE: ClassVar[str] = "release"
+    NEEDS_CONTROL: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, kw_only=True)
-class Perform(SessionRequest):
+class Perform(RobotRequest, SessionRequest):
     """One interaction: return to zero, slew to the targets (rad), settle, read."""
 
     TYPE: ClassVar[str] = "perform"
-    targets: Mapping[str, float] = checked(
-        lambda name, value: field_checks.mapping(name, value, field_checks.number)
-    )
+    NEEDS_CONTROL: ClassVar[bool] = True
+    ACCEPTED: ClassVar[bool] = True
+    targets: Mapping[str, float] = checked(_angles)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Read(SessionRequest):
+class Read(RobotRequest, SessionRequest):
     """Reads the sensors in the present pose, without moving."""
 
     TYPE: ClassVar[str] = "read"
+    FOR_VIEWERS: ClassVar[bool] = True
+    ACCEPTED: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hold(SessionRequest):
+class Hold(RobotRequest, SessionRequest):
     """Ends a motion and holds the present pose."""
 
     TYPE: ClassVar[str] = "hold"
+    NEEDS_CONTROL: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, kw_only=True)
-class Relax(SessionRequest):
+class Relax(RobotRequest, SessionRequest):
     """Lets the servos go limp: the only request that does."""
 
     TYPE: ClassVar[str] = "relax"
+    NEEDS_CONTROL: ClassVar[bool] = True
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stop(Request):
+class Stop(RobotRequest):
     """Freezes the robot now, for anybody, in any session or none; latches until ``Clear``."""
 
     TYPE: ClassVar[str] = "stop"
+    FOR_VIEWERS: ClassVar[bool] = True
     session: str | None = checked_optional(_name)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clear(SessionRequest):
+class Clear(RobotRequest, SessionRequest):
     """Ends a latched stop or a fault."""
 
     TYPE: ClassVar[str] = "clear"
+    NEEDS_CONTROL: ClassVar[bool] = True
 
 
 # --- replies --------------------------------------------------------------------------------------
@@ -146,7 +168,7 @@ class Welcome(Reply):
     version: int = checked(_positive)
     session: str = checked(_name)
     robot_time: float = checked(field_checks.number)
-    capabilities: Capabilities = checked(_capabilities)
+    capabilities: Capabilities = checked(nested(Capabilities))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,28 +232,19 @@ class ObservationReply(Reply):
     sequence: int = checked(_positive)
     robot_time: float = checked(field_checks.number)
     monotonic: float = checked(field_checks.number)
-    angles: Mapping[str, float] = checked(
-        lambda name, value: field_checks.mapping(name, value, field_checks.number)
-    )
-    saturated_joints: tuple[str, ...] = checked(
-        lambda name, value: field_checks.items(name, value, _name)
-    )
+    angles: Mapping[str, float] = checked(_angles)
+    saturated_joints: tuple[str, ...] = checked(partial(field_checks.items, check=_name))
     touch: tuple[bool, ...] | None = checked_optional(
-        lambda name, value: field_checks.items(name, value, field_checks.boolean)
+        partial(field_checks.items, check=field_checks.boolean)
     )
     tilt: tuple[float, ...] | None = checked_optional(
-        lambda name, value: field_checks.items(name, value, field_checks.number)
+        partial(field_checks.items, check=field_checks.number, count=2)
     )
     clearance: float | None = checked_optional(field_checks.number)
     clearance_saturated: bool = checked(field_checks.boolean)
     settled: bool = checked(field_checks.boolean)
     settle_time: float = checked(partial(field_checks.number, least=0.0))
     samples: int = checked(_positive)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.tilt is not None and len(self.tilt) != 2:
-            raise LocalProtocolError(f"'tilt' must have 2 angles, not {len(self.tilt)}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,9 +284,7 @@ class Telemetry(Message):
     state: str = checked(_state)
     robot_time: float = checked(field_checks.number)
     sequence: int = checked(_natural)
-    angles: Mapping[str, float] = checked(
-        lambda name, value: field_checks.mapping(name, value, field_checks.number)
-    )
+    angles: Mapping[str, float] = checked(_angles)
     controller: str | None = checked_optional(_name)
     reason: str | None = checked_optional(field_checks.text)
 
@@ -288,57 +299,42 @@ REPLIES: Final = {
 }
 FINAL_REPLIES: Final = (Welcome, Ok, Status, ObservationReply, ErrorReply)
 
-M = TypeVar("M", bound=Message)
 
-
-def parse_request(found: Mapping[str, Any]) -> Request:
+def parse_request(values: Mapping[str, Any]) -> Request:
     """Builds a request from a decoded map.
 
     Raises:
         RemoteProtocolError: The map is no valid request; the message names the field.
     """
-    return cast(Request, _parse(found, REQUESTS))
+    return cast(Request, _parse(values, REQUESTS))
 
 
-def parse_reply(found: Mapping[str, Any]) -> Reply | ErrorReply:
+def parse_reply(values: Mapping[str, Any]) -> Reply | ErrorReply:
     """Builds a reply from a decoded map.
 
     Raises:
         RemoteProtocolError: The map is no valid reply; the message names the field.
     """
-    return cast("Reply | ErrorReply", _parse(found, REPLIES))
+    return cast("Reply | ErrorReply", _parse(values, REPLIES))
 
 
-def parse_telemetry(found: Mapping[str, Any]) -> Telemetry:
+def parse_telemetry(values: Mapping[str, Any]) -> Telemetry:
     """Builds a telemetry message from a decoded map.
 
     Raises:
         RemoteProtocolError: The map is no valid telemetry message.
     """
-    return cast(Telemetry, _parse(found, {Telemetry.TYPE: Telemetry}))
+    return cast(Telemetry, _parse(values, {Telemetry.TYPE: Telemetry}))
 
 
-def _parse(found: Mapping[str, Any], kinds: Mapping[str, type[Any]]) -> Message:
-    request_id = request_id_of(found)
-    name = found.get("type")
+def _parse(values: Mapping[str, Any], kinds: Mapping[str, type[Any]]) -> Message:
+    name = values.get("type")
     kind = kinds.get(name) if isinstance(name, str) else None
     if kind is None:
         code = "unknown_type" if isinstance(name, str) else "malformed"
-        raise RemoteProtocolError(
-            f"'type' must be one of {', '.join(kinds)}, not {name!r:.60}",
-            code=code,
-            request_id=request_id,
-        )
-    known = {item.name for item in fields(kind)}
+        sentence = f"'type' must be one of {', '.join(kinds)}, not {name!r:.60}"
+        raise RemoteProtocolError(sentence, code=code, request_id=request_id_of(values))
     try:
-        return cast(Message, kind(**{key: found[key] for key in known & found.keys()}))
+        return cast(Message, kind.from_map(values))
     except LocalProtocolError as error:
-        sentence = f"{name}: {error}"
-    except TypeError:
-        missing = sorted(
-            item.name
-            for item in fields(kind)
-            if item.name not in found and item.default is not None
-        )
-        sentence = f"{name}: missing {', '.join(missing)}"
-    raise RemoteProtocolError(sentence, request_id=request_id)
+        raise RemoteProtocolError(f"{name}: {error}", request_id=request_id_of(values)) from None

@@ -21,10 +21,10 @@ from contextlib import suppress
 from functools import partial
 
 from protocol.errors import CLEAR, RobotError
-from protocol.rules.robot_interface import FinalReply, RobotEvent, RobotRequest, Snapshot
+from protocol.rules.robot_interface import FinalReply, RobotEvent, Snapshot
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.wire.capabilities import Capabilities
-from protocol.wire.messages import Ok, Perform
+from protocol.wire.messages import Ok, Perform, RobotRequest
 from protocol.wire.states import State
 from robot.control.interaction import InteractionResult, MotorProgramRunner
 from robot.control.job_queue import JobQueue

@@ -11,9 +11,8 @@ from types import MappingProxyType
 from typing import Final
 
 from protocol.errors import CLEAR, RobotError
-from protocol.rules.robot_interface import RobotRequest
 from protocol.rules.transitions import Event
-from protocol.wire.messages import ErrorReply, ObservationReply
+from protocol.wire.messages import ErrorReply, ObservationReply, RobotRequest
 from robot.control.interaction import InteractionResult
 
 SENTENCES: Final = MappingProxyType(

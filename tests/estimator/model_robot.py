@@ -16,10 +16,10 @@ from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import in_motor_order
 from protocol.errors import RobotError
-from protocol.rules.robot_interface import Finished, RobotEvent, RobotRequest, Snapshot
+from protocol.rules.robot_interface import Finished, RobotEvent, Snapshot
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import ErrorReply, ObservationReply, Ok, Perform
+from protocol.wire.messages import ErrorReply, ObservationReply, Ok, Perform, RobotRequest
 from protocol.wire.states import State
 
 JOINTS = ("left", "front", "right", "back")

@@ -17,9 +17,9 @@ from collections.abc import Hashable, Iterable
 from typing import Any, Final
 
 from protocol.errors import RobotError
-from protocol.rules.robot_interface import Finished, Progressed, RobotRequest, Snapshot
+from protocol.rules.robot_interface import Finished, Progressed, Snapshot
 from protocol.rules.server_actions import Action, Send, Silence, Submit
-from protocol.rules.server_core import NEEDS_LEASE, ServerCore
+from protocol.rules.server_core import ServerCore
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from protocol.wire.codec import decode, encode
@@ -29,7 +29,8 @@ from protocol.wire.messages import (
     Ok,
     Perform,
     Read,
-    Stop,
+    RobotRequest,
+    SessionRequest,
     parse_reply,
     parse_telemetry,
 )
@@ -238,11 +239,11 @@ class Subject:
 
     def _submit(self, action: Submit) -> list[dict[str, Any]]:
         request = action.request
-        if not isinstance(request, Stop):
+        if isinstance(request, SessionRequest):
             key = (request.client, request.session, request.id)
             assert key not in self._executed, "a request was carried out twice"
             self._executed.add(key)
-        if isinstance(request, NEEDS_LEASE):
+        if request.NEEDS_CONTROL:
             assert self.core.controller == request.client, "carried out without control"
         if isinstance(request, Perform):
             assert request.targets.keys() == set(JOINTS)

@@ -13,11 +13,20 @@ from typing import Any, TypeAlias
 import pytest
 
 from protocol.errors import RobotError
-from protocol.rules.robot_interface import Finished, Progressed, RobotEvent, RobotRequest, Snapshot
+from protocol.rules.robot_interface import Finished, Progressed, RobotEvent, Snapshot
 from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import Clear, ErrorReply, ObservationReply, Ok, Perform, Read, Stop
+from protocol.wire.messages import (
+    Clear,
+    ErrorReply,
+    ObservationReply,
+    Ok,
+    Perform,
+    Read,
+    RobotRequest,
+    Stop,
+)
 from protocol.wire.states import State
 from robot.control.controller import Controller
 from sim_robot.simulator.still_robot import still_robot

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from protocol.rules.robot_interface import RobotRequest
-from protocol.wire.messages import Perform
+from protocol.wire.messages import Perform, RobotRequest
 from protocol.wire.states import State
 from tests.protocol.conftest import FakeRobot
 

@@ -26,7 +26,7 @@ _LOOKS: Final = 3  # at the rate: this computer may have had something else to d
 
 def _reads(bench: RobotOnTrial, count: int = 1) -> tuple[Capabilities, list[Map]]:
     party = bench.party()
-    capabilities = Capabilities.of(party.hello()["capabilities"])
+    capabilities = Capabilities.from_map(party.hello()["capabilities"])
     found = []
     for _ in range(count):
         reply = party.ask("read")

@@ -20,10 +20,10 @@ from estimator.cli import examination
 from estimator.cli.command_line import app
 from estimator.cli.examination import ExaminedItem, Fitness, examine
 from protocol.errors import EndpointError, KeysError, RobotError
-from protocol.rules.robot_interface import Robot, RobotRequest
+from protocol.rules.robot_interface import Robot
 from protocol.security.keys import KeyDirectory
 from protocol.transport.client import RobotClient
-from protocol.wire.messages import ObservationReply, Read
+from protocol.wire.messages import ObservationReply, Read, RobotRequest
 from robot.host.clock import Clock, WallClock
 from sim_robot.simulator.still_robot import still_robot
 from tests.protocol.conformance.spoilt import Fault, SpoiltServer

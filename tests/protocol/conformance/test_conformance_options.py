@@ -16,8 +16,9 @@ from protocol.conformance.suite import CheckStatus, run
 from protocol.errors import RobotUnreachableError
 from protocol.rules import server_core
 from protocol.rules.at_most_once import Clients
-from protocol.rules.robot_interface import Finished, Robot, RobotEvent, RobotRequest
+from protocol.rules.robot_interface import Finished, Robot, RobotEvent
 from protocol.security.keys import KeyDirectory
+from protocol.wire.messages import RobotRequest
 from robot.control.controller import Controller
 from robot.host.clock import WallClock
 from sim_robot.simulator.still_robot import still_robot

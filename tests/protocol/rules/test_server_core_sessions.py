@@ -21,7 +21,7 @@ from tests.protocol.rules.core_bench import TARGETS, Bench, observation, one
 def test_a_client_keeps_its_session_and_others_get_another(bench: Bench) -> None:
     first = bench.hello("c")
     assert first["version"] == 1
-    assert Capabilities.of(first["capabilities"]).robot == "fake"
+    assert Capabilities.from_map(first["capabilities"]).robot == "fake"
     assert bench.hello("c", peer=b"new connection")["session"] == first["session"]
     assert bench.hello("d")["session"] != first["session"]
 

@@ -12,7 +12,7 @@ from protocol.rules.server_core import ServerCore
 from protocol.sockets import zmq_sockets
 from protocol.transport import publisher
 from protocol.transport.server import Server
-from protocol.wire.messages import Hold, Perform, Relax, Release
+from protocol.wire.messages import Clear
 from tests.protocol.conformance.spoilt import (
     Fault,
     Map,
@@ -185,7 +185,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     ),
     "lets anybody clear": (
         "5.11",
-        patches(server_core, "NEEDS_LEASE", (Perform, Hold, Relax, Release)),
+        patches(Clear, "NEEDS_CONTROL", False),
     ),
     "stops once only": ("5.12", loses(twice(lambda f: f.get("type") == "stop"))),
     "says that it is idle after clear": (

@@ -109,7 +109,7 @@ def test_the_session_is_what_the_server_really_says() -> None:
     welcome = next(step["json"] for step in steps if step["name"] == "welcome")
     state = State.IDLE
     core = ServerCore(
-        Capabilities.of(welcome["capabilities"]),
+        Capabilities.from_map(welcome["capabilities"]),
         view=lambda: snapshot(state),
         token=lambda: str(welcome["session"]),
     )

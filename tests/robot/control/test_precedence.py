@@ -14,11 +14,20 @@ from typing import Any
 import pytest
 
 from protocol.errors import RobotError
-from protocol.rules.robot_interface import RobotRequest
 from protocol.rules.server_core import MAX_READS
 from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
-from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop
+from protocol.wire.messages import (
+    Clear,
+    ErrorReply,
+    Hold,
+    ObservationReply,
+    Ok,
+    Read,
+    Relax,
+    RobotRequest,
+    Stop,
+)
 from tests.protocol.background import in_background
 from tests.protocol.conftest import Keyring
 from tests.robot.stepped import Bench, program, request, shake
