@@ -34,10 +34,10 @@ def _meaning(part: bytes) -> str:
 def _leniently(part: bytes) -> str:
     """What the bytes say in MessagePack, though no frame may say it."""
     try:
-        found = msgpack.unpackb(part, strict_map_key=False)
+        value = msgpack.unpackb(part, strict_map_key=False)
     except Exception:
         return ""
-    return f"{_cut(plain(found), 1)}; " if isinstance(found, Mapping) else ""
+    return f"{_cut(plain(value), 1)}; " if isinstance(value, Mapping) else ""
 
 
 def plain(value: Any) -> str:

@@ -65,9 +65,9 @@ class Line:
         """Closes the connection."""
         self.socket.close()
 
-    def send(self, found: Mapping[str, Any]) -> None:
+    def send(self, message: Mapping[str, Any]) -> None:
         """Sends a map, whatever is in it."""
-        self.send_parts(pack(found), ids=(found.get("id"),))
+        self.send_parts(pack(message), ids=(message.get("id"),))
 
     def send_parts(self, *parts: bytes, ids: Iterable[int | None] = (None,)) -> None:
         """Sends one message of these parts; its answers may have one of these ids, or none."""
@@ -88,10 +88,10 @@ class Line:
         """The next reply with one of these ids, or ``None`` where none comes."""
         end = time.monotonic() + (self._settings.patience if patience is None else patience)
         while True:
-            for found in self._heard:
-                if found.get("id") in request_ids:
-                    self._heard.remove(found)
-                    return found
+            for reply in self._heard:
+                if reply.get("id") in request_ids:
+                    self._heard.remove(reply)
+                    return reply
             left = end - time.monotonic()
             if left <= 0 or not self.socket.poll(math.ceil(left * 1000)):
                 return None
@@ -105,10 +105,10 @@ class Line:
         What was accepted may take as long as a motion.
         """
         between: list[Map] = []
-        while (found := self.answer(request_id, patience=patience)) is not None:
-            if found["type"] in FINAL:
-                return between, found
-            between.append(found)
+        while (reply := self.answer(request_id, patience=patience)) is not None:
+            if reply["type"] in FINAL:
+                return between, reply
+            between.append(reply)
             patience = self._settings.motion
         for stray in self._heard:
             told = stray.get("id")
@@ -120,8 +120,8 @@ class Line:
         """The next reply to a valid request, if any; an error without an id is taken for one."""
         end = time.monotonic() + (self._settings.patience if patience is None else patience)
         while (left := end - time.monotonic()) > 0:
-            if (found := self.reply(request_id, patience=min(left, self.grace))) is not None:
-                return found
+            if (reply := self.reply(request_id, patience=min(left, self.grace))) is not None:
+                return reply
             self.expect_ids()
         return self.reply(request_id, patience=0)
 
@@ -143,16 +143,16 @@ class Line:
         self._trace("received", parts)
         expect(len(parts) == 1, f"An answer has {len(parts)} parts instead of one.", "1.1")
         try:
-            found = decode(parts[0])
+            reply = decode(parts[0])
         except RemoteProtocolError as error:
             raise Broken(f"An answer is no frame: {error}", "2.1") from None
         try:
-            parse_reply(found)
+            parse_reply(reply)
         except RemoteProtocolError as error:
             raise Broken(f"An answer is no valid reply: {error}", "7.1") from None
-        if found["type"] == "error":
-            self._judge(found)
-        return found
+        if reply["type"] == "error":
+            self._judge(reply)
+        return reply
 
     def _trace(self, what: str, parts: Sequence[bytes]) -> None:
         if self._settings.trace is not None:
@@ -179,9 +179,9 @@ class Line:
             self._noted["8.1"].append(f"{error['code']} has retryable {error['retryable']}")
 
 
-def pack(found: Mapping[str, Any]) -> bytes:
+def pack(message: Mapping[str, Any]) -> bytes:
     """A map as MessagePack, without any check."""
-    frame: bytes = msgpack.packb(found)
+    frame: bytes = msgpack.packb(message)
     return frame
 
 

@@ -41,8 +41,8 @@ class Party:
 
     def hello(self, **fields: Any) -> Map:
         """Says hello; what comes back."""
-        found = {"versions": [1], "software": "conformance"} | fields
-        reply = self.ask("hello", **found)
+        offer = {"versions": [1], "software": "conformance"} | fields
+        reply = self.ask("hello", **offer)
         if reply["type"] == "welcome":
             self.session = reply["session"]
         return reply
@@ -64,13 +64,13 @@ class Party:
         if (reason := self._bench.dead.get(kind)) is not None:
             raise Untried(reason)
         loose = kind in ("hello", "heartbeat", "stop")
-        found: Map = {"type": kind, "id": self.loose() if loose else None, "client": self.name}
+        message: Map = {"type": kind, "id": self.loose() if loose else None, "client": self.name}
         if kind != "hello" and (self.session or kind != "stop"):
-            found["session"] = self.session
-        found |= fields
-        if found["id"] is None and "id" not in fields:
-            found["id"] = self.number()
-        return {key: value for key, value in found.items() if value is not None}
+            message["session"] = self.session
+        message |= fields
+        if message["id"] is None and "id" not in fields:
+            message["id"] = self.number()
+        return {key: value for key, value in message.items() if value is not None}
 
     def ask(self, kind: str, **fields: Any) -> Map:
         """The final reply to a request."""
@@ -92,18 +92,18 @@ class Party:
         expect(answer is not None, "After that, the robot does not answer any more.")
         for patience in (0.0, self.line.grace):
             for request_id in request_ids:
-                if (found := self.line.reply(request_id, patience=patience)) is not None:
-                    return found
+                if (reply := self.line.reply(request_id, patience=patience)) is not None:
+                    return reply
         if None not in request_ids:
             self.line.expect_ids()
         return None
 
     def refused(self, frame: bytes, code: str, request_id: int | None, what: str) -> None:
         """Expects that a frame is answered with an error; ``what`` names it in the sentence."""
-        found = self.ask_raw(frame, request_id)
+        reply = self.ask_raw(frame, request_id)
         expect(
-            found is not None and found["type"] == "error" and found["code"] == code,
-            f"{what}: answered with {said(found)} instead of {code}.",
+            reply is not None and reply["type"] == "error" and reply["code"] == code,
+            f"{what}: answered with {said(reply)} instead of {code}.",
         )
 
     def expect(self, code: str, kind: str, **fields: Any) -> Map:
@@ -136,12 +136,12 @@ class Party:
             if now >= beaten + _BEAT:  # however much the robot tells, we are heard of
                 self.status()
                 beaten = now
-            found = self.line.answer(request_id, patience=beaten + _BEAT - now)
-            if found is None:
+            reply = self.line.answer(request_id, patience=beaten + _BEAT - now)
+            if reply is None:
                 continue
-            if found["type"] not in ("accepted", "progress"):
-                return between, found
-            between.append(found)
+            if reply["type"] not in ("accepted", "progress"):
+                return between, reply
+            between.append(reply)
         raise Unanswered(f"A motion did not end within {self._bench.settings.motion:g} s.")
 
 
@@ -176,9 +176,9 @@ class RobotOnTrial:
 
     def line(self) -> Line:
         """A new connection."""
-        found = self.line_with(self.settings.keys)
-        self._lines.append(found)
-        return found
+        line = self.line_with(self.settings.keys)
+        self._lines.append(line)
+        return line
 
     def line_with(self, keys: ClientKeys | None) -> Line:
         """A new connection with other keys, or with none; who asks for it closes it."""
@@ -187,10 +187,10 @@ class RobotOnTrial:
 
     def party(self, name: str | None = None) -> Party:
         """A client that has said hello, on a connection of its own."""
-        found = self.stranger(name)
-        reply = found.hello()
+        party = self.stranger(name)
+        reply = party.hello()
         expect(reply["type"] == "welcome", f"hello was answered with {said(reply)}.", "3.2")
-        return found
+        return party
 
     def stranger(self, name: str | None = None) -> Party:
         """A client that has not said hello."""

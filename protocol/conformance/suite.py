@@ -91,13 +91,13 @@ def clauses() -> list[str]:
 def ordered() -> list[Check]:
     """All checks: the basic ones, then in the order of their clauses, each after what it needs."""
     place = {clause: index for index, clause in enumerate(clauses())}
-    found: dict[Check, None] = {}
+    in_order: dict[Check, None] = {}
 
     def add(each: Check) -> None:
         for needed in CHECKS:
             if needed is not each and needed.clauses[0] in each.after:
                 add(needed)
-        found.setdefault(each)
+        in_order.setdefault(each)
 
     def rank(each: Check) -> tuple[int, int]:
         first = each.clauses[0]
@@ -107,7 +107,7 @@ def ordered() -> list[Check]:
 
     for each in sorted(CHECKS, key=rank):
         add(each)
-    return list(found)
+    return list(in_order)
 
 
 def run(
@@ -129,9 +129,9 @@ def run(
     """
     if unknown := set(only) - set(clauses()):
         raise ValueError(f"no clauses of SPEC.md: {', '.join(sorted(unknown))}")
-    found = probe(settings.uri, settings.keys)
-    if not found.fine:
-        raise RobotUnreachableError(found.sentence)
+    diagnosis = probe(settings.uri, settings.keys)
+    if not diagnosis.fine:
+        raise RobotUnreachableError(diagnosis.sentence)
     results = []
     with RobotOnTrial(settings) as bench:
         for result in _Suite(bench, only).results():

@@ -212,18 +212,18 @@ class Clients:
 
 
 def _fingerprint(request: Request) -> bytes:
-    found = request.to_map()
-    for key, value in found.items():
+    values = request.to_map()
+    for key, value in values.items():
         if isinstance(value, Mapping):
-            found[key] = _sorted(value)
-    return hashlib.blake2b(encode(found), digest_size=16).digest()
+            values[key] = _sorted(value)
+    return hashlib.blake2b(encode(values), digest_size=16).digest()
 
 
-def _sorted(found: Mapping[str, Any]) -> dict[str, Any]:
+def _sorted(values: Mapping[str, Any]) -> dict[str, Any]:
     # -0.0 equals 0.0, and only its bytes differ: the sum of both is 0.0.
     return {
         key: value + 0.0 if isinstance(value, float) else value
-        for key, value in sorted(found.items())
+        for key, value in sorted(values.items())
     }
 
 

@@ -167,10 +167,10 @@ class ClientCore:
 
     def frames(self, now: float) -> list[bytes]:
         """What is to be sent now, in the order of asking; see ``sent``."""
-        found = [call.frame for call in self._calls.values() if call.due <= now]
+        frames = [call.frame for call in self._calls.values() if call.due <= now]
         if self.session is not None and self._beat_at <= now:
-            found.append(self._beat_frame)
-        return found
+            frames.append(self._beat_frame)
+        return frames
 
     def sent(self, frame: bytes, now: float) -> None:
         """Notes that a frame has left."""

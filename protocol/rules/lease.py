@@ -55,13 +55,13 @@ class Lease:
 
     def lapse(self, now: float) -> list[Lapse]:
         """What has happened since the last call, each once."""
-        found: list[Lapse] = []
+        lapses: list[Lapse] = []
         if self.holder is None:
-            return found
+            return lapses
         if not self._silent and now >= self._heard + SILENCE:
             self._silent = True
-            found.append(Lapse.SILENT)
+            lapses.append(Lapse.SILENT)
         if now >= self._heard + EXPIRY:
             self.free()
-            found.append(Lapse.FREED)
-        return found
+            lapses.append(Lapse.FREED)
+        return lapses

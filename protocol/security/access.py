@@ -79,10 +79,10 @@ class Access:
 
     def role_of(self, user: str | None) -> Role | None:
         """The role of whoever has this key; a list that cannot be read makes nobody controller."""
-        found = self._known.get(user or "")
-        if found is None:
+        person = self._known.get(user or "")
+        if person is None:
             return None
-        return Role(found.role) if self._flaw is None else Role.VIEWER
+        return Role(person.role) if self._flaw is None else Role.VIEWER
 
     def authorise(self, user: str | None, request: Request) -> None:
         """Refuses a request that the user's role does not allow.
@@ -95,16 +95,16 @@ class Access:
             RobotError: ``unauthorised``.
         """
         self.refresh()
-        found = self._known.get(user or "")
-        if found is None:
+        person = self._known.get(user or "")
+        if person is None:
             raise RobotError("unauthorised", "The robot does not know this key (any more).")
         if self._flaw is not None and not isinstance(request, _STOPPING):
             raise RobotError(
                 "unauthorised", "The robot cannot read its list of clients.", advice=_MEND
             )
-        if request.TYPE not in MAY[Role(found.role)]:
+        if request.TYPE not in MAY[Role(person.role)]:
             raise RobotError(
-                "unauthorised", f"{found.name} is a {found.role} here and may not {request.TYPE}."
+                "unauthorised", f"{person.name} is a {person.role} here and may not {request.TYPE}."
             )
 
     def _read(self) -> Mapping[str, Known]:

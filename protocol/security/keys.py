@@ -117,10 +117,10 @@ class KeyDirectory:
     def pair(self) -> KeyPair:
         """This computer's own keys."""
         place = self._file(_SECRET)
-        found = self._read(
+        entries = self._read(
             place, closed=0o077, advice=f"make it with: robotd keys new --keys {self.path}"
         )
-        pair = KeyPair(*(_key_of(found, name, place) for name in KeyPair._fields))
+        pair = KeyPair(*(_key_of(entries, name, place) for name in KeyPair._fields))
         if zmq.curve_public(pair.secret.encode()) != pair.public.encode():
             raise KeysError(f"{place}: the two keys do not belong together.")
         return pair
@@ -130,8 +130,8 @@ class KeyDirectory:
         place = self._file(_KNOWN)
         if not must_exist and not place.exists():
             return ()
-        found = self._read(place, closed=0o022)
-        people = tuple(_known_of(name, entry, place) for name, entry in found.items())
+        entries = self._read(place, closed=0o022)
+        people = tuple(_known_of(name, entry, place) for name, entry in entries.items())
         if len({person.public for person in people}) != len(people):
             raise KeysError(f"{place}: two names have the same key; remove one of them.")
         return people
@@ -179,10 +179,10 @@ class KeyDirectory:
     def stamp(self) -> tuple[int, ...]:
         """Changes whenever the list of the known does; cheap, raises nothing."""
         try:
-            found, around = os.stat(self._file(_KNOWN)), os.stat(self.path)
+            listed, around = os.stat(self._file(_KNOWN)), os.stat(self.path)
         except OSError:
             return ()
-        changes = found.st_ino, found.st_mtime_ns, found.st_ctime_ns, found.st_size
+        changes = listed.st_ino, listed.st_mtime_ns, listed.st_ctime_ns, listed.st_size
         return *changes, around.st_mode, around.st_uid
 
     # --- files ------------------------------------------------------------------------------------
@@ -248,12 +248,12 @@ def read_public(place: Path) -> tuple[str, str]:
     Raises:
         KeysError: It is no such file.
     """
-    found = read_toml(place)
-    name = found.get("name")
+    entries = read_toml(place)
+    name = entries.get("name")
     if not isinstance(name, str):
         raise KeysError(f"{place}: 'name' is missing; is it the .public file of `robotd keys new`?")
     check_name(name)
-    return name, _key_of(found, "public", place)
+    return name, _key_of(entries, "public", place)
 
 
 def check_name(name: str) -> None:
@@ -277,8 +277,8 @@ def _lines(**entries: str) -> str:
     return "".join(f'{key} = "{value}"\n' for key, value in entries.items())
 
 
-def _key_of(found: Mapping[str, Any], name: str, place: Path) -> str:
-    key = found.get(name)
+def _key_of(entries: Mapping[str, Any], name: str, place: Path) -> str:
+    key = entries.get(name)
     if not isinstance(key, str):
         raise KeysError(f"{place}: '{name}' is missing.")
     check_key(key, f"{place}: '{name}'")

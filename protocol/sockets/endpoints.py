@@ -32,17 +32,17 @@ class Endpoint:
         Raises:
             EndpointError: It is no such address.
         """
-        found = _PATTERN.fullmatch(uri)
-        if found is None:
+        match = _PATTERN.fullmatch(uri)
+        if match is None:
             raise EndpointError(
                 f"{uri!r} is no address: write tcp://HOST:PORT, like {DEFAULT_BIND}."
             )
-        port = found["port"] or str(DEFAULT_PORT)
+        port = match["port"] or str(DEFAULT_PORT)
         if port == "*":
             port = "0"
         if not (port.isascii() and port.isdigit() and int(port) <= 65_535):
             raise EndpointError(f"{uri!r} has the port {port!r}: write a number up to 65535.")
-        return cls(found["host"].strip("[]"), int(port))
+        return cls(match["host"].strip("[]"), int(port))
 
     @property
     def is_wildcard(self) -> bool:

@@ -30,22 +30,22 @@ def parse_toml(text: str) -> dict[str, Any]:
     if max(map(len, text.splitlines()), default=0) > LONGEST:
         raise TomlError(f"a line has more than {LONGEST} characters")
     try:
-        found = tomllib.loads(text)
+        table = tomllib.loads(text)
     except RecursionError:
         raise TomlError(_TOO_DEEP) from None
     except TomlError:
         raise
     except ValueError as error:  # an integer of thousands of digits, a date that is none
         raise TomlError(str(error)) from error
-    _check(found)
-    return found
+    _check(table)
+    return table
 
 
 _TOO_DEEP: Final = f"it is nested too deeply: tables and arrays may be nested {DEEPEST} deep"
 
 
-def _check(found: dict[str, Any]) -> None:
-    level: list[Any] = [found]
+def _check(table: dict[str, Any]) -> None:
+    level: list[Any] = [table]
     for _ in range(DEEPEST):
         level = [inner for item in level for inner in _inside(item)]
         if not level:

@@ -115,12 +115,12 @@ class RobotClient(Closing):
         self._restarted = False
         self._holding = False
         self._dialogue = ClientCore(self._client, peer=self._uri, now=clock())
-        found = KeyDirectory(keys).client_keys() if keys is not None else None
+        client_keys = KeyDirectory(keys).client_keys() if keys is not None else None
         self._link = ClientThread(
-            self._uri, self._dialogue, keys=found, context=context, clock=clock
+            self._uri, self._dialogue, keys=client_keys, context=context, clock=clock
         )
         try:
-            self._meet(found)
+            self._meet(client_keys)
         except BaseException:
             self._link.close()
             raise
@@ -206,8 +206,10 @@ class RobotClient(Closing):
         try:
             self.hello()
         except RobotUnreachableError as error:
-            found = probe(self._uri, keys, patience=min(_LOOK_CLOSER, self._timeout))
-            raise RobotUnreachableError(str(error) if found.fine else found.sentence) from None
+            diagnosis = probe(self._uri, keys, patience=min(_LOOK_CLOSER, self._timeout))
+            raise RobotUnreachableError(
+                str(error) if diagnosis.fine else diagnosis.sentence
+            ) from None
 
     def acquire(self) -> Ok:
         """Takes control; ``held`` tells who has it."""

@@ -71,14 +71,14 @@ def probe(uri: str, keys: ClientKeys | None = None, *, patience: float = 2.0) ->
         EndpointError: ``uri`` is no address.
     """
     place = Endpoint.parse(uri)
-    found = _knock(place, patience)
-    if isinstance(found, Diagnosis):
-        return found
-    if found not in (_NULL, _CURVE):
+    mechanism = _knock(place, patience)
+    if isinstance(mechanism, Diagnosis):
+        return mechanism
+    if mechanism not in (_NULL, _CURVE):
         return Diagnosis(
             Obstacle.NO_ZEROMQ, f"What listens at {place} is no robot daemon: it speaks no ZeroMQ."
         )
-    if found != (_NULL if keys is None else _CURVE):
+    if mechanism != (_NULL if keys is None else _CURVE):
         return _mismatch(place, keys)
     return _shake_hands(place, keys, patience)
 

@@ -52,7 +52,7 @@ class TelemetrySubscriber(Closing):
         self.garbage = 0
         self._endpoint = str(Endpoint.parse(endpoint))
         self._clock = clock
-        found = KeyDirectory(keys).client_keys() if keys is not None else None
+        client_keys = KeyDirectory(keys).client_keys() if keys is not None else None
         self._own_context = context is None
         self._context = context if context is not None else zmq.Context()
         try:
@@ -60,7 +60,7 @@ class TelemetrySubscriber(Closing):
                 self._context,
                 zmq.SUB,
                 self._endpoint,
-                found,
+                client_keys,
                 {zmq.RCVHWM: _QUEUE, zmq.SUBSCRIBE: TOPIC},
             )
         except BaseException:

@@ -38,19 +38,19 @@ _WORDLESS: Final = {
 }
 
 
-def encode(found: Mapping[str, Any]) -> bytes:
+def encode(message: Mapping[str, Any]) -> bytes:
     """Encodes a message's map; keys keep their order, floats take 8 bytes, integers the fewest.
 
     Raises:
         LocalProtocolError: The map holds what a frame may not, or takes more than 64 KiB.
     """
-    flaw = _flaw(found, 1)
+    flaw = _flaw(message, 1)
     if flaw is not None:
         raise LocalProtocolError(f"A message cannot hold {flaw}.")
-    if _values(found) > MAX_VALUES:
+    if _values(message) > MAX_VALUES:
         raise LocalProtocolError(f"A message cannot hold more than {MAX_VALUES} values.")
     try:
-        frame: bytes = msgpack.packb(dict(found), use_bin_type=True)
+        frame: bytes = msgpack.packb(dict(message), use_bin_type=True)
     except (ValueError, TypeError) as error:
         raise LocalProtocolError(f"The message cannot be encoded: {error}.") from None
     if len(frame) > MAX_FRAME:
@@ -73,7 +73,7 @@ def decode(frame: bytes) -> dict[str, Any]:
         )
     count = _Count()
     try:
-        found = msgpack.unpackb(
+        message = msgpack.unpackb(
             frame,
             raw=False,
             strict_map_key=True,
@@ -88,17 +88,17 @@ def decode(frame: bytes) -> dict[str, Any]:
     except (ValueError, msgpack.exceptions.UnpackException) as error:
         sentence = str(error).strip().rstrip(".") or _WORDLESS.get(type(error).__name__, "invalid")
         raise RemoteProtocolError(f"The frame is not one msgpack map: {sentence:.200}.") from None
-    if not isinstance(found, dict):
-        raise RemoteProtocolError(f"The frame holds {_kind(found)} instead of a map.")
-    flaw = _flaw(found, 1)
+    if not isinstance(message, dict):
+        raise RemoteProtocolError(f"The frame holds {_kind(message)} instead of a map.")
+    flaw = _flaw(message, 1)
     if flaw is not None:
-        raise RemoteProtocolError(f"A frame cannot hold {flaw}.", request_id=request_id_of(found))
-    return found
+        raise RemoteProtocolError(f"A frame cannot hold {flaw}.", request_id=request_id_of(message))
+    return message
 
 
-def request_id_of(found: Mapping[str, Any]) -> int | None:
+def request_id_of(message: Mapping[str, Any]) -> int | None:
     """The id in a decoded map, or ``None`` where it has no valid one."""
-    value = found.get("id")
+    value = message.get("id")
     if isinstance(value, bool) or not isinstance(value, int):
         return None
     return value if 0 <= value <= MAX_INTEGER else None
@@ -113,14 +113,14 @@ class _Count:
     def __init__(self) -> None:
         self._left = MAX_VALUES
 
-    def array(self, found: list[Any]) -> list[Any]:
-        self._take(len(found))
-        return found
+    def array(self, items: list[Any]) -> list[Any]:
+        self._take(len(items))
+        return items
 
     def map(self, pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
-        found = _map_of(pairs)
-        self._take(len(found))
-        return found
+        mapping = _map_of(pairs)
+        self._take(len(mapping))
+        return mapping
 
     def _take(self, items: int) -> None:
         self._left -= items or 1
@@ -129,14 +129,14 @@ class _Count:
 
 
 def _map_of(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    mapping: dict[str, Any] = {}
     for key, value in pairs:
         if not isinstance(key, str):
             raise RemoteProtocolError(f"A map has the key {key!r:.60}; keys must be strings.")
-        if key in found:
+        if key in mapping:
             raise RemoteProtocolError(f"A map has the key {key!r:.60} twice.")
-        found[key] = value
-    return found
+        mapping[key] = value
+    return mapping
 
 
 def _refuse_extension(code: int, data: bytes) -> NoReturn:

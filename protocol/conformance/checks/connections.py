@@ -34,10 +34,10 @@ def several_parts(bench: RobotOnTrial) -> None:
         beat = party.request("heartbeat")
         party.line.send(beat)
         expect(party.line.reply(beat["id"]) is not None, f"{what}: nothing is answered after it.")
-        found = party.line.reply(None, patience=0.3)
+        answer = party.line.reply(None, patience=0.3)
         expect(
-            found is not None and found.get("code") == "malformed",
-            f"A message of {what} was answered with {said(found)} instead of malformed.",
+            answer is not None and answer.get("code") == "malformed",
+            f"A message of {what} was answered with {said(answer)} instead of malformed.",
         )
 
 
@@ -55,10 +55,10 @@ def long_frames(bench: RobotOnTrial) -> None:
     party = bench.party()
     request = party.request("heartbeat")
     party.line.send_parts(_padded(request, MAX_FRAME))
-    found = party.line.reply(request["id"])
+    answer = party.line.reply(request["id"])
     expect(
-        found is not None and found["type"] == "status",
-        f"A frame of {MAX_FRAME} bytes was answered with {said(found)}.",
+        answer is not None and answer["type"] == "status",
+        f"A frame of {MAX_FRAME} bytes was answered with {said(answer)}.",
     )
     for size in (MAX_FRAME + 1, MAX_MESSAGE - _CURVE_OVERHEAD):
         frame = _padded(party.request("heartbeat"), size)
@@ -82,10 +82,10 @@ def enormous_frames(bench: RobotOnTrial) -> None:
 
 
 def _nested(levels: int) -> list[Any]:
-    found: list[Any] = []
+    value: list[Any] = []
     for _ in range(levels - 1):
-        found = [found]
-    return found
+        value = [value]
+    return value
 
 
 @check("1.7")

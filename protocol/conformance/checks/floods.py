@@ -22,15 +22,15 @@ _TOO_QUICK: Final = "It reads too quickly for that."
 def _read_all(party: Party, reads: Sequence[Map]) -> list[Map]:
     """All replies to reads that were sent, in the order in which they came."""
     waiting = {read["id"] for read in reads}
-    found: list[Map] = []
+    replies: list[Map] = []
     while waiting:
         reply = party.line.first_of(waiting)
         if reply is None:
             raise Unanswered(f"{len(waiting)} of {len(reads)} reads were not answered to the end.")
-        found.append(reply)
+        replies.append(reply)
         if reply["type"] in FINAL:
             waiting.remove(reply["id"])
-    return found
+    return replies
 
 
 def _most_under_way(replies: Sequence[Map]) -> int:

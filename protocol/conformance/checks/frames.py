@@ -51,12 +51,12 @@ def _by_vectors(clause: str, title: str) -> None:
 def _answered(party: Party, vector: Map, *, with_id: bool) -> None:
     """The answer to a vector has its code; and, where that is the question, its id."""
     ids = {vector["id"]} if with_id else {vector["id"], None, 0}
-    found = party.ask_raw(bytes.fromhex(vector["hex"]), *ids)
-    if found is None and with_id:
+    answer = party.ask_raw(bytes.fromhex(vector["hex"]), *ids)
+    if answer is None and with_id:
         raise Broken(f"The vector {vector['name']!r} has no answer with the id {vector['id']}.")
     expect(
-        found is not None and found.get("code") == vector["code"],
-        f"The vector {vector['name']!r} was answered with {said(found)}, not {vector['code']}.",
+        answer is not None and answer.get("code") == vector["code"],
+        f"The vector {vector['name']!r} was answered with {said(answer)}, not {vector['code']}.",
     )
 
 
@@ -79,10 +79,10 @@ def _with_extra(request: Map, key: bytes, value: bytes) -> bytes:
 
 def _refused_for(party: Party, frame: bytes, request: Map, what: str) -> None:
     """A frame that is fine but for one thing is malformed; its id may be told or not."""
-    found = party.ask_raw(frame, None, request["id"])
+    answer = party.ask_raw(frame, None, request["id"])
     expect(
-        found is not None and found.get("code") == "malformed",
-        f"{what}: answered with {said(found)} instead of malformed.",
+        answer is not None and answer.get("code") == "malformed",
+        f"{what}: answered with {said(answer)} instead of malformed.",
     )
 
 
@@ -167,10 +167,10 @@ def any_encoding(bench: RobotOnTrial) -> None:
     """Any encoding of a value is accepted, and keys in any order."""
     party = bench.party()
     hello = party.request("hello", versions=[1])
-    found = party.ask_raw(pack_wide(hello), hello["id"])
+    answer = party.ask_raw(pack_wide(hello), hello["id"])
     expect(
-        found is not None and found["type"] == "welcome",
-        f"hello in the longest encodings was answered with {said(found)}.",
+        answer is not None and answer["type"] == "welcome",
+        f"hello in the longest encodings was answered with {said(answer)}.",
     )
     perform = party.request("perform", targets={"no joint": 0.5})
     _parsed(party, perform, pack_small, "Targets as float 32")
@@ -186,10 +186,10 @@ def integer_for_float(bench: RobotOnTrial) -> None:
 
 def _parsed(party: Party, request: Map, packer: Callable[[Any], bytes], what: str) -> None:
     """A ``perform`` that nobody could carry out is refused, but not for its form."""
-    found = party.ask_raw(packer(request), request["id"])
+    answer = party.ask_raw(packer(request), request["id"])
     expect(
-        found is not None and found.get("code") in ("not_controller", "unauthorised"),
-        f"{what}: answered with {said(found)}, although the frame is valid.",
+        answer is not None and answer.get("code") in ("not_controller", "unauthorised"),
+        f"{what}: answered with {said(answer)}, although the frame is valid.",
     )
 
 
@@ -207,10 +207,10 @@ def nil(bench: RobotOnTrial) -> None:
     """A field that is nil is left out."""
     party = bench.party()
     hello = party.request("hello", versions=[1]) | {"software": None}
-    found = party.ask_raw(pack(hello), hello["id"])
+    answer = party.ask_raw(pack(hello), hello["id"])
     expect(
-        found is not None and found["type"] == "welcome",
-        f"hello with software nil was answered with {said(found)}.",
+        answer is not None and answer["type"] == "welcome",
+        f"hello with software nil was answered with {said(answer)}.",
     )
     beat = party.request("heartbeat") | {"session": None}
     party.refused(pack(beat), "malformed", beat["id"], "A heartbeat with session nil")

@@ -96,7 +96,7 @@ def silence_ends_a_motion(bench: RobotOnTrial) -> None:
 
 def _end_of(party: Party, request: Map) -> Map | None:
     """The final reply to a request that was sent, if it has come; says nothing to the robot."""
-    while (found := party.line.reply(request["id"], patience=0.02)) is not None:
-        if found["type"] in FINAL:
-            return found
+    while (reply := party.line.reply(request["id"], patience=0.02)) is not None:
+        if reply["type"] in FINAL:
+            return reply
     return None

@@ -19,12 +19,12 @@ _TRIALS: Final = 3  # a simulated robot may be done before it can be interrupted
 
 def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, float]:
     """Small angles, in the direction in which each joint reaches further."""
-    found = {}
+    targets = {}
     for joint in capabilities.joints:
         far = max(joint.lower, joint.upper, key=abs)
         small = min(abs(far) / 2, REACH) * share
-        found[joint.name] = small if far > 0 else -small
-    return found
+        targets[joint.name] = small if far > 0 else -small
+    return targets
 
 
 def _performed(bench: RobotOnTrial, party: Party, share: float) -> tuple[dict[str, float], Map]:
@@ -119,10 +119,10 @@ def joints_at_the_end(bench: RobotOnTrial) -> None:
         joint = capabilities.joints[0]
         for end in ("upper", "lower"):
             targets = small_targets(capabilities, 0.0) | {joint.name: getattr(joint, end)}
-            found = observed(party, targets)["saturated_joints"]
+            saturated = observed(party, targets)["saturated_joints"]
             expect(
-                found == [joint.name],
-                f"With {joint.name} alone at its {end} limit, the saturated joints are {found}.",
+                saturated == [joint.name],
+                f"With {joint.name} alone at its {end} limit, saturated_joints is {saturated}.",
             )
         _rest(bench, party)
 

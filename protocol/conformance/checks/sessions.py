@@ -105,10 +105,10 @@ def _answer_on(bench: RobotOnTrial, party: Party, request: Map, *, instead: Part
     strayed = False
     end = time.monotonic() + bench.settings.motion
     while time.monotonic() < end:
-        found = party.line.reply(request["id"], patience=GRACE)
-        if found is not None and found["type"] in FINAL:
-            return found
-        if found is None and strayed:
+        reply = party.line.reply(request["id"], patience=GRACE)
+        if reply is not None and reply["type"] in FINAL:
+            return reply
+        if reply is None and strayed:
             break
         stray = instead.line.reply(request["id"], patience=0.001)
         strayed = strayed or (stray is not None and stray["type"] in FINAL)
