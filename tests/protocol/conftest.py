@@ -43,7 +43,7 @@ def make_capabilities(**changes: Any) -> Capabilities:
         Sensor(modality="tilt", unit="rad", count=2, noise=0.005, rate=100.0),
         Sensor(modality="clearance", unit="m", count=1, noise=0.001, rate=20.0, upper=0.2),
     )
-    found = Capabilities(
+    usual = Capabilities(
         robot="fake",
         software="fake 1",
         config_hash="0",
@@ -55,7 +55,7 @@ def make_capabilities(**changes: Any) -> Capabilities:
         telemetry="unset",
         telemetry_rate=1.0,
     )
-    return replace(found, **changes)
+    return replace(usual, **changes)
 
 
 class HandClock:
@@ -134,8 +134,8 @@ class FakeRobot:
 
     def events(self) -> list[RobotEvent]:
         with self._lock:
-            found, self._events = self._events, []
-        return found
+            events, self._events = self._events, []
+        return events
 
     def set_notify(self, notify: Callable[[], None]) -> None:
         self._notify = notify

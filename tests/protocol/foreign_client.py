@@ -54,8 +54,8 @@ class Robot:
         while time.monotonic() < end:
             with self.lock:  # briefly: the heartbeat must get its turn
                 if self.socket.poll(20):
-                    found: dict[str, Any] = msgpack.unpackb(self.socket.recv())
-                    return found
+                    reply: dict[str, Any] = msgpack.unpackb(self.socket.recv())
+                    return reply
         return {}
 
     def ask(self, kind: str, number: int, **fields: Any) -> dict[str, Any]:

@@ -29,9 +29,9 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 def test_it_says_hello_acquires_performs_reads_and_releases(serve: Serve, robot: FakeRobot) -> None:
     server = serve(robot)
-    found = run(server.endpoint, "0.25")
-    assert found.returncode == 0, found.stderr
-    felt = json.loads(found.stdout)
+    done = run(server.endpoint, "0.25")
+    assert done.returncode == 0, done.stderr
+    felt = json.loads(done.stdout)
     assert felt["performed"]["type"] == felt["read"]["type"] == "observation"
     assert felt["read"]["sequence"] > felt["performed"]["sequence"]
     assert [dict(motion.targets) for motion in robot.motions] == [{"a": 0.25, "b": 0.25}]
@@ -47,9 +47,9 @@ def test_it_says_hello_acquires_performs_reads_and_releases(serve: Serve, robot:
 )
 def test_it_is_told_what_is_wrong(serve: Serve, robot: FakeRobot, angle: str, answer: str) -> None:
     server = serve(robot)
-    found = run(server.endpoint, angle)
-    assert found.returncode == 1
-    assert found.stderr.startswith(answer)
+    done = run(server.endpoint, angle)
+    assert done.returncode == 1
+    assert done.stderr.startswith(answer)
     assert robot.motions == []
 
 

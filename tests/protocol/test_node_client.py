@@ -40,9 +40,9 @@ def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
 def test_every_vector_holds_in_javascript() -> None:
     done = run("vectors.mjs", str(VECTORS))
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert found["failed"] == []
-    assert sum(found["tried"].values()) == len(json.loads(VECTORS.read_text("utf-8")))
+    verdict = json.loads(done.stdout)
+    assert verdict["failed"] == []
+    assert sum(verdict["tried"].values()) == len(json.loads(VECTORS.read_text("utf-8")))
 
 
 def spoilt(vector: dict[str, Any]) -> dict[str, Any]:
@@ -57,8 +57,8 @@ def spoilt(vector: dict[str, Any]) -> dict[str, Any]:
 def test_a_vector_that_is_wrong_is_noticed(tmp_path: Path) -> None:
     wrong = [spoilt(vector) for vector in json.loads(VECTORS.read_text("utf-8"))]
     (tmp_path / "wrong.json").write_text(json.dumps(wrong), "utf-8")
-    found = json.loads(run("vectors.mjs", str(tmp_path / "wrong.json")).stdout)
-    assert len(found["failed"]) == len(wrong)
+    verdict = json.loads(run("vectors.mjs", str(tmp_path / "wrong.json")).stdout)
+    assert len(verdict["failed"]) == len(wrong)
 
 
 class OnceQuick(FakeRobot):
@@ -74,15 +74,15 @@ def test_it_performs_stops_clears_and_releases(serve: Serve) -> None:
     server = serve(robot)
     done = run("session.mjs", server.endpoint, "0.25")
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert found["performed"]["type"] == "observation"
-    assert found["ended"] == "aborted_stop"
-    assert found["stopped"]["state"] == State.STOPPED
-    assert found["refused"] == "stopped"
-    assert found["cleared"]["state"] == State.HOLDING
-    assert found["status"]["controller"]
-    assert found["released"]["type"] == "ok"
-    assert found["heard"][:4] == ["welcome", "ok", "accepted", "progress"]
+    session = json.loads(done.stdout)
+    assert session["performed"]["type"] == "observation"
+    assert session["ended"] == "aborted_stop"
+    assert session["stopped"]["state"] == State.STOPPED
+    assert session["refused"] == "stopped"
+    assert session["cleared"]["state"] == State.HOLDING
+    assert session["status"]["controller"]
+    assert session["released"]["type"] == "ok"
+    assert session["heard"][:4] == ["welcome", "ok", "accepted", "progress"]
     assert [dict(motion.targets) for motion in robot.motions] == [{"a": 0.25, "b": 0.25}] * 2
     assert robot.controllers[-1] is None
     assert server.garbage == 0

@@ -33,9 +33,9 @@ def rows(text: str) -> list[list[str]]:
 
 
 def section(title: str) -> str:
-    found = re.search(rf"^## \d+\. {title}.*?(?=^## |\Z)", SPEC, re.MULTILINE | re.DOTALL)
-    assert found is not None, title
-    return found.group()
+    text = re.search(rf"^## \d+\. {title}.*?(?=^## |\Z)", SPEC, re.MULTILINE | re.DOTALL)
+    assert text is not None, title
+    return text.group()
 
 
 def test_the_table_of_states() -> None:
@@ -77,13 +77,13 @@ KINDS: dict[str, Any] = {
 
 @pytest.mark.parametrize("name", KINDS)
 def test_the_fields_of_each_message(name: str) -> None:
-    found = re.search(rf"^\*\*`{name}`\*\*.*?(?=^\*\*`|^#|\Z)", SPEC, re.MULTILINE | re.DOTALL)
-    assert found is not None
+    paragraph = re.search(rf"^\*\*`{name}`\*\*.*?(?=^\*\*`|^#|\Z)", SPEC, re.MULTILINE | re.DOTALL)
+    assert paragraph is not None
     kind = KINDS[name]
     common = {"id"} if name in REPLIES and name != "error" else set()
     if issubclass(kind, Request):
         common = {"id", "client", "session"}
-    said = {row[0] for row in rows(found.group())[1:]}
+    said = {row[0] for row in rows(paragraph.group())[1:]}
     assert said == {
         f"`{item.name}` ?" if item.default is None else f"`{item.name}`"
         for item in fields(kind)

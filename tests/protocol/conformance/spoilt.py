@@ -72,18 +72,18 @@ class SpoiltServer(Server):
 
 def loosely(frame: bytes) -> Map:
     try:
-        found = msgpack.unpackb(frame, strict_map_key=False)
+        value = msgpack.unpackb(frame, strict_map_key=False)
     except Exception:
         return {}
-    return found if isinstance(found, dict) else {}
+    return value if isinstance(value, dict) else {}
 
 
 def replies(kind: str, change: Change) -> Fault:
     """Changes the replies of one type."""
 
     def reply(frame: bytes) -> list[list[bytes]]:
-        found = decode(frame)
-        return [[msgpack.packb(change(found))] if found["type"] == kind else [frame]]
+        message = decode(frame)
+        return [[msgpack.packb(change(message))] if message["type"] == kind else [frame]]
 
     return Fault(reply=reply)
 
@@ -92,9 +92,9 @@ def requests(kind: str, change: Change) -> Fault:
     """Changes the requests of one type."""
 
     def request(parts: list[bytes]) -> list[bytes]:
-        found = loosely(parts[-1])
-        plain = [msgpack.packb(found)] == parts  # what is wrong as a frame stays so
-        return [msgpack.packb(change(found))] if plain and found.get("type") == kind else parts
+        message = loosely(parts[-1])
+        plain = [msgpack.packb(message)] == parts  # what is wrong as a frame stays so
+        return [msgpack.packb(change(message))] if plain and message.get("type") == kind else parts
 
     return Fault(request=request)
 
@@ -108,10 +108,10 @@ def twice(condition: Callable[[Map], bool]) -> Callable[[Map], bool]:
     """Whether a client's request with this id came before, of those that fulfil the condition."""
     seen: set[Any] = set()
 
-    def again(found: Map) -> bool:
-        if not condition(found):
+    def again(message: Map) -> bool:
+        if not condition(message):
             return False
-        name = found.get("client"), found.get("id")
+        name = message.get("client"), message.get("id")
         known = name in seen
         seen.add(name)
         return known
@@ -122,10 +122,10 @@ def twice(condition: Callable[[Map], bool]) -> Callable[[Map], bool]:
 def parses(check: Callable[[Mapping[str, Any]], str | None]) -> Fault:
     """Refuses what a check finds fault with."""
 
-    def spoilt(found: Mapping[str, Any]) -> Request:
-        if (flaw := check(found)) is not None:
-            raise RemoteProtocolError(flaw, request_id=found.get("id"))
-        return parse_request(found)
+    def spoilt(message: Mapping[str, Any]) -> Request:
+        if (flaw := check(message)) is not None:
+            raise RemoteProtocolError(flaw, request_id=message.get("id"))
+        return parse_request(message)
 
     return Fault(patch=lambda patch: patch.setattr(server_core, "parse_request", spoilt))
 
@@ -138,9 +138,9 @@ def decodes(lenient: Callable[[bytes], Any]) -> Fault:
             return decode(frame)
         except RemoteProtocolError:
             with suppress(Exception):
-                found = lenient(frame)
-                if isinstance(found["type"], str):
-                    return found
+                message = lenient(frame)
+                if isinstance(message["type"], str):
+                    return message
             raise
 
     return Fault(patch=lambda patch: patch.setattr(server_core, "decode", spoilt))
@@ -161,34 +161,34 @@ def text_of_bytes(frame: bytes) -> Any:
     def plain(value: Any) -> Any:
         return value.decode("latin-1") if isinstance(value, bytes) else value
 
-    found = msgpack.unpackb(frame, raw=True)
-    return {plain(key): plain(value) for key, value in found.items()}
+    message = msgpack.unpackb(frame, raw=True)
+    return {plain(key): plain(value) for key, value in message.items()}
 
 
 def keys_twice_inside(frame: bytes) -> Any:
     """Takes the last of two keys, but for those of the frame's own map."""
 
     def hook(pairs: list[tuple[Any, Any]]) -> dict[Any, Any]:
-        found = dict(pairs)
-        if "type" in found and len(found) < len(pairs):
+        mapping = dict(pairs)
+        if "type" in mapping and len(mapping) < len(pairs):
             raise ValueError
-        return found
+        return mapping
 
     return msgpack.unpackb(frame, object_pairs_hook=hook)
 
 
-def short(found: Map) -> Map:
+def short(message: Map) -> Map:
     """A frame without the padding that made it too long."""
-    return {key: value for key, value in found.items() if key != "padding"}
+    return {key: value for key, value in message.items() if key != "padding"}
 
 
 # --- ways to spoil our modules --------------------------------------------------------------------
 
 
 def new_session_each_time(self: Clients, name: str, **options: Any) -> Client:
-    found = _welcome(self, name, **options)
-    found.session = self._token()
-    return found
+    client = _welcome(self, name, **options)
+    client.session = self._token()
+    return client
 
 
 def any_session(self: Clients, name: str, *, session: str, user: str | None) -> Client:
@@ -268,10 +268,10 @@ def first_connection_only() -> Fault:
         take, send = server._taken, server._send
 
         def taken(arrival: Arrival) -> Iterable[Action]:
-            found = loosely(arrival.parts[-1])
-            if found.get("type") == "read":
-                clients[arrival.peer] = found["client"]
-                first.setdefault((found["client"], found["id"]), arrival.peer)
+            message = loosely(arrival.parts[-1])
+            if message.get("type") == "read":
+                clients[arrival.peer] = message["client"]
+                first.setdefault((message["client"], message["id"]), arrival.peer)
             return take(arrival)
 
         def answer(action: Send) -> None:

@@ -173,8 +173,8 @@ def test_clauses_are_numbered_in_the_order_of_the_page() -> None:
     numbers = [tuple(map(int, clause.split("."))) for clause in clauses()]
     assert numbers == sorted(numbers)
     for section in {section for section, _ in numbers}:
-        found = [number for place, number in numbers if place == section]
-        assert found == list(range(1, len(found) + 1))
+        in_section = [number for place, number in numbers if place == section]
+        assert in_section == list(range(1, len(in_section) + 1))
 
 
 def test_the_command(calm: Controller, capsys: pytest.CaptureFixture[str]) -> None:

@@ -61,8 +61,8 @@ def test_a_silence_that_is_too_short_or_too_long(
         monkeypatch.setattr("protocol.rules.lease.EXPIRY", expiry)
         server = serve(robot, clock=quick_clock)
         settings = SuiteSettings(uri=server.endpoint, slow=True, clock=quick_clock)
-        (found,) = broken(run(settings, only=["5.7"]))
-        assert sentence in found
+        (complaint,) = broken(run(settings, only=["5.7"]))
+        assert sentence in complaint
 
 
 class Orderly:
@@ -85,11 +85,11 @@ class Orderly:
             self._robot.submit(ticket, request)
 
     def events(self) -> Sequence[RobotEvent]:
-        found = list(self._robot.events())
-        self._reads -= {event.ticket for event in found if isinstance(event, Finished)}
+        events = list(self._robot.events())
+        self._reads -= {event.ticket for event in events if isinstance(event, Finished)}
         while self._commands and not self._reads:
             self._robot.submit(*self._commands.pop(0))
-        return found
+        return events
 
 
 def test_commands_that_wait_for_reads(calm: Controller) -> None:
@@ -140,8 +140,8 @@ def test_silence_in_mid_motion(in_real_time: Controller, monkeypatch: pytest.Mon
         (told,) = run(settings, only=["5.6"])
         assert told.verdict is CheckStatus.HOLDS, told.sentence
         monkeypatch.setattr(Controller, "silence", lambda *_: None)
-        (found,) = broken(run(settings, only=["5.6"]))
-    assert "A motion went on through " in found
+        (complaint,) = broken(run(settings, only=["5.6"]))
+    assert "A motion went on through " in complaint
 
 
 def test_the_suite_is_no_silent_controller_while_a_motion_tells_of_itself(

@@ -31,7 +31,7 @@ const TRIALS = {
     up.forEach((value, axis) => near(value, vector.up[axis], 1e-9));
     const asin = (value) => Math.asin(Math.min(1, Math.max(-1, value)));
     [asin(up[1]), asin(up[0])].forEach((value, axis) => near(value, vector.tilt[axis], 1e-7));
-    const along = up[2] > 0 ? vector.belly_height / up[2] : Infinity;
+    const along = up[2] > 0 ? Math.max(vector.belly_height, 0) / up[2] : Infinity;
     near(Math.min(along, vector.upper), vector.clearance, 1e-9);
     deepStrictEqual(along >= vector.upper, vector.clearance_saturated);
   },

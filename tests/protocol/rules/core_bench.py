@@ -48,10 +48,10 @@ class Bench:
     def send(self, client: str, kind: str, number: int, **fields: Any) -> list[Action]:
         user = fields.pop("user", None)
         peer = fields.pop("peer", client.encode())
-        found = {"type": kind, "id": number, "client": client, **fields}
-        if kind not in ("hello", "stop") and "session" not in found:
-            found["session"] = self.sessions[client]
-        return self.core.receive(peer, encode(found), self.now, user)
+        message = {"type": kind, "id": number, "client": client, **fields}
+        if kind not in ("hello", "stop") and "session" not in message:
+            message["session"] = self.sessions[client]
+        return self.core.receive(peer, encode(message), self.now, user)
 
     def hello(self, client: str, **fields: Any) -> dict[str, Any]:
         reply = self.reply(self.send(client, "hello", 2**52, versions=[1], **fields))
@@ -74,5 +74,5 @@ class Bench:
 
 
 def one(kind: type[A], actions: Iterable[Any]) -> A:
-    (found,) = [action for action in actions if isinstance(action, kind)]
-    return found
+    (action,) = [action for action in actions if isinstance(action, kind)]
+    return action

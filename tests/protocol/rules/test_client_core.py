@@ -55,14 +55,14 @@ class Bench:
     def step(self, seconds: float, by: float = 0.5) -> list[tuple[float, str]]:
         """Lets time pass; what went out when, and ``reconnect`` where that was called for."""
         end = self.now + seconds
-        found: list[tuple[float, str]] = []
+        steps: list[tuple[float, str]] = []
         while self.now < end:
             self.now += by
             self.dialogue.wake(self.now)
             if self.dialogue.tick(self.now):
-                found.append((self.now, "reconnect"))
-            found += [(self.now, frame["type"]) for frame in self.send()]
-        return found
+                steps.append((self.now, "reconnect"))
+            steps += [(self.now, frame["type"]) for frame in self.send()]
+        return steps
 
     def answer(self, message: Message) -> None:
         self.dialogue.receive(encode(message.to_map()), self.now)

@@ -41,11 +41,11 @@ def test_an_oversized_frame_is_answered(bench: Bench) -> None:
     )
 )
 def test_maps_of_the_wrong_shape_are_answered(
-    capabilities: Capabilities, found: dict[str, Any]
+    capabilities: Capabilities, message: dict[str, Any]
 ) -> None:
     core = ServerCore(capabilities, view=Bench.view)
     try:
-        frame = msgpack.packb(found)
+        frame = msgpack.packb(message)
     except (OverflowError, ValueError):
         return
     assert Bench.reply(core.receive(b"p", frame, 0.0))["type"] == "error"

@@ -121,8 +121,8 @@ def test_a_user_who_watches_has_few_reads_under_way(bench: Bench) -> None:
     one(Submit, bench.send("bob2", "read", 101, user="bob"))
 
 
-def roles(**found: Role) -> Callable[[str | None], Role | None]:
-    return lambda user: found.get(user or "")
+def roles(**role_by_user: Role) -> Callable[[str | None], Role | None]:
+    return lambda user: role_by_user.get(user or "")
 
 
 def test_a_user_who_may_no_longer_control_loses_control(bench: Bench) -> None:

@@ -29,9 +29,9 @@ def person(name: str, role: str = "viewer") -> Known:
 
 @pytest.fixture
 def keys(tmp_path: Path) -> KeyDirectory:
-    found = KeyDirectory(tmp_path / "keys")
-    found.create("me")
-    return found
+    directory = KeyDirectory(tmp_path / "keys")
+    directory.create("me")
+    return directory
 
 
 def mode(place: Path) -> int:
@@ -58,8 +58,8 @@ def test_new_never_replaces_a_key(keys: KeyDirectory) -> None:
 
 
 def test_each_pair_is_another(tmp_path: Path) -> None:
-    found = {KeyDirectory(tmp_path / str(number)).create("x") for number in range(3)}
-    assert len({read_public(place)[1] for place in found}) == 3
+    public_files = {KeyDirectory(tmp_path / str(number)).create("x") for number in range(3)}
+    assert len({read_public(place)[1] for place in public_files}) == 3
 
 
 def test_adding_listing_removing(keys: KeyDirectory) -> None:

@@ -18,8 +18,8 @@ from protocol.sockets.endpoints import Endpoint
     ],
 )
 def test_addresses(uri: str, host: str, port: int, text: str) -> None:
-    found = Endpoint.parse(uri)
-    assert (found.host, found.port, str(found)) == (host, port, text)
+    place = Endpoint.parse(uri)
+    assert (place.host, place.port, str(place)) == (host, port, text)
 
 
 @pytest.mark.parametrize(

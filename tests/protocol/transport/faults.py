@@ -47,17 +47,17 @@ def _slow_telemetry(server: Server) -> None:
     server._period *= 3
 
 
-def _another_port(found: Map) -> Map:
-    found["capabilities"]["telemetry"] = "tcp://127.0.0.1:1"
-    return found
+def _another_port(message: Map) -> Map:
+    message["capabilities"]["telemetry"] = "tcp://127.0.0.1:1"
+    return message
 
 
-def _turned(found: Map) -> Map:
-    return found | {"retryable": not found["retryable"]}
+def _turned(message: Map) -> Map:
+    return message | {"retryable": not message["retryable"]}
 
 
-def _off(found: Map) -> Map:
-    return found | {"angles": {name: angle + 0.2 for name, angle in found["angles"].items()}}
+def _off(message: Map) -> Map:
+    return message | {"angles": {name: angle + 0.2 for name, angle in message["angles"].items()}}
 
 
 _SILENT = {"aborted_stop": "aborted_silent"}
@@ -66,13 +66,13 @@ FAULTS: dict[str, tuple[str, Fault]] = {
     "answers with a delimiter": ("1.1", Fault(reply=lambda frame: [[b"", frame]])),
     "takes messages of several parts": ("1.2", Fault(request=lambda parts: parts[-1:])),
     "takes long frames": ("1.5", requests("heartbeat", short)),
-    "does not answer long frames": ("1.5", loses(lambda found: "padding" in found)),
+    "does not answer long frames": ("1.5", loses(lambda message: "padding" in message)),
     "answers enormous frames": ("1.6", patches(zmq_sockets, "MAX_MESSAGE", 1 << 22)),
     "nests without end": ("1.7", decodes(loosely)),
     "takes arrays of any length": ("1.8", decodes(loosely)),
     "takes any number of versions": (
         "1.9",
-        requests("hello", lambda found: found | {"versions": found.get("versions", [])[:64]}),
+        requests("hello", lambda message: message | {"versions": message.get("versions", [])[:64]}),
     ),
     "shortens names": (
         "1.10",
@@ -112,7 +112,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "2.10",
         replies("error", lambda f: f | {"code": f["code"].replace("unknown_type", "malformed")}),
     ),
-    "does not answer garbage": ("2.11", loses(lambda found: "type" not in found)),
+    "does not answer garbage": ("2.11", loses(lambda message: "type" not in message)),
     "leaves the id out of errors": (
         "2.12",
         replies("error", lambda f: {key: value for key, value in f.items() if key != "id"}),
@@ -161,7 +161,10 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         parses(lambda f: "empty" if f.get("targets") == {} else None),
     ),
     "numbers heartbeats": ("4.14", loses(twice(lambda f: f.get("type") == "heartbeat"))),
-    "does not answer heartbeats": ("5.5", loses(lambda found: found.get("type") == "heartbeat")),
+    "does not answer heartbeats": (
+        "5.5",
+        loses(lambda f: f.get("type") == "heartbeat"),
+    ),
     "hides the controller": (
         "5.1",
         replies("status", lambda f: {key: f[key] for key in f if key != "controller"}),

@@ -47,9 +47,9 @@ def tapped() -> Iterator[Callable[[str], Tap]]:
     with ExitStack() as stack:
 
         def tap(target: str) -> Tap:
-            found = Tap(target)
-            stack.callback(found.close)
-            return found
+            made = Tap(target)
+            stack.callback(made.close)
+            return made
 
         yield tap
 
@@ -130,12 +130,12 @@ def crowd(endpoint: str, size: int, opening: bytes) -> Iterator[list[socket.sock
     """Connections that go no further than their first bytes."""
     place = Endpoint.parse(endpoint)
     with ExitStack() as stack:
-        found = []
+        clients = []
         for _ in range(size):
             made = socket.create_connection((place.host, place.port), timeout=5)
-            found.append(stack.enter_context(made))
+            clients.append(stack.enter_context(made))
             made.sendall(opening)
-        yield found
+        yield clients
 
 
 def test_a_flood_of_connections(serve: Serve, robot: FakeRobot, keyring: Keyring) -> None:

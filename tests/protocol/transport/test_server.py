@@ -61,7 +61,7 @@ def test_garbage_is_answered_counted_and_survived(
             assert decode(client.recv())["type"] == "error"
             assert server.garbage == number
     assert still_serves(server)
-    warnings = [found for found in caplog.records if found.levelno == logging.WARNING]
+    warnings = [record for record in caplog.records if record.levelno == logging.WARNING]
     assert len(warnings) == 9  # at 1, 2, 4 … 256
 
 
@@ -144,8 +144,8 @@ def test_replayed_and_reordered_frames_move_nothing_twice(serve: Serve, robot: F
     replies: list[dict[str, Any]] = []
     with raw(zmq.DEALER, server.endpoint) as client:
 
-        def ask(found: dict[str, Any]) -> dict[str, Any]:
-            recorded.append(encode(found))
+        def ask(message: dict[str, Any]) -> dict[str, Any]:
+            recorded.append(encode(message))
             client.send(recorded[-1])
             while (reply := decode(client.recv()))["type"] in ("accepted", "progress"):
                 pass
@@ -215,8 +215,8 @@ class LossyWire:
 
 @pytest.fixture
 def stack() -> Iterator[ExitStack]:
-    with ExitStack() as found:
-        yield found
+    with ExitStack() as closing:
+        yield closing
 
 
 def test_each_kind_of_frame_may_be_lost_once(
@@ -316,22 +316,22 @@ def test_telemetry_tells_of_state_and_controller(serve: Serve, robot: FakeRobot)
         assert subscriber.next(5.0).controller is None
         client.acquire()
         client.stop()
-        found = subscriber.next(5.0)
-        while found.state != "stopped":
-            found = subscriber.next(5.0)
-        assert found.controller == client.client_id
-        assert found.angles == {"a": 0.0, "b": 0.0}
+        telemetry = subscriber.next(5.0)
+        while telemetry.state != "stopped":
+            telemetry = subscriber.next(5.0)
+        assert telemetry.controller == client.client_id
+        assert telemetry.angles == {"a": 0.0, "b": 0.0}
 
 
 def test_telemetry_keeps_its_rate(serve: Serve, robot: FakeRobot, hand_clock: HandClock) -> None:
     server = serve(robot, clock=hand_clock, telemetry_rate=2.0)
     with TelemetrySubscriber(server.telemetry_endpoint) as subscriber:
-        found = None
-        while found is None:  # until the subscription has arrived
+        first = None
+        while first is None:  # until the subscription has arrived
             hand_clock.now += 0.5
             server.wake()
             try:
-                found = subscriber.next(0.05)
+                first = subscriber.next(0.05)
             except RobotUnreachableError:
                 continue
         for _ in range(20):
@@ -352,14 +352,14 @@ def test_a_subscriber_skips_garbage_and_returns_the_newest(stack: ExitStack) -> 
     publisher.recv()  # the subscription
 
     def publish(sequence: int) -> bytes:
-        found = {"type": "telemetry", "robot": "r", "state": "idle", "robot_time": 0.0}
-        return encode({**found, "sequence": sequence, "angles": {}})
+        message = {"type": "telemetry", "robot": "r", "state": "idle", "robot_time": 0.0}
+        return encode({**message, "sequence": sequence, "angles": {}})
 
     for frame in (b"\xc1", publish(1), publish(2), b""):
         publisher.send_multipart([TOPIC, frame])
-    found = subscriber.next(5.0)
-    while found.sequence != 2:
-        found = subscriber.next(5.0)
+    newest = subscriber.next(5.0)
+    while newest.sequence != 2:
+        newest = subscriber.next(5.0)
     while subscriber.garbage < 2:
         with pytest.raises(RobotUnreachableError):
             subscriber.next(0.01)

@@ -32,9 +32,9 @@ def test_many_threads_share_a_client(serve: Serve, robot: FakeRobot) -> None:
         def work(number: int) -> list[Any]:
             return [client.read() if number % 2 else client.status() for _ in range(20)]
 
-        found = [item for items in pool.map(work, range(8)) for item in items]
-    assert len({item.id for item in found}) == 160
-    sequences = [item.sequence for item in found if isinstance(item, ObservationReply)]
+        replies = [item for items in pool.map(work, range(8)) for item in items]
+    assert len({item.id for item in replies}) == 160
+    sequences = [item.sequence for item in replies if isinstance(item, ObservationReply)]
     assert sorted(sequences) == list(range(1, 81))
 
 
@@ -98,9 +98,9 @@ def test_a_signal_handler_may_stop_the_server(robot: FakeRobot) -> None:
         return session
 
     try:
-        found = in_background(hello_then_signal)
+        session = in_background(hello_then_signal)
         server.run()
-        assert found.result(timeout=5)
+        assert session.result(timeout=5)
     finally:
         signal.signal(signal.SIGUSR1, before)
         server.close()

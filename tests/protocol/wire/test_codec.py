@@ -40,11 +40,11 @@ def verdict(frame: bytes) -> str:
 
 
 @given(maps)
-def test_what_is_encoded_decodes_to_itself(found: dict[str, Any]) -> None:
-    again = decode(encode(found))
-    assert again == found
-    assert list(again) == list(found)
-    assert [type(value) for value in again.values()] == [type(value) for value in found.values()]
+def test_what_is_encoded_decodes_to_itself(message: dict[str, Any]) -> None:
+    again = decode(encode(message))
+    assert again == message
+    assert list(again) == list(message)
+    assert [type(value) for value in again.values()] == [type(value) for value in message.values()]
 
 
 @given(st.binary(max_size=200))
@@ -53,8 +53,8 @@ def test_garbage_raises_nothing_else(frame: bytes) -> None:
 
 
 @given(maps, st.data())
-def test_damaged_frames_raise_nothing_else(found: dict[str, Any], data: st.DataObject) -> None:
-    frame = bytearray(encode(found))
+def test_damaged_frames_raise_nothing_else(message: dict[str, Any], data: st.DataObject) -> None:
+    frame = bytearray(encode(message))
     place = data.draw(st.integers(0, len(frame) - 1))
     frame[place] = data.draw(st.integers(0, 255))
     length = data.draw(st.integers(0, len(frame)))
@@ -93,10 +93,10 @@ def test_what_a_frame_cannot_hold_is_not_encoded(value: Any) -> None:
 
 
 def nested(levels: int) -> dict[str, Any]:
-    found: Any = 0
+    value: Any = 0
     for _ in range(levels - 1):
-        found = [found]
-    return {"a": found}
+        value = [value]
+    return {"a": value}
 
 
 def test_nesting_is_bounded_both_ways() -> None:

@@ -20,9 +20,9 @@ components = st.floats(-1.0, 1.0)
 
 @st.composite
 def orientations(draw: st.DrawFn) -> tuple[float, ...]:
-    found = tuple(draw(components) for _ in range(4))
-    length = math.hypot(*found)
-    return tuple(part / length for part in found) if length > 0.1 else (0.0, 0.0, 0.0, 1.0)
+    quaternion = tuple(draw(components) for _ in range(4))
+    length = math.hypot(*quaternion)
+    return tuple(part / length for part in quaternion) if length > 0.1 else (0.0, 0.0, 0.0, 1.0)
 
 
 @given(orientations())

@@ -52,8 +52,10 @@ def test_names_are_unique_and_kinds_are_known() -> None:
 
 def test_every_message_and_every_error_has_a_vector() -> None:
     messages = [vector["json"] for vector in VECTORS if vector["kind"] == "message"]
-    assert {found["type"] for found in messages} == {*REQUESTS, *REPLIES, Telemetry.TYPE}
-    assert {found["code"] for found in messages if found["type"] == "error"} == set(ERROR_CODES)
+    assert {message["type"] for message in messages} == {*REQUESTS, *REPLIES, Telemetry.TYPE}
+    assert {message["code"] for message in messages if message["type"] == "error"} == set(
+        ERROR_CODES
+    )
 
 
 @pytest.mark.parametrize("vector", of_kind("message"))
@@ -131,8 +133,8 @@ def test_the_session_is_what_the_server_really_says() -> None:
 
 def act(core: ServerCore, ticket: int, steps: Sequence[dict[str, Any]]) -> list[Send]:
     """What the robot of the example does: one progress, one observation."""
-    found = {step["json"]["type"]: dict(step["json"]) for step in steps}
-    progress, observation = found["progress"], parse_reply(found["observation"])
+    by_type = {step["json"]["type"]: dict(step["json"]) for step in steps}
+    progress, observation = by_type["progress"], parse_reply(by_type["observation"])
     assert isinstance(observation, ObservationReply)
     event = Progressed(
         ticket=ticket,
