@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from importlib import metadata
 from pathlib import Path
@@ -16,7 +14,7 @@ import numpy as np
 
 from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
-from estimator.parallel.child_process import end_with_parent, interrupts_blocked, silence_stdout
+from estimator.parallel.worker_processes import Raised, Work, WorkerProcesses
 from estimator.physics.base import Pair, Readings
 from estimator.physics.native_output import quiet
 
@@ -62,32 +60,24 @@ def simulate(missing: Sequence[Piece], jobs: int, done: Callable[[], None]) -> N
         jobs: Number of worker processes.
         done: Called after each piece.
     """
-    with interrupts_blocked():
-        executor = ProcessPoolExecutor(
-            jobs,
-            mp_context=multiprocessing.get_context("forkserver"),
-            initializer=_start_worker,
-        )
-        waiting = [executor.submit(_simulate_one, piece) for piece in missing]
-    try:
-        for future in as_completed(waiting):
-            future.result()
+    workers: WorkerProcesses[Piece, None, None]
+    with WorkerProcesses(_start, jobs) as workers:
+        for _, event in workers.do(missing):
+            if isinstance(event, Raised):
+                raise event.error
             done()
-    finally:
-        executor.shutdown(wait=True, cancel_futures=True)
 
 
-def _start_worker() -> None:
-    silence_stdout()
-    end_with_parent()
+def _start() -> Work[Piece, None, None]:
+    return lambda piece, _: _simulate_one(piece)
 
 
 def _simulate_one(piece: Piece) -> None:
     drawn = [draw(piece.problem, piece.seed, piece.start + row) for row in range(piece.size)]
-    found = simulate_here([pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn])
+    simulated = simulate_here([pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn])
     arrays: dict[str, Any] = {
         f"{run}:{item.name}": getattr(readings, item.name)
-        for run, readings in found.items()
+        for run, readings in simulated.items()
         for item in fields(Readings)
     }
     piece.path.parent.mkdir(parents=True, exist_ok=True)
@@ -103,14 +93,14 @@ def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
         return {name: run.read(nudged if run.nudged else pairs) for name, run in RUNS.items()}
 
 
-def load(found: Sequence[Piece], bodies: int) -> Simulated:
+def load(finished: Sequence[Piece], bodies: int) -> Simulated:
     """What was simulated of the first bodies."""
     parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
-    for piece in found:
+    for piece in finished:
         with np.load(piece.path) as arrays:
             for name in RUNS:
                 parts[name].append(_unpacked(arrays, name))
-    return {name: Readings.concatenate(found)[:bodies] for name, found in parts.items()}
+    return {name: Readings.concatenate(readings)[:bodies] for name, readings in parts.items()}
 
 
 def _unpacked(arrays: Mapping[str, Any], run: str) -> Readings:

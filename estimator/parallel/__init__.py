@@ -3,7 +3,8 @@
 ======================= =========================================================================
 Module                  What is in it
 ======================= =========================================================================
-``child_process``       processes that work for this one, and end when it does
+``worker_processes``    processes that do one task after the other for this one
+``child_process``       a child process that ends when its parent does
 ``cluster``             a Dask cluster that works for this process
 ======================= =========================================================================
 """

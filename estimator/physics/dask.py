@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Sequence
-from typing import Final, TypeAlias
+from typing import Final
 
 from estimator.parallel.cluster import Cluster
 from estimator.physics.base import Abilities, BackEnd, Pair, Physics, Readings, sensor_count
-from estimator.physics.pool import MakePhysics, cut
+from estimator.physics.pool import Chunk, MakePhysics, cut, read_chunk
 
 _TASK: Final = "simulate"
-_Chunk: TypeAlias = tuple[Readings, int, int]
 
 
 class DaskPhysics(BackEnd):
@@ -50,19 +49,19 @@ class DaskPhysics(BackEnd):
         try:
             for chunk in cut(pairs, self._cluster.workers):
                 futures.append(self._cluster.submit(_TASK, _simulate, self._make, chunk))
-            found: list[_Chunk] = [self._cluster.result(future) for future in futures]
+            chunks: list[Chunk] = [self._cluster.result(future) for future in futures]
         except BaseException:
             self._cluster.cancel(futures)
             raise
-        self.simulations += sum(simulations for _, simulations, _ in found)
-        self.steps += sum(steps for _, _, steps in found)
-        return Readings.concatenate(readings for readings, _, _ in found)
+        self.simulations += sum(simulations for _, simulations, _ in chunks)
+        self.steps += sum(steps for _, _, steps in chunks)
+        return Readings.concatenate(readings for readings, _, _ in chunks)
 
 
 _engine: tuple[bytes, Physics] | None = None  # the worker's own, and how it was made
 
 
-def _simulate(make: bytes, chunk: Sequence[Pair]) -> _Chunk:
+def _simulate(make: bytes, pairs: Sequence[Pair]) -> Chunk:
     """What a worker does; it has one thread, so nobody else is using the engine."""
     global _engine  # noqa: PLW0603  a worker process is one engine
     if _engine is None or _engine[0] != make:
@@ -70,7 +69,4 @@ def _simulate(make: bytes, chunk: Sequence[Pair]) -> _Chunk:
             _engine[1].close()
             _engine = None
         _engine = make, pickle.loads(make)()
-    physics = _engine[1]
-    simulations, steps = physics.simulations, physics.steps
-    readings = physics.read(chunk)
-    return readings, physics.simulations - simulations, physics.steps - steps
+    return read_chunk(_engine[1], pairs)

@@ -2,34 +2,37 @@
 
 Each batch is cut into chunks that idle workers fetch one by one. A reading depends on its own pair
 only, so neither the number of workers nor who did which chunk shows in the result.
-Workers are started fresh (``forkserver``), because forking a process with threads is unsafe.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import Final, TypeAlias
 
-from estimator.errors import PhysicsError, WorkerError
-from estimator.parallel.child_process import end_with_parent, interrupts_blocked, silence_stdout
+from estimator.errors import PhysicsError
+from estimator.parallel.worker_processes import Work, WorkerProcesses
 from estimator.physics.base import Abilities, BackEnd, Pair, Physics, Readings, sensor_count
 
 CHUNK: Final = 25
 """Most simulations that a worker fetches at a time: about 0.2 s of work."""
 
-_ATTEMPTS: Final = 3
-
 MakePhysics: TypeAlias = Callable[[], Physics]
-_Chunk: TypeAlias = tuple[Readings, int, int]
+Chunk: TypeAlias = tuple[Readings, int, int]
+"""Readings of a chunk, and the simulations and steps that they took."""
 
 
 def cut(pairs: Sequence[Pair], workers: int) -> list[Sequence[Pair]]:
     """Chunks of a batch, small enough for so many workers to share it evenly."""
     size = max(1, min(CHUNK, len(pairs) // (4 * max(1, workers))))
     return [pairs[start : start + size] for start in range(0, len(pairs), size)]
+
+
+def read_chunk(physics: Physics, pairs: Sequence[Pair]) -> Chunk:
+    """Has a back-end read a chunk, and counts what that took."""
+    simulations, steps = physics.simulations, physics.steps
+    readings = physics.read(pairs)
+    return readings, physics.simulations - simulations, physics.steps - steps
 
 
 class PhysicsPool(BackEnd):
@@ -50,93 +53,33 @@ class PhysicsPool(BackEnd):
 
     def __init__(self, make: MakePhysics, jobs: int, *, undecided: bool = False) -> None:
         super().__init__()
-        self.abilities = Abilities(undecided=undecided)
         if jobs < 1:
             raise PhysicsError(f"there must be at least one worker process, not {jobs}")
-        self._make = make
+        self.abilities = Abilities(undecided=undecided)
         self._jobs = jobs
-        self._executor: ProcessPoolExecutor | None = None
+        self._workers: WorkerProcesses[Sequence[Pair], None, Chunk] = WorkerProcesses(
+            partial(_start, make), jobs
+        )
 
     def close(self) -> None:
-        """Ends the workers after their present chunks; may be called twice."""
-        if self._executor is not None:
-            executor, self._executor = self._executor, None
-            executor.shutdown(wait=True, cancel_futures=True)
+        """Ends the workers; may be called twice. The next batch starts new ones."""
+        self._workers.close()
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
         """Simulates one interaction per pair; see ``Physics.read``.
 
         Raises:
-            WorkerError: Workers died again and again while nothing got done.
+            WorkerError: Several workers died of the same chunk.
         """
         sensor_count(pairs)
         if not pairs:
             return Readings.empty(0, 0)
-        chunks = cut(pairs, self._jobs)
-        done: dict[int, _Chunk] = {}
-        failures = 0
-        while len(done) < len(chunks):
-            before = len(done)
-            try:
-                self._fetch(chunks, done)
-            except BrokenProcessPool as error:
-                self.close()
-                failures = 0 if len(done) > before else failures + 1
-                if failures == _ATTEMPTS:
-                    raise WorkerError(
-                        f"worker processes died {_ATTEMPTS} times in a row, perhaps for lack of "
-                        "memory: free some, or use fewer --jobs"
-                    ) from error
-            except BaseException:
-                self.close()
-                raise
-        self.simulations += sum(simulations for _, simulations, _ in done.values())
-        self.steps += sum(steps for _, _, steps in done.values())
-        return Readings.concatenate(done[index][0] for index in range(len(chunks)))
-
-    def _fetch(self, chunks: Sequence[Sequence[Pair]], done: dict[int, _Chunk]) -> None:
-        """Has the missing chunks computed; keeps what was finished when a worker dies."""
-        with interrupts_blocked():
-            if self._executor is None:
-                self._executor = ProcessPoolExecutor(
-                    self._jobs,
-                    mp_context=multiprocessing.get_context("forkserver"),
-                    initializer=_start_worker,
-                    initargs=(self._make,),
-                )
-            waiting: dict[int, Future[_Chunk]] = {
-                index: self._executor.submit(_work, chunk)
-                for index, chunk in enumerate(chunks)
-                if index not in done
-            }
-        broken: BrokenProcessPool | None = None
-        for index, future in waiting.items():
-            try:
-                done[index] = future.result()
-            except BrokenProcessPool as error:
-                broken = error
-        if broken is not None:
-            raise broken
+        chunks = self._workers.results(cut(pairs, self._jobs))
+        self.simulations += sum(simulations for _, simulations, _ in chunks)
+        self.steps += sum(steps for _, _, steps in chunks)
+        return Readings.concatenate(readings for readings, _, _ in chunks)
 
 
-_physics: Physics | Exception | None = None  # the worker's own back-end, or why there is none
-
-
-def _start_worker(make: MakePhysics) -> None:
-    global _physics  # noqa: PLW0603  a worker process is one engine
-    silence_stdout()
-    end_with_parent()
-    try:
-        _physics = make()
-    except Exception as error:
-        _physics = error  # raised in an initializer it would look like a dead worker
-
-
-def _work(chunk: Sequence[Pair]) -> _Chunk:
-    if isinstance(_physics, Exception):
-        raise _physics
-    if _physics is None:
-        raise PhysicsError("a worker was asked to work before it was started")
-    simulations, steps = _physics.simulations, _physics.steps
-    readings = _physics.read(chunk)
-    return readings, _physics.simulations - simulations, _physics.steps - steps
+def _start(make: MakePhysics) -> Work[Sequence[Pair], None, Chunk]:
+    physics = make()
+    return lambda pairs, _: read_chunk(physics, pairs)

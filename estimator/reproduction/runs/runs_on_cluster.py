@@ -7,7 +7,6 @@ does an interrupt.
 
 from __future__ import annotations
 
-import sqlite3
 import tempfile
 import time
 from collections import deque
@@ -21,7 +20,7 @@ from estimator.errors import WorkerError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster, Future, still_wanted
 from estimator.reproduction.runs.plan import PlannedRun
-from estimator.reproduction.runs.run_processes import Ended, News, Said, Worked
+from estimator.reproduction.runs.run_processes import FAILURES, Ended, News, Said, Worked
 from estimator.reproduction.runs.single_run import (
     SCORE,
     TRUTH,
@@ -32,7 +31,6 @@ from estimator.reproduction.runs.single_run import (
 )
 from estimator.storage.database import DATABASE
 from estimator.storage.store import LOCK, RunStore
-from protocol.errors import BodyschemaError
 from protocol.system.replace_file import replace_file
 
 TURN: Final = 60.0
@@ -172,7 +170,7 @@ def _take_turn(run: PlannedRun, truth: str, database: bytes | None, seconds: flo
             see_through(run, root, clock)
         except _TurnOver:
             pass
-        except (BodyschemaError, OSError, sqlite3.Error) as error:
+        except FAILURES as error:
             failure = str(error)
         finished = is_finished(run, root)
         return _Turn(

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from multiprocessing import active_children
 from pathlib import Path
 
 import psutil
@@ -265,11 +266,7 @@ def test_a_worker_that_dies_costs_time(typical: tuple[PlannedRun, Path]) -> None
     with Workers(1, root) as workers:
         for _, news in workers.do([run]):
             if isinstance(news, Worked) and not killed:
-                (worker,) = [
-                    child
-                    for child in psutil.Process().children()
-                    if "spawn_main" in " ".join(child.cmdline())
-                ]
+                (worker,) = active_children()
                 worker.kill()
                 killed += 1
             ended = news
