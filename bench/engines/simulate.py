@@ -16,7 +16,7 @@ from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
 from estimator.parallel.worker_processes import Raised, Work, WorkerProcesses
 from estimator.physics.base import Pair, Readings
-from estimator.physics.native_output import quiet
+from protocol.system.native_output import native_output_discarded
 
 PIECE: Final = 20
 """Bodies simulated at a time, in all runs: some seconds of work."""
@@ -89,7 +89,7 @@ def _simulate_one(piece: Piece) -> None:
 
 def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
     """All runs of some bodies, in this process."""
-    with quiet():
+    with native_output_discarded():
         return {name: run.read(nudged if run.nudged else pairs) for name, run in RUNS.items()}
 
 

@@ -10,7 +10,6 @@
 ``statics.StaticsPhysics``           computes the resting pose, in threads of this process
 ``pool.PhysicsPool``                 runs a back-end in worker processes
 ``dask.DaskPhysics``                 runs a back-end on the workers of a Dask cluster
-``native_output``                    keeps what an engine prints from C out of ours
 ``kernel``                           the compiled part of ``StaticsPhysics``
 ==================================== ==========================================================
 """

@@ -32,7 +32,7 @@ from typing import Any, Final
 from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
 from estimator.errors import PhysicsError
 from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, WorldSettings, sensor_count
-from estimator.physics.native_output import quiet
+from protocol.system.native_output import native_output_discarded
 from protocol.wire.readings import up_in_body
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
@@ -64,7 +64,7 @@ class PyBulletPhysics(BackEnd):
         self._bodies = 0  # built in the present world
         self._body = -1  # the last of them, which is still there
         self._client = -1
-        with quiet():
+        with native_output_discarded():
             try:
                 self._engine: Any = importlib.import_module("pybullet")
             except ImportError as error:

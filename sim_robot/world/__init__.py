@@ -7,6 +7,5 @@ Module                  What is in it
 ``body``                a URDF file, checked, with the names that a robot needs
 ``urdf``                the subset of URDF that a body may use
 ``sensor_noise``        noise by configuration, the same again for the same seed
-``native_output``       keeps what PyBullet prints from C out of ours
 ======================= =========================================================================
 """

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Final
 
 from protocol.sockets.closable import Closing
+from protocol.system.native_output import native_output_discarded
 from protocol.wire.readings import belly_ray, up_in_body
 from sim_robot.world.body import Body
-from sim_robot.world.native_output import quiet
 
-with quiet():
+with native_output_discarded():
     import pybullet
 
 STEP: Final = 1 / 240
@@ -46,7 +46,7 @@ class World(Closing):
     def __init__(self, body: Body, *, log: logging.Logger):
         self._body = body
         self._log = log
-        with quiet():
+        with native_output_discarded():
             self._client: int = pybullet.connect(pybullet.DIRECT)
         self._file = Path(tempfile.gettempdir(), f"body-{secrets.token_hex(8)}.urdf")
         self._targets: list[float | None] = [0.0] * len(body.motors)
@@ -195,7 +195,7 @@ class World(Closing):
         with open(self._file, "x", encoding="utf-8") as file:
             file.write(self._body.urdf)
         try:
-            with quiet():
+            with native_output_discarded():
                 found: int = pybullet.loadURDF(
                     str(self._file),
                     position,

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
-from estimator.physics.native_output import quiet
 from estimator.report.plots import COLOURS
 from estimator.reproduction.figures.scene import MAIN_BODY, Solid
+from protocol.system.native_output import native_output_discarded
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
@@ -69,7 +69,7 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
         replace(item, size=tuple(scale * edge for edge in item.size), place=scale * item.place)
         for item in sorted(solids, key=lambda item: item.limb != MAIN_BODY)
     ]
-    with quiet():
+    with native_output_discarded():
         engine: Any = importlib.import_module("pybullet")
         client = engine.connect(engine.DIRECT)
         try:

@@ -1,4 +1,4 @@
-"""Keeps what an engine's C code prints out of our output."""
+"""What C code prints, past Python's own streams."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
-    """Sends file descriptors 1 and 2 to nowhere for a while."""
+def native_output_discarded() -> Iterator[None]:
+    """Discards what the process, C code included, prints to standard output and error.
+
+    Physics engines print there; file descriptors 1 and 2 lead nowhere until the block is over.
+    """
     sys.stdout.flush()
     sys.stderr.flush()
     kept = [os.dup(1), os.dup(2)]
@@ -21,7 +24,7 @@ def quiet() -> Iterator[None]:
         os.dup2(nowhere, 2)
         yield
     finally:
-        ctypes.CDLL(None).fflush(None)  # C buffers of its own, or they surface later
+        ctypes.CDLL(None).fflush(None)  # C buffers what it prints, maybe until the process ends
         for number, copy in enumerate(kept, start=1):
             os.dup2(copy, number)
             os.close(copy)
