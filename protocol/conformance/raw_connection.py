@@ -33,7 +33,7 @@ class Unanswered(Broken):
     """What has to be answered was not, or not to its end."""
 
 
-class Line:
+class RawConnection:
     """One DEALER connection.
 
     Args:

@@ -13,7 +13,7 @@ from typing import Any, Final
 import zmq
 
 from protocol.conformance.expectations import Broken, Untried, expect
-from protocol.conformance.raw_connection import Line, Map, Unanswered, said
+from protocol.conformance.raw_connection import Map, RawConnection, Unanswered, said
 from protocol.conformance.settings import SuiteSettings
 from protocol.security.keys import ClientKeys
 from protocol.wire.capabilities import Capabilities
@@ -23,7 +23,7 @@ _CALM: Final = ("idle", "holding")
 _BEAT: Final = 0.5  # s between signs of life while something takes longer
 
 
-class Party:
+class TrialClient:
     """One client, with its own connection.
 
     Args:
@@ -32,12 +32,12 @@ class Party:
         line: Its connection.
     """
 
-    def __init__(self, bench: RobotOnTrial, name: str, line: Line):
+    def __init__(self, robot: RobotOnTrial, name: str, connection: RawConnection):
         self.name = name
-        self.line = line
+        self.connection = connection
         self.session = ""
-        self._bench = bench
-        self._numbers, self._loose = bench.counters(name)
+        self._bench = robot
+        self._numbers, self._loose = robot.counters(name)
 
     def hello(self, **fields: Any) -> Map:
         """Says hello; what comes back."""
@@ -80,22 +80,22 @@ class Party:
         self, request: Mapping[str, Any], *, patience: float | None = None
     ) -> tuple[list[Map], Map]:
         """Sends a request; the replies in between, and the final one."""
-        self.line.send(request)
-        return self.line.final(request["id"], patience=patience)
+        self.connection.send(request)
+        return self.connection.final(request["id"], patience=patience)
 
     def ask_raw(self, frame: bytes, *request_ids: int | None) -> Map | None:
         """Sends a frame, then a hello; the answer to the frame with one of these ids, if any."""
-        self.line.send_parts(frame, ids=request_ids)
+        self.connection.send_parts(frame, ids=request_ids)
         after = self.request("hello", versions=[1])
-        self.line.send(after)
-        answer = self.line.reply(after["id"])
+        self.connection.send(after)
+        answer = self.connection.reply(after["id"])
         expect(answer is not None, "After that, the robot does not answer any more.")
-        for patience in (0.0, self.line.grace):
+        for patience in (0.0, self.connection.grace):
             for request_id in request_ids:
-                if (reply := self.line.reply(request_id, patience=patience)) is not None:
+                if (reply := self.connection.reply(request_id, patience=patience)) is not None:
                     return reply
         if None not in request_ids:
-            self.line.expect_ids()
+            self.connection.expect_ids()
         return None
 
     def refused(self, frame: bytes, code: str, request_id: int | None, what: str) -> None:
@@ -136,7 +136,7 @@ class Party:
             if now >= beaten + _BEAT:  # however much the robot tells, we are heard of
                 self.status()
                 beaten = now
-            reply = self.line.answer(request_id, patience=beaten + _BEAT - now)
+            reply = self.connection.answer(request_id, patience=beaten + _BEAT - now)
             if reply is None:
                 continue
             if reply["type"] not in ("accepted", "progress"):
@@ -165,8 +165,8 @@ class RobotOnTrial:
         self._counters: dict[str, tuple[Iterator[int], Iterator[int]]] = {}
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._stack.callback(self.context.destroy, linger=0)
-        self._lines: list[Line] = []
-        self._connections = 0
+        self._connections: list[RawConnection] = []
+        self._connections_made = 0
 
     def __enter__(self) -> RobotOnTrial:
         return self
@@ -174,30 +174,31 @@ class RobotOnTrial:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def line(self) -> Line:
+    def connection(self) -> RawConnection:
         """A new connection."""
-        line = self.line_with(self.settings.keys)
-        self._lines.append(line)
-        return line
+        connection = self.connection_with(self.settings.keys)
+        self._connections.append(connection)
+        return connection
 
-    def line_with(self, keys: ClientKeys | None) -> Line:
+    def connection_with(self, keys: ClientKeys | None) -> RawConnection:
         """A new connection with other keys, or with none; who asks for it closes it."""
-        self._connections += 1
-        return Line(self.context, self.settings, keys, self.noted, self._connections)
+        self._connections_made += 1
+        number = self._connections_made
+        return RawConnection(self.context, self.settings, keys, self.noted, number)
 
-    def party(self, name: str | None = None) -> Party:
+    def client(self, name: str | None = None) -> TrialClient:
         """A client that has said hello, on a connection of its own."""
-        party = self.stranger(name)
-        reply = party.hello()
+        client = self.stranger(name)
+        reply = client.hello()
         expect(reply["type"] == "welcome", f"hello was answered with {said(reply)}.", "3.2")
-        return party
+        return client
 
-    def stranger(self, name: str | None = None) -> Party:
+    def stranger(self, name: str | None = None) -> TrialClient:
         """A client that has not said hello."""
         if name is None:
             self._used += 1
             name = f"conformance-{self._token}-{self._used}"
-        return Party(self, name, self.line())
+        return TrialClient(self, name, self.connection())
 
     def counters(self, name: str) -> tuple[Iterator[int], Iterator[int]]:
         """The ids of a client, for numbered requests and for the others; they only grow."""
@@ -213,31 +214,31 @@ class RobotOnTrial:
         self._token = secrets.token_hex(8)
         self._used = 0
 
-    def close_lines(self) -> None:
+    def close_connections(self) -> None:
         """Closes all connections that a check has left open; its clients' names are free again."""
         self._used = 0
-        while self._lines:
-            self._lines.pop().close()
+        while self._connections:
+            self._connections.pop().close()
 
     @contextmanager
-    def controlled(self) -> Iterator[Party]:
+    def controlled(self) -> Iterator[TrialClient]:
         """A client in control of a robot that is calm; leaves it calm and free."""
-        party = self.party()
-        status = party.status()
+        client = self.client()
+        status = client.status()
         if status["state"] not in _CALM:
             raise Untried(f"The robot is {status['state']}, and was left so.")
         if status.get("controller") is not None:
             raise Untried(f"The robot is held by {status['controller']}.")
-        reply = party.ask("acquire")
+        reply = client.ask("acquire")
         if reply.get("code") == "unauthorised":
             raise Untried("This key is a viewer's.")
         sentence = f"acquire of a free robot was answered with {said(reply)}."
         expect(reply["type"] == "ok", sentence, "5.3")
         try:
-            yield party
+            yield client
         finally:
             with suppress(Broken, Untried):  # what went wrong before is what counts
-                if party.status()["state"] == "stopped":
-                    party.ask("clear")
+                if client.status()["state"] == "stopped":
+                    client.ask("clear")
             with suppress(Broken, Untried):
-                party.ask("release")
+                client.ask("release")

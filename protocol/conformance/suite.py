@@ -133,8 +133,8 @@ def run(
     if not diagnosis.fine:
         raise RobotUnreachableError(diagnosis.sentence)
     results = []
-    with RobotOnTrial(settings) as bench:
-        for result in _Suite(bench, only).results():
+    with RobotOnTrial(settings) as robot:
+        for result in _Suite(robot, only).results():
             results.append(result)
             on_result(result)
     return results
@@ -148,8 +148,8 @@ class _Suite:
         only: The clauses to try; empty: all of them.
     """
 
-    def __init__(self, bench: RobotOnTrial, only: Collection[str]):
-        self._bench = bench
+    def __init__(self, robot: RobotOnTrial, only: Collection[str]):
+        self._bench = robot
         self._only = set(only)
         self._broken: set[str] = set()  # clauses
 
@@ -178,12 +178,12 @@ class _Suite:
         except Untried as error:
             yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=str(error))
         except Broken as error:
-            self._bench.close_lines()
+            self._bench.close_connections()
             yield from self._blame(each, error)
         else:
             yield CheckResult(check=each, verdict=CheckStatus.HOLDS)
         finally:
-            self._bench.close_lines()
+            self._bench.close_connections()
 
     def _lacks(self, each: Check) -> str:
         if gone := self._bench.dead.get("hello"):
@@ -211,21 +211,21 @@ class _Suite:
 
     def _look_again(self, since: Check) -> None:
         """After something went wrong: does the robot answer at all?"""
-        bench = self._bench
-        bench.use_new_names()
+        robot = self._bench
+        robot.use_new_names()
         for each in CHECKS:
-            if each.basic is None or each.need is not Need.NOTHING or each.basic in bench.dead:
+            if each.basic is None or each.need is not Need.NOTHING or each.basic in robot.dead:
                 continue
             try:
-                each.run(bench)
+                each.run(robot)
             except Untried:
                 pass
             except Broken:
                 gone = "The robot" if each.basic == "hello" else f"A {each.basic}"
                 does = "does not answer" if each.basic == "hello" else "is not answered"
-                bench.dead[each.basic] = f"{gone} {does} any more, since: {since.title}."
+                robot.dead[each.basic] = f"{gone} {does} any more, since: {since.title}."
             finally:
-                bench.close_lines()
+                robot.close_connections()
 
 
 def _not_allowed(each: Check, settings: SuiteSettings) -> str:

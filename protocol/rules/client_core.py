@@ -52,7 +52,7 @@ LOOK: Final = 1.0
 _HEARTBEAT_ID: Final = FIRST_LOOSE_ID
 _NAP: Final = 2 * LOOK  # a longer gap between two looks at the clock: we were suspended
 
-Word: TypeAlias = Message | BaseException
+Answer: TypeAlias = Message | BaseException
 
 
 class Call:
@@ -72,7 +72,7 @@ class Call:
         self.frame = encode(request.to_map())
         self.patience = patience
         self.limit = limit
-        self.words: SimpleQueue[Word] = SimpleQueue()
+        self.answers: SimpleQueue[Answer] = SimpleQueue()
         self._ended = False
         self.resend = min(RESEND, patience / 3)
         self.heard = self.due = 0.0
@@ -82,11 +82,11 @@ class Call:
     def __str__(self) -> str:
         return f"{self.request.TYPE} (request {self.request.id})"
 
-    def end(self, word: Word) -> None:
+    def end(self, answer: Answer) -> None:
         """Says the last word; whatever comes later is not heard."""
         if not self._ended:
             self._ended = True
-            self.words.put(word)
+            self.answers.put(answer)
 
 
 class ClientCore:
@@ -198,12 +198,12 @@ class ClientCore:
         call.heard = now
         call.due = now + call.resend
         if not isinstance(reply, FINAL_REPLIES):
-            call.words.put(reply)
+            call.answers.put(reply)
             return
         self.forget(call)
         if isinstance(reply, Welcome):
             self._enter(reply.session, now)
-        call.end(self._last_word(call, reply))
+        call.end(self._final_answer(call, reply))
 
     def tick(self, now: float) -> bool:
         """Gives up what took too long; whether the connection should be made anew."""
@@ -233,7 +233,7 @@ class ClientCore:
             self.forget(call)
             call.end(RobotUnreachableError(sentence))
 
-    def _last_word(self, call: Call, reply: Reply | ErrorReply) -> Word:
+    def _final_answer(self, call: Call, reply: Reply | ErrorReply) -> Answer:
         if isinstance(reply, ErrorReply):
             return reply.to_error(self._peer)
         if isinstance(reply, ObservationReply):

@@ -14,7 +14,7 @@ _VERSION: Final = b"1.0"
 _PARTS: Final = 9  # routing id, delimiter, version, request, domain, address, identity, CURVE, key
 
 
-class Gate:
+class ZapHandler:
     """Lets those in whom ``admits`` names; for the thread that polls the sockets.
 
     Args:

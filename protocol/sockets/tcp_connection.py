@@ -22,10 +22,10 @@ _CHUNK: Final = 8192  # bytes on their way to the peer in one turn
 FRAME_COST: Final = 64
 """What ZeroMQ keeps for a frame besides its bytes, however short it is."""
 
-Callback: TypeAlias = Callable[["Connection"], None]
+Callback: TypeAlias = Callable[["TcpConnection"], None]
 
 
-class Connection:
+class TcpConnection:
     """A connection; for the thread that polls the selector.
 
     Args:

@@ -22,7 +22,7 @@ import zmq
 from protocol.errors import EndpointError
 from protocol.security.keys import KeyPair
 from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.tcp_connection import Connection
+from protocol.sockets.tcp_connection import TcpConnection
 from protocol.sockets.zmq_sockets import serving
 
 MOST: Final = 240
@@ -50,11 +50,11 @@ class Arrival(NamedTuple):
     parts: list[bytes]
 
 
-class Door:
+class TcpListener:
     """A listener, and its connections; for the thread that polls the selector.
 
     Args:
-        context: The context; with keys, a ``Gate`` must stand there already.
+        context: The context; with keys, a ``ZapHandler`` must stand there already.
         selector: Where the door registers; its owner calls what is registered, with the events.
         kind: ROUTER or XPUB.
         place: Where; port 0: any free one.
@@ -93,9 +93,9 @@ class Door:
         self._log = log
         self._cut = 0
         self._most = max(1, round(share * _capacity()))
-        self._connections: dict[bytes, Connection] = {}
+        self._connections: dict[bytes, TcpConnection] = {}
         self._numbers = itertools.count(1)
-        self._ready: deque[Connection] = deque()
+        self._ready: deque[TcpConnection] = deque()
         self._listener = _bound(place)
         self.place = Endpoint("*" if place.is_wildcard else place.host, _port(self._listener))
         selector.register(self._listener, selectors.EVENT_READ, self._accept)
@@ -199,7 +199,7 @@ class Door:
             wire.close(0)
             raise
         number = next(self._numbers).to_bytes(8, "big")
-        self._connections[number] = Connection(
+        self._connections[number] = TcpConnection(
             number,
             peer,
             self._selector,
@@ -211,12 +211,12 @@ class Door:
             on_bytes=self._weigh,
         )
 
-    def _signalled(self, connection: Connection) -> None:
+    def _signalled(self, connection: TcpConnection) -> None:
         if not connection.waiting:
             connection.waiting = True
             self._ready.append(connection)
 
-    def _weigh(self, connection: Connection) -> None:
+    def _weigh(self, connection: TcpConnection) -> None:
         """Cuts off who sends without end."""
         if connection.held > self._window:
             self.cut(connection.number, f"over {self._window} bytes without the end of a message")
@@ -229,7 +229,7 @@ class Door:
         if self._cut & (self._cut - 1) == 0:  # at 1, 2, 4, …: a flood cannot fill the log
             self._log.warning("cut off %s: %s (%d so far)", peer, why, self._cut)
 
-    def _weakest(self) -> Connection:
+    def _weakest(self) -> TcpConnection:
         """Who goes when there are too many.
 
         Whoever has sent no message yet; else of those with most connections of one key; of these
@@ -241,7 +241,7 @@ class Door:
             key=lambda one: (one.proven, one.proven and -places[one.user], one.heard),
         )
 
-    def _close(self, connection: Connection) -> None:
+    def _close(self, connection: TcpConnection) -> None:
         self._connections.pop(connection.number, None)
         connection.close()
 

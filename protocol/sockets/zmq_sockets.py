@@ -45,10 +45,10 @@ def serving(
     """A socket that speaks to one peer, not connected yet.
 
     Args:
-        context: Its context; with keys, a ``Gate`` must stand there already.
+        context: Its context; with keys, a ``ZapHandler`` must stand there already.
         kind: ROUTER or XPUB.
         pair: The keys to ask for and to answer with; ``None``: everybody may connect.
-        peer: Where the peer comes from, for the ``Gate``.
+        peer: Where the peer comes from, for the ``ZapHandler``.
     """
     options: dict[int, Any] = {
         zmq.SNDHWM: _OUTGOING,

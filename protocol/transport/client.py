@@ -20,7 +20,7 @@ from protocol.errors import (
 )
 from protocol.rules.client_core import FIRST_LOOSE_ID, Call, ClientCore
 from protocol.security.keys import ClientKeys, KeyDirectory
-from protocol.sockets.closable import Closing
+from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import Endpoint
 from protocol.transport.client_thread import ClientThread
 from protocol.transport.connection_probe import probe
@@ -55,7 +55,7 @@ _FAREWELL: Final = 1.0  # s that close waits for its release to be answered
 _LOOK_CLOSER: Final = 1.0  # s in which to find out why nobody answers
 
 
-class RobotClient(Closing):
+class RobotClient(Closable):
     """A connection to a robot, with a session.
 
     Use it as a context manager: leaving it gives control back. Every method may be called from any
@@ -114,10 +114,10 @@ class RobotClient(Closing):
         self._first_id = 0
         self._restarted = False
         self._holding = False
-        self._dialogue = ClientCore(self._client, peer=self._uri, now=clock())
+        self._core = ClientCore(self._client, peer=self._uri, now=clock())
         client_keys = KeyDirectory(keys).client_keys() if keys is not None else None
         self._link = ClientThread(
-            self._uri, self._dialogue, keys=client_keys, context=context, clock=clock
+            self._uri, self._core, keys=client_keys, context=context, clock=clock
         )
         try:
             self._meet(client_keys)
@@ -293,12 +293,12 @@ class RobotClient(Closing):
         return self._loose_id - 1
 
     def _require_session(self) -> str:
-        if self._dialogue.session is None:
+        if self._core.session is None:
             raise RobotRestartedError(
                 f"The daemon at {self._uri} restarted, or forgot this client: nothing was sent. "
                 "Look at the robot, then say hello again."
             )
-        return self._dialogue.session
+        return self._core.session
 
     def _in_session(
         self, kind: type[SessionRequest], *, request_id: int | None = None, **fields: Any
@@ -328,14 +328,14 @@ class RobotClient(Closing):
             self._link.ask(call)
         try:
             while True:
-                word = call.words.get()
-                if isinstance(word, BaseException):
-                    raise word
-                if isinstance(word, expected):
-                    return word
-                if isinstance(word, Progress) and on_progress is not None:
-                    on_progress(word)
-                elif isinstance(word, FINAL_REPLIES):
-                    raise RemoteProtocolError(f"{call} was answered with {word.TYPE}.")
+                answer = call.answers.get()
+                if isinstance(answer, BaseException):
+                    raise answer
+                if isinstance(answer, expected):
+                    return answer
+                if isinstance(answer, Progress) and on_progress is not None:
+                    on_progress(answer)
+                elif isinstance(answer, FINAL_REPLIES):
+                    raise RemoteProtocolError(f"{call} was answered with {answer.TYPE}.")
         finally:
             self._link.forget(call)

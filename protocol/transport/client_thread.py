@@ -36,14 +36,14 @@ class ClientThread:
     def __init__(
         self,
         uri: str,
-        dialogue: ClientCore,
+        core: ClientCore,
         *,
         keys: ClientKeys | None = None,
         context: zmq.Context[zmq.Socket[bytes]] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
         self._uri = uri
-        self._dialogue = dialogue
+        self._core = core
         self._keys = keys
         self._clock = clock
         self._own_context = context is None
@@ -63,14 +63,14 @@ class ClientThread:
 
     def ask(self, call: Call) -> None:
         """Begins a call; its words come in ``call.words``."""
-        self._orders.put(lambda now: self._dialogue.ask(call, now))
+        self._orders.put(lambda now: self._core.ask(call, now))
         self._waker.wake()
         if self._ended:  # set before the thread fails its last calls: none can be missed
             self._fail()
 
     def forget(self, call: Call) -> None:
         """Ends a call for which nobody waits any more."""
-        self._orders.put(lambda now: self._dialogue.forget(call))
+        self._orders.put(lambda now: self._core.forget(call))
         self._waker.wake()
 
     def close(self) -> None:
@@ -88,10 +88,10 @@ class ClientThread:
             while not self._stopping:
                 self._poll()
                 now = self._clock()
-                self._dialogue.wake(now)
+                self._core.wake(now)
                 self._obey(now)
                 self._hear(now)
-                if self._dialogue.tick(now):
+                if self._core.tick(now):
                     self._socket.close()
                     self._socket = self._connected()
                 self._speak(now)
@@ -102,10 +102,10 @@ class ClientThread:
 
     def _poll(self) -> None:
         now = self._clock()
-        waiting = bool(self._dialogue.frames(now))  # for a connection, else they would be gone
-        due = self._dialogue.give_up_at
+        waiting = bool(self._core.frames(now))  # for a connection, else they would be gone
+        due = self._core.give_up_at
         if not waiting:
-            due = min(due, self._dialogue.send_at)
+            due = min(due, self._core.send_at)
         poller = zmq.Poller()
         poller.register(self._socket, zmq.POLLIN | (zmq.POLLOUT if waiting else 0))
         poller.register(self._waker.fileno(), zmq.POLLIN)
@@ -126,21 +126,21 @@ class ClientThread:
         try:
             while True:
                 frames = self._socket.recv_multipart(zmq.NOBLOCK)
-                self._dialogue.receive(frames[-1], now)
+                self._core.receive(frames[-1], now)
         except zmq.Again:
             return
 
     def _speak(self, now: float) -> None:
         try:
-            for frame in self._dialogue.frames(now):
+            for frame in self._core.frames(now):
                 self._socket.send(frame, zmq.NOBLOCK)
-                self._dialogue.sent(frame, now)
+                self._core.sent(frame, now)
         except zmq.Again:
             return
 
     def _fail(self) -> None:
         self._obey(self._clock())
-        self._dialogue.fail(f"The link to {self._uri} is closed.")
+        self._core.fail(f"The link to {self._uri} is closed.")
 
     # --- sockets ----------------------------------------------------------------------------------
 

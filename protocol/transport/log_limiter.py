@@ -8,7 +8,7 @@ from typing import Final
 PERIOD: Final = 60.0
 
 
-class Tally:
+class LogLimiter:
     """Lets one event of a kind through, then at most one in each period, and counts the others.
 
     It remembers every kind, so there must be a bounded number of them.

@@ -12,7 +12,7 @@ import zmq
 
 from protocol.security.keys import KeyPair
 from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.tcp_listener import Door
+from protocol.sockets.tcp_listener import TcpListener
 
 TOPIC: Final = b"telemetry"
 
@@ -28,7 +28,7 @@ class Publisher:
     """Publishes at one address, to whoever was let in.
 
     Args:
-        context: The context; with keys, a ``Gate`` must stand there already.
+        context: The context; with keys, a ``ZapHandler`` must stand there already.
         selector: Where to register what is waited for.
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
@@ -52,7 +52,7 @@ class Publisher:
         share: float,
         log: logging.Logger,
     ):
-        self._door = Door(
+        self._listener = TcpListener(
             context,
             selector,
             zmq.XPUB,
@@ -63,27 +63,27 @@ class Publisher:
             share=share,
             log=log,
         )
-        self.place = self._door.place
+        self.place = self._listener.place
 
     @property
     def waiting(self) -> bool:
         """Whether ``listen`` has something to do."""
-        return self._door.waiting
+        return self._listener.waiting
 
     def listen(self) -> None:
         """Takes subscriptions, which ZeroMQ has kept already, and cuts off who has too many."""
-        for peer, _, _ in self._door.arrivals(time.monotonic() + _BUDGET):
-            if self._door.received(peer) > MAX_SUBSCRIBED:
-                self._door.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
+        for peer, _, _ in self._listener.arrivals(time.monotonic() + _BUDGET):
+            if self._listener.received(peer) > MAX_SUBSCRIBED:
+                self._listener.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
 
     def publish(self, frame: bytes) -> None:
         """Sends to all who listen; never waits."""
-        self._door.broadcast([TOPIC, frame])
+        self._listener.broadcast([TOPIC, frame])
 
     def dismiss(self, unwelcome: Callable[[str | None], bool]) -> None:
         """Drops those who are not welcome any more."""
-        self._door.dismiss(unwelcome)
+        self._listener.dismiss(unwelcome)
 
     def close(self, linger: int) -> None:
         """Ends it; what was published has ``linger`` ms to leave."""
-        self._door.close(linger)
+        self._listener.close(linger)

@@ -25,13 +25,13 @@ from protocol.rules.server_actions import Action, ControllerChanged, Send, Silen
 from protocol.rules.server_core import ServerCore, allow_all
 from protocol.security.access import Access
 from protocol.security.keys import KeyDirectory
-from protocol.security.zap import Gate
-from protocol.sockets.closable import Closing
+from protocol.security.zap import ZapHandler
+from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import DEFAULT_BIND
-from protocol.sockets.tcp_listener import Arrival, Door
+from protocol.sockets.tcp_listener import Arrival, TcpListener
 from protocol.sockets.waker import Waker
 from protocol.sockets.zmq_sockets import permitted
-from protocol.transport.log_limiter import Tally
+from protocol.transport.log_limiter import LogLimiter
 from protocol.transport.publisher import Publisher
 from protocol.wire.codec import MAX_MESSAGE
 from protocol.wire.messages import ErrorReply, Request
@@ -45,7 +45,7 @@ _QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
 
 
-class Server(Closing):
+class Server(Closable):
     """Serves one robot at one address.
 
     Args:
@@ -104,11 +104,11 @@ class Server(Closing):
             self._selector.register(self._waker, selectors.EVENT_READ, self._waker.rest)
             self._context = zmq.Context()
             made.callback(self._context.destroy, linger=0)
-            self._gate: Gate | None = None
+            self._gate: ZapHandler | None = None
             if self._access is not None:
-                self._gate = Gate(self._context, self._access.admits, self._log)
+                self._gate = ZapHandler(self._context, self._access.admits, self._log)
                 self._selector.register(self._gate, selectors.EVENT_READ, self._gate.answer)
-            self._door = Door(
+            self._listener = TcpListener(
                 self._context,
                 self._selector,
                 zmq.ROUTER,
@@ -119,7 +119,7 @@ class Server(Closing):
                 share=_SHARE,
                 log=self._log,
             )
-            made.callback(self._door.close, _FAREWELL)
+            made.callback(self._listener.close, _FAREWELL)
             self._publisher = Publisher(
                 self._context,
                 self._selector,
@@ -130,12 +130,12 @@ class Server(Closing):
             )
             made.callback(self._publisher.close, 0)
             self._made = made.pop_all()
-        self.endpoint = str(self._door.place)
+        self.endpoint = str(self._listener.place)
         self.telemetry_endpoint = str(self._publisher.place)
         capabilities = replace(
             robot.capabilities, telemetry=self.telemetry_endpoint, telemetry_rate=telemetry_rate
         )
-        self._refusals = Tally()
+        self._refusals = LogLimiter()
         self._core = ServerCore(
             capabilities,
             view=robot.snapshot,
@@ -187,7 +187,7 @@ class Server(Closing):
     # --- the loop's steps -------------------------------------------------------------------------
 
     def _patience(self, publish_at: float) -> float:
-        if self._door.waiting or self._publisher.waiting:
+        if self._listener.waiting or self._publisher.waiting:
             return 0.0
         due = publish_at
         if self._access is not None:
@@ -225,7 +225,7 @@ class Server(Closing):
             self._publisher.dismiss(lambda user: role_of(user) is None)
 
     def _take_frames(self) -> None:
-        for arrival in self._door.arrivals(time.monotonic() + _BUDGET):
+        for arrival in self._listener.arrivals(time.monotonic() + _BUDGET):
             garbage = self._core.garbage
             self._carry_out(self._taken(arrival))
             if self._core.garbage != garbage:
@@ -294,7 +294,7 @@ class Server(Closing):
         self._carry_out(self._core.finish(Finished(ticket=action.ticket, reply=reply)))
 
     def _send(self, action: Send) -> None:
-        self._door.send(action.peer, [action.frame])
+        self._listener.send(action.peer, [action.frame])
 
     def _dispose(self) -> None:
         self._closed = True

@@ -12,7 +12,7 @@ import zmq
 
 from protocol.errors import RemoteProtocolError, RobotUnreachableError
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.closable import Closing
+from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.zmq_sockets import connected
 from protocol.transport.publisher import TOPIC
@@ -22,7 +22,7 @@ from protocol.wire.messages import Telemetry, parse_telemetry
 _QUEUE: Final = 16
 
 
-class TelemetrySubscriber(Closing):
+class TelemetrySubscriber(Closable):
     """Receives publications; for one thread.
 
     Subscribe before you need it: what is published before the connection stands is lost.

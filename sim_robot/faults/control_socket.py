@@ -27,7 +27,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from protocol.errors import BodyschemaError
-from protocol.sockets.closable import Closing
+from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.waker import Waker
 from robot.errors import CommandError
@@ -40,7 +40,7 @@ _HASTE: Final = 0.5  # s that a client may take to say what it wants; others wai
 _PATIENCE: Final = 10.0  # s that a client waits for an answer
 
 
-class FaultSocket(Closing):
+class FaultSocket(Closable):
     """Serves a fault panel from a thread of its own.
 
     Args:

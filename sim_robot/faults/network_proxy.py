@@ -23,7 +23,7 @@ from typing import Final
 
 import zmq
 
-from protocol.sockets.closable import Closing
+from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.waker import Waker
 
@@ -48,7 +48,7 @@ def lasting_port() -> int:
         return port
 
 
-class _Service(Closing):
+class _Service(Closable):
     """A thread that polls until it is told to end."""
 
     def __init__(self) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from protocol.sockets.closable import Closing
+from protocol.sockets.closable import Closable
 from protocol.system.native_output import native_output_discarded
 from protocol.wire.readings import belly_ray, up_in_body
 from sim_robot.world.body import Body
@@ -35,7 +35,7 @@ _CALM_SPEED: Final = 1e-3  # m/s, of the main body
 _CALM_SPIN: Final = 0.01  # rad/s, of a joint
 
 
-class World(Closing):
+class World(Closable):
     """One body in one PyBullet server.
 
     Args:

@@ -14,74 +14,74 @@ from protocol.conformance.robot_on_trial import RobotOnTrial
 
 
 @check("3.2", basic="hello")
-def hello(bench: RobotOnTrial) -> None:
+def hello(robot: RobotOnTrial) -> None:
     """A hello is answered with welcome."""
-    bench.party()
+    robot.client()
 
 
 @check("5.5", basic="heartbeat")
-def heartbeat(bench: RobotOnTrial) -> None:
+def heartbeat(robot: RobotOnTrial) -> None:
     """A heartbeat is answered with status."""
-    bench.party().status()
+    robot.client().status()
 
 
 @check("7.5", basic="read")
-def read(bench: RobotOnTrial) -> None:
+def read(robot: RobotOnTrial) -> None:
     """A read is answered to its end."""
-    party = bench.party()
-    reply = party.ask("read")
+    client = robot.client()
+    reply = client.ask("read")
     expect(reply["type"] in ("observation", "error"), f"A read ended with {said(reply)}.")
 
 
 @check("5.3", need=Need.CONTROL, basic="acquire")
-def acquire(bench: RobotOnTrial) -> None:
+def acquire(robot: RobotOnTrial) -> None:
     """An acquire of a free robot is answered with ok."""
-    with bench.controlled():
+    with robot.controlled():
         pass
 
 
 @check("5.3", need=Need.CONTROL, basic="release")
-def release(bench: RobotOnTrial) -> None:
+def release(robot: RobotOnTrial) -> None:
     """A release is answered with ok."""
-    with bench.controlled() as party:
-        party.expect("ok", "release")
+    with robot.controlled() as client:
+        client.expect("ok", "release")
 
 
 @check("5.9", need=Need.CONTROL, basic="stop")
-def stop(bench: RobotOnTrial) -> None:
+def stop(robot: RobotOnTrial) -> None:
     """A stop is answered with ok."""
-    with bench.controlled() as party:
-        party.expect("ok", "stop")
+    with robot.controlled() as client:
+        client.expect("ok", "stop")
 
 
 @check("6.1", need=Need.CONTROL, basic="clear")
-def clear(bench: RobotOnTrial) -> None:
+def clear(robot: RobotOnTrial) -> None:
     """A clear is answered with ok."""
-    with bench.controlled() as party:
-        party.expect("ok", "clear")
+    with robot.controlled() as client:
+        client.expect("ok", "clear")
 
 
 @check("7.4", need=Need.MOTION, basic="perform")
-def perform(bench: RobotOnTrial) -> None:
+def perform(robot: RobotOnTrial) -> None:
     """A perform is accepted, and ends with an observation."""
-    with bench.controlled() as party:
-        request = party.request("perform", targets=small_targets(bench.capabilities(), 0.0))
-        party.line.send(request)
-        between, end = party.wait_for(request["id"])
+    with robot.controlled() as client:
+        request = client.request("perform", targets=small_targets(robot.capabilities(), 0.0))
+        client.connection.send(request)
+        between, end = client.wait_for(request["id"])
         expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
         expect(bool(between), "A perform was not accepted.")
 
 
 @check("6.1", need=Need.MOTION, basic="hold")
-def hold(bench: RobotOnTrial) -> None:
+def hold(robot: RobotOnTrial) -> None:
     """A hold is answered with ok."""
-    with bench.controlled() as party:
-        party.expect("ok", "hold")
+    with robot.controlled() as client:
+        client.expect("ok", "hold")
 
 
 @check("5.13", need=Need.MOTION, basic="relax")
-def relax(bench: RobotOnTrial) -> None:
+def relax(robot: RobotOnTrial) -> None:
     """A relax is answered with ok."""
-    with bench.controlled() as party:
-        party.expect("ok", "relax")
-        party.expect("ok", "hold")
+    with robot.controlled() as client:
+        client.expect("ok", "relax")
+        client.expect("ok", "hold")

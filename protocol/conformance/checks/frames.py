@@ -10,7 +10,7 @@ from typing import Any, Final
 from protocol.conformance.expectations import Broken, expect
 from protocol.conformance.raw_connection import Map, pack, pack_small, pack_wide, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Party, RobotOnTrial
+from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
 from protocol.wire.codec import MAX_FRAME
 
 VECTORS: Final[tuple[Map, ...]] = tuple(
@@ -39,19 +39,19 @@ def _by_vectors(clause: str, title: str) -> None:
     names = CLAUSE_OF[clause].split()
     chosen = [vector for vector in VECTORS if vector["name"] in names]
 
-    def run(bench: RobotOnTrial) -> None:
-        party = bench.party()
+    def run(robot: RobotOnTrial) -> None:
+        client = robot.client()
         for vector in chosen:
-            _answered(party, vector, with_id=False)
+            _answered(client, vector, with_id=False)
 
     run.__doc__ = title
     check(clause, after=("2.11",))(run)
 
 
-def _answered(party: Party, vector: Map, *, with_id: bool) -> None:
+def _answered(client: TrialClient, vector: Map, *, with_id: bool) -> None:
     """The answer to a vector has its code; and, where that is the question, its id."""
     ids = {vector["id"]} if with_id else {vector["id"], None, 0}
-    answer = party.ask_raw(bytes.fromhex(vector["hex"]), *ids)
+    answer = client.ask_raw(bytes.fromhex(vector["hex"]), *ids)
     if answer is None and with_id:
         raise Broken(f"The vector {vector['name']!r} has no answer with the id {vector['id']}.")
     expect(
@@ -77,9 +77,9 @@ def _with_extra(request: Map, key: bytes, value: bytes) -> bytes:
     return bytes([0x80 + len(request) + 1]) + b"".join(items) + key + value
 
 
-def _refused_for(party: Party, frame: bytes, request: Map, what: str) -> None:
+def _refused_for(client: TrialClient, frame: bytes, request: Map, what: str) -> None:
     """A frame that is fine but for one thing is malformed; its id may be told or not."""
-    answer = party.ask_raw(frame, None, request["id"])
+    answer = client.ask_raw(frame, None, request["id"])
     expect(
         answer is not None and answer.get("code") == "malformed",
         f"{what}: answered with {said(answer)} instead of malformed.",
@@ -87,10 +87,10 @@ def _refused_for(party: Party, frame: bytes, request: Map, what: str) -> None:
 
 
 @check("2.1", after=("2.11",))
-def more_than_a_frame(bench: RobotOnTrial) -> None:
+def more_than_a_frame(robot: RobotOnTrial) -> None:
     """A request with anything before or after it is malformed."""
-    party = bench.party()
-    beat = party.request("heartbeat")
+    client = robot.client()
+    beat = client.request("heartbeat")
     frame = pack(beat)
     for spoilt, what in (
         (frame + b"\xc0", "A byte after a frame"),
@@ -99,38 +99,38 @@ def more_than_a_frame(bench: RobotOnTrial) -> None:
         (b"\x91" + frame, "A frame in an array"),
         (frame[:-1], "A frame without its last byte"),
     ):
-        _refused_for(party, spoilt, beat, what)
+        _refused_for(client, spoilt, beat, what)
 
 
 @check("2.2", after=("2.11",))
-def odd_keys(bench: RobotOnTrial) -> None:
+def odd_keys(robot: RobotOnTrial) -> None:
     """A request with a key twice, or one that is no string, is malformed."""
-    party = bench.party()
-    beat = party.request("heartbeat")
+    client = robot.client()
+    beat = client.request("heartbeat")
     for key, what in (
         (pack_small("id"), "The key id twice"),
         (b"\x05", "The key 5"),
         (b"\xc4\x01x", "A binary key"),
         (b"\xc0", "The key nil"),
     ):
-        _refused_for(party, _with_extra(beat, key, pack_small(beat["id"])), beat, what)
+        _refused_for(client, _with_extra(beat, key, pack_small(beat["id"])), beat, what)
     twice = b"\x82\xa1a\x01\xa1a\x01"
     for value, what in (
         (twice, "A key twice in an inner map"),
         (b"\x91" + twice, "A key twice in a map in an array"),
         (b"\x81\xa1b" + twice, "A key twice in a map in a map"),
     ):
-        _refused_for(party, _with_extra(beat, pack_small("extra"), value), beat, what)
-    perform = party.request("perform")
+        _refused_for(client, _with_extra(beat, pack_small("extra"), value), beat, what)
+    perform = client.request("perform")
     frame = _with_extra(perform, pack_small("targets"), twice)
-    _refused_for(party, frame, perform, "A joint twice in the targets")
+    _refused_for(client, frame, perform, "A joint twice in the targets")
 
 
 @check("2.3", after=("2.11",))
-def odd_values(bench: RobotOnTrial) -> None:
+def odd_values(robot: RobotOnTrial) -> None:
     """A request with what no value may be is malformed, also in a field that is unknown."""
-    party = bench.party()
-    beat = party.request("heartbeat")
+    client = robot.client()
+    beat = client.request("heartbeat")
     for value, what in (
         (b"\xc4\x01x", "Binary"),
         (b"\xc7\x01\x05x", "An extension"),
@@ -139,54 +139,54 @@ def odd_values(bench: RobotOnTrial) -> None:
         (b"\xca\xff\x80\0\0", "An infinity"),
         (b"\xa2\xc3\x28", "A string that is not UTF-8"),
     ):
-        _refused_for(party, _with_extra(beat, pack_small("extra"), value), beat, what)
+        _refused_for(client, _with_extra(beat, pack_small("extra"), value), beat, what)
 
 
 @check("2.12", after=("2.10", "2.11"))
-def ids_of_errors(bench: RobotOnTrial) -> None:
+def ids_of_errors(robot: RobotOnTrial) -> None:
     """An error carries the id of a frame that has a valid one, and else none."""
-    party = bench.party()
+    client = robot.client()
     for vector in VECTORS:
-        _answered(party, vector, with_id=True)
+        _answered(client, vector, with_id=True)
 
 
 @check("2.4")
-def extreme_integers(bench: RobotOnTrial) -> None:
+def extreme_integers(robot: RobotOnTrial) -> None:
     """Integers of ±(2^53 − 1) are accepted, beyond they are not."""
-    party = bench.party()
+    client = robot.client()
     extreme = 2**53 - 1
-    party.expect("status", "heartbeat", id=extreme)
-    party.expect("status", "heartbeat", extra=[extreme, -extreme])
+    client.expect("status", "heartbeat", id=extreme)
+    client.expect("status", "heartbeat", extra=[extreme, -extreme])
     for value in (extreme + 1, -extreme - 1):
-        request = party.request("heartbeat", extra=value)
-        party.refused(pack(request), "malformed", request["id"], f"The integer {value}")
+        request = client.request("heartbeat", extra=value)
+        client.refused(pack(request), "malformed", request["id"], f"The integer {value}")
 
 
 @check("2.5", after=("3.5", "5.2"))
-def any_encoding(bench: RobotOnTrial) -> None:
+def any_encoding(robot: RobotOnTrial) -> None:
     """Any encoding of a value is accepted, and keys in any order."""
-    party = bench.party()
-    hello = party.request("hello", versions=[1])
-    answer = party.ask_raw(pack_wide(hello), hello["id"])
+    client = robot.client()
+    hello = client.request("hello", versions=[1])
+    answer = client.ask_raw(pack_wide(hello), hello["id"])
     expect(
         answer is not None and answer["type"] == "welcome",
         f"hello in the longest encodings was answered with {said(answer)}.",
     )
-    perform = party.request("perform", targets={"no joint": 0.5})
-    _parsed(party, perform, pack_small, "Targets as float 32")
+    perform = client.request("perform", targets={"no joint": 0.5})
+    _parsed(client, perform, pack_small, "Targets as float 32")
 
 
 @check("2.6", after=("5.2",))
-def integer_for_float(bench: RobotOnTrial) -> None:
+def integer_for_float(robot: RobotOnTrial) -> None:
     """An integer is accepted for a float."""
-    party = bench.party()
-    perform = party.request("perform", targets={"no joint": 1})
-    _parsed(party, perform, pack_small, "An integer as a target")
+    client = robot.client()
+    perform = client.request("perform", targets={"no joint": 1})
+    _parsed(client, perform, pack_small, "An integer as a target")
 
 
-def _parsed(party: Party, request: Map, packer: Callable[[Any], bytes], what: str) -> None:
+def _parsed(client: TrialClient, request: Map, packer: Callable[[Any], bytes], what: str) -> None:
     """A ``perform`` that nobody could carry out is refused, but not for its form."""
-    answer = party.ask_raw(packer(request), request["id"])
+    answer = client.ask_raw(packer(request), request["id"])
     expect(
         answer is not None and answer.get("code") in ("not_controller", "unauthorised"),
         f"{what}: answered with {said(answer)}, although the frame is valid.",
@@ -194,74 +194,74 @@ def _parsed(party: Party, request: Map, packer: Callable[[Any], bytes], what: st
 
 
 @check("2.7")
-def no_float_for_integer(bench: RobotOnTrial) -> None:
+def no_float_for_integer(robot: RobotOnTrial) -> None:
     """A float or a boolean is not accepted for an integer, even 1.0 for 1."""
-    party = bench.party()
+    client = robot.client()
     for versions in ([1.0], [True]):
-        hello = party.request("hello", versions=versions)
-        party.refused(pack(hello), "malformed", hello["id"], f"versions {versions}")
+        hello = client.request("hello", versions=versions)
+        client.refused(pack(hello), "malformed", hello["id"], f"versions {versions}")
 
 
 @check("2.8")
-def nil(bench: RobotOnTrial) -> None:
+def nil(robot: RobotOnTrial) -> None:
     """A field that is nil is left out."""
-    party = bench.party()
-    hello = party.request("hello", versions=[1]) | {"software": None}
-    answer = party.ask_raw(pack(hello), hello["id"])
+    client = robot.client()
+    hello = client.request("hello", versions=[1]) | {"software": None}
+    answer = client.ask_raw(pack(hello), hello["id"])
     expect(
         answer is not None and answer["type"] == "welcome",
         f"hello with software nil was answered with {said(answer)}.",
     )
-    beat = party.request("heartbeat") | {"session": None}
-    party.refused(pack(beat), "malformed", beat["id"], "A heartbeat with session nil")
+    beat = client.request("heartbeat") | {"session": None}
+    client.refused(pack(beat), "malformed", beat["id"], "A heartbeat with session nil")
 
 
 @check("2.9")
-def unknown_fields(bench: RobotOnTrial) -> None:
+def unknown_fields(robot: RobotOnTrial) -> None:
     """Unknown fields are ignored."""
-    party = bench.party()
-    party.expect("status", "heartbeat", future={"a": [1, None, {"b": 0.5}]}, targets={"x": 1})
-    number = party.number()
-    first = party.harmless(number)
-    again = party.harmless(number, future=1)
+    client = robot.client()
+    client.expect("status", "heartbeat", future={"a": [1, None, {"b": 0.5}]}, targets={"x": 1})
+    number = client.number()
+    first = client.harmless(number)
+    again = client.harmless(number, future=1)
     expect(again == first, "A request with an unknown field more is taken for another one.")
 
 
 @check("2.11", after=("3.5",))
-def garbage(bench: RobotOnTrial) -> None:
+def garbage(robot: RobotOnTrial) -> None:
     """Each invalid frame is answered, and changes nothing."""
-    party = bench.party()
-    before = party.status()
-    session = party.session
+    client = robot.client()
+    before = client.status()
+    session = client.session
     for number in range(100):
         frame = bytes([0xC1, number]) * (1 + number)
-        party.line.send_parts(frame)
-        answer = party.line.reply(None)
+        client.connection.send_parts(frame)
+        answer = client.connection.reply(None)
         expect(
             answer is not None and answer.get("code") == "malformed",
             f"The bytes {frame[:4].hex()}… were answered with {said(answer)}.",
         )
-    after = party.status()
+    after = client.status()
     for name in ("state", "sequence", "controller"):
         expect(after.get(name) == before.get(name), f"Garbage changed the robot's {name}.")
-    party.hello()
-    expect(party.session == session, "Garbage changed the client's session.")
+    client.hello()
+    expect(client.session == session, "Garbage changed the client's session.")
 
 
 @check("2.11", need=Need.CONTROL, after=("2.11", "5.1"))
-def garbage_and_control(bench: RobotOnTrial) -> None:
+def garbage_and_control(robot: RobotOnTrial) -> None:
     """No invalid frame, of the controller or of another, takes control away."""
-    other = bench.party()
-    with bench.controlled() as party:
-        for client in (party, other):
-            mistaken = party.request("release")
+    other = robot.client()
+    with robot.controlled() as client:
+        for each in (client, other):
+            mistaken = client.request("release")
             release = pack(mistaken | {"client": 5})
             for frame in (b"\xc1", bytes(MAX_FRAME + 1), release):
-                client.ask_raw(frame, None, mistaken["id"])
+                each.ask_raw(frame, None, mistaken["id"])
             for vector in VECTORS:
-                client.ask_raw(bytes.fromhex(vector["hex"]), None, vector["id"])
-            client.line.send_parts(b"", pack(party.request("heartbeat")))
-            client.line.reply(None)
+                each.ask_raw(bytes.fromhex(vector["hex"]), None, vector["id"])
+            each.connection.send_parts(b"", pack(client.request("heartbeat")))
+            each.connection.reply(None)
             kept = other.status().get("controller")
-            whose = "the controller's" if client is party else "another client's"
-            expect(kept == party.name, f"After {whose} garbage, {kept or 'nobody'} has control.")
+            whose = "the controller's" if each is client else "another client's"
+            expect(kept == client.name, f"After {whose} garbage, {kept or 'nobody'} has control.")

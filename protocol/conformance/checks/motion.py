@@ -8,7 +8,7 @@ from typing import Final
 from protocol.conformance.expectations import Untried, expect
 from protocol.conformance.raw_connection import Map, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import Party, RobotOnTrial
+from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
 from protocol.wire.capabilities import Capabilities
 
 REACH: Final = 0.5
@@ -27,171 +27,175 @@ def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, f
     return targets
 
 
-def _performed(bench: RobotOnTrial, party: Party, share: float) -> tuple[dict[str, float], Map]:
-    targets = small_targets(bench.capabilities(), share)
-    return targets, observed(party, targets)
+def _performed(
+    robot: RobotOnTrial, client: TrialClient, share: float
+) -> tuple[dict[str, float], Map]:
+    targets = small_targets(robot.capabilities(), share)
+    return targets, observed(client, targets)
 
 
-def observed(party: Party, targets: Mapping[str, float]) -> Map:
+def observed(client: TrialClient, targets: Mapping[str, float]) -> Map:
     """The observation of a motion."""
-    request = party.request("perform", targets=targets)
-    party.line.send(request)
-    _, end = party.wait_for(request["id"])
+    request = client.request("perform", targets=targets)
+    client.connection.send(request)
+    _, end = client.wait_for(request["id"])
     expect(end["type"] == "observation", f"A perform ended with {said(end)}.")
     return end
 
 
-def _rest(bench: RobotOnTrial, party: Party) -> None:
+def _rest(robot: RobotOnTrial, client: TrialClient) -> None:
     """Back to zero."""
-    _performed(bench, party, 0.0)
+    _performed(robot, client, 0.0)
 
 
-def _under_way(bench: RobotOnTrial, party: Party, kind: str, client: Party, code: str) -> None:
+def _under_way(
+    robot: RobotOnTrial, client: TrialClient, kind: str, other: TrialClient, code: str
+) -> None:
     """Interrupts a motion with a request; expects that the motion ends with this code."""
     for _ in range(_TRIALS):
-        perform = party.request("perform", targets=small_targets(bench.capabilities()))
-        party.line.send(perform)
-        expect(party.line.reply(perform["id"]) is not None, "A perform was not accepted.")
-        interrupt = client.request(kind)
-        client.line.send(interrupt)
-        reply = client.line.final(interrupt["id"])[1]
+        perform = client.request("perform", targets=small_targets(robot.capabilities()))
+        client.connection.send(perform)
+        expect(client.connection.reply(perform["id"]) is not None, "A perform was not accepted.")
+        interrupt = other.request(kind)
+        other.connection.send(interrupt)
+        reply = other.connection.final(interrupt["id"])[1]
         expect(reply["type"] == "ok", f"{kind} in mid-motion was answered with {said(reply)}.")
-        _, end = party.wait_for(perform["id"])
+        _, end = client.wait_for(perform["id"])
         if end["type"] != "observation":
             expect(end.get("code") == code, f"The motion ended with {said(end)}, not {code}.")
             return
         if kind == "stop":
-            party.ask("clear")
+            client.ask("clear")
         if kind == "release":
-            party.ask("acquire")
+            client.ask("acquire")
     raise Untried("Its motions are over too soon to be interrupted.")
 
 
 @check("7.2", need=Need.MOTION)
-def badsmall_targets(bench: RobotOnTrial) -> None:
+def bad_targets(robot: RobotOnTrial) -> None:
     """Missing and unknown joints are bad_targets."""
-    with bench.controlled() as party:
-        full = small_targets(bench.capabilities(), 0.0)
+    with robot.controlled() as client:
+        full = small_targets(robot.capabilities(), 0.0)
         first = next(iter(full))
         lacking = {name: angle for name, angle in full.items() if name != first}
         for targets in (lacking, full | {"no such joint": 0.0}):
-            party.expect("bad_targets", "perform", targets=targets)
-        expect(party.status()["state"] in ("idle", "holding"), "It moved all the same.")
+            client.expect("bad_targets", "perform", targets=targets)
+        expect(client.status()["state"] in ("idle", "holding"), "It moved all the same.")
 
 
 @check("7.3", need=Need.MOTION, after=("7.2",))
-def out_of_range(bench: RobotOnTrial) -> None:
+def out_of_range(robot: RobotOnTrial) -> None:
     """Targets beyond a limit are out_of_range, and nothing is clamped."""
-    capabilities = bench.capabilities()
-    with bench.controlled() as party:
+    capabilities = robot.capabilities()
+    with robot.controlled() as client:
         for joint in capabilities.joints:
             for beyond in (joint.upper + 0.02, joint.lower - 0.02):
                 targets = small_targets(capabilities, 0.0) | {joint.name: beyond}
-                party.expect("out_of_range", "perform", targets=targets)
+                client.expect("out_of_range", "perform", targets=targets)
 
 
 @check("7.4", "4.3", need=Need.MOTION, after=("4.4",))
-def perform(bench: RobotOnTrial) -> None:
+def perform_reaches_its_targets(robot: RobotOnTrial) -> None:
     """A perform is carried out once, to within one resolution of its targets."""
-    capabilities = bench.capabilities()
-    with bench.controlled() as party:
-        targets, felt = _performed(bench, party, 1.0)
+    capabilities = robot.capabilities()
+    with robot.controlled() as client:
+        targets, felt = _performed(robot, client, 1.0)
         for joint in capabilities.joints:
             miss = abs(felt["angles"][joint.name] - targets[joint.name])
             expect(
                 miss <= joint.resolution + 1e-9,
                 f"{joint.name} was commanded {miss:.4f} rad off its target.",
             )
-        before = party.status()["sequence"]
-        again = party.ask("perform", id=felt["id"], targets=targets)
+        before = client.status()["sequence"]
+        again = client.ask("perform", id=felt["id"], targets=targets)
         expect(again == felt, f"The same perform again was answered with {said(again)}.")
-        expect(party.status()["sequence"] == before, "The same perform was carried out twice.")
-        _rest(bench, party)
+        expect(client.status()["sequence"] == before, "The same perform was carried out twice.")
+        _rest(robot, client)
 
 
 @check("7.9", need=Need.MOTION)
-def joints_at_the_end(bench: RobotOnTrial) -> None:
+def joints_at_the_end(robot: RobotOnTrial) -> None:
     """Joints at the end of their range are named as saturated, and no others."""
-    if not bench.settings.far:
+    if not robot.settings.far:
         raise Untried("This needs --far.")
-    capabilities = bench.capabilities()
-    with bench.controlled() as party:
+    capabilities = robot.capabilities()
+    with robot.controlled() as client:
         joint = capabilities.joints[0]
         for end in ("upper", "lower"):
             targets = small_targets(capabilities, 0.0) | {joint.name: getattr(joint, end)}
-            saturated = observed(party, targets)["saturated_joints"]
+            saturated = observed(client, targets)["saturated_joints"]
             expect(
                 saturated == [joint.name],
                 f"With {joint.name} alone at its {end} limit, saturated_joints is {saturated}.",
             )
-        _rest(bench, party)
+        _rest(robot, client)
 
 
 @check("4.5", need=Need.MOTION, after=("3.5", "4.4"))
-def asked_again_under_way(bench: RobotOnTrial) -> None:
+def asked_again_under_way(robot: RobotOnTrial) -> None:
     """A request that is under way answers with its progress, then its end, once."""
-    with bench.controlled() as party:
-        request = party.request("perform", targets=small_targets(bench.capabilities()))
-        party.line.send(request)
-        first = party.line.reply(request["id"])
+    with robot.controlled() as client:
+        request = client.request("perform", targets=small_targets(robot.capabilities()))
+        client.connection.send(request)
+        first = client.connection.reply(request["id"])
         expect(
             first is not None and first["type"] == "accepted",
             f"A perform was answered with {said(first)} instead of accepted.",
         )
-        later = bench.party(party.name)
-        later.line.send(request)
-        seen = later.line.reply(request["id"])
+        later = robot.client(client.name)
+        later.connection.send(request)
+        seen = later.connection.reply(request["id"])
         expect(seen is not None, "A request asked again was not answered.")
         end = seen if seen and seen["type"] == "observation" else later.wait_for(request["id"])[1]
         expect(end["type"] == "observation", f"Asked again, it ended with {said(end)}.")
-        late = later.line.reply(request["id"], patience=0.3)
+        late = later.connection.reply(request["id"], patience=0.3)
         expect(late is None, f"After its end came {said(late)}.")
-        _rest(bench, party)
+        _rest(robot, client)
 
 
 @check("5.10", need=Need.MOTION)
-def stop_in_motion(bench: RobotOnTrial) -> None:
+def stop_in_motion(robot: RobotOnTrial) -> None:
     """A stop from anybody ends a perform with aborted_stop."""
-    with bench.controlled() as party:
-        _under_way(bench, party, "stop", bench.stranger(), "aborted_stop")
-        expect(party.status()["state"] == "stopped", "After the stop it is not stopped.")
-        refused = party.ask("perform", targets=small_targets(bench.capabilities(), 0.0))
+    with robot.controlled() as client:
+        _under_way(robot, client, "stop", robot.stranger(), "aborted_stop")
+        expect(client.status()["state"] == "stopped", "After the stop it is not stopped.")
+        refused = client.ask("perform", targets=small_targets(robot.capabilities(), 0.0))
         expect(refused.get("code") == "stopped", f"A perform then was {said(refused)}.")
-        party.expect("ok", "clear")
-        _rest(bench, party)
+        client.expect("ok", "clear")
+        _rest(robot, client)
 
 
 @check("5.8", need=Need.MOTION)
-def release_in_motion(bench: RobotOnTrial) -> None:
+def release_in_motion(robot: RobotOnTrial) -> None:
     """A release in mid-motion ends it with aborted_silent."""
-    with bench.controlled() as party:
-        _under_way(bench, party, "release", party, "aborted_silent")
-        party.expect("ok", "acquire")
-        _rest(bench, party)
+    with robot.controlled() as client:
+        _under_way(robot, client, "release", client, "aborted_silent")
+        client.expect("ok", "acquire")
+        _rest(robot, client)
 
 
 @check("6.1", need=Need.MOTION)
-def busy(bench: RobotOnTrial) -> None:
+def busy(robot: RobotOnTrial) -> None:
     """While it moves, read, clear and a second perform are busy; hold ends the motion."""
-    with bench.controlled() as party:
+    with robot.controlled() as client:
         for kind in ("read", "clear", "perform"):
-            _busy(bench, party, kind)
-        _under_way(bench, party, "hold", party, "aborted_hold")
-        expect(party.status()["state"] == "holding", "After hold it does not hold.")
-        _rest(bench, party)
+            _busy(robot, client, kind)
+        _under_way(robot, client, "hold", client, "aborted_hold")
+        expect(client.status()["state"] == "holding", "After hold it does not hold.")
+        _rest(robot, client)
 
 
-def _busy(bench: RobotOnTrial, party: Party, kind: str) -> None:
-    targets = small_targets(bench.capabilities())
+def _busy(robot: RobotOnTrial, client: TrialClient, kind: str) -> None:
+    targets = small_targets(robot.capabilities())
     fields = {"targets": targets} if kind == "perform" else {}
     for _ in range(_TRIALS):
-        motion = party.request("perform", targets=targets)
-        party.line.send(motion)
-        expect(party.line.reply(motion["id"]) is not None, "A perform was not accepted.")
-        second = party.request(kind, **fields)
-        party.line.send(second)
-        _, reply = party.wait_for(second["id"])
-        _, end = party.wait_for(motion["id"])
+        motion = client.request("perform", targets=targets)
+        client.connection.send(motion)
+        expect(client.connection.reply(motion["id"]) is not None, "A perform was not accepted.")
+        second = client.request(kind, **fields)
+        client.connection.send(second)
+        _, reply = client.wait_for(second["id"])
+        _, end = client.wait_for(motion["id"])
         expect(end["type"] == "observation", f"The first motion ended with {said(end)}.")
         if reply.get("code") == "busy":
             return
@@ -201,26 +205,26 @@ def _busy(bench: RobotOnTrial, party: Party, kind: str) -> None:
 
 
 @check("5.13", "6.1", need=Need.MOTION)
-def relaxed(bench: RobotOnTrial) -> None:
+def relaxed(robot: RobotOnTrial) -> None:
     """After relax it is relaxed, and perform wrong_state; hold brings it back."""
-    with bench.controlled() as party:
-        _rest(bench, party)
-        state = party.expect("ok", "relax")["state"]
+    with robot.controlled() as client:
+        _rest(robot, client)
+        state = client.expect("ok", "relax")["state"]
         expect(state == "relaxed", f"After relax the state is {state}.")
-        targets = small_targets(bench.capabilities(), 0.0)
-        party.expect("wrong_state", "perform", targets=targets)
-        party.expect("observation", "read")
-        expect(party.status()["state"] == "relaxed", "read changed the state.")
-        state = party.expect("ok", "hold")["state"]
+        targets = small_targets(robot.capabilities(), 0.0)
+        client.expect("wrong_state", "perform", targets=targets)
+        client.expect("observation", "read")
+        expect(client.status()["state"] == "relaxed", "read changed the state.")
+        state = client.expect("ok", "hold")["state"]
         expect(state == "holding", f"After hold the state is {state}.")
 
 
 @check("6.1", "5.11", need=Need.MOTION)
-def limp_and_stopped(bench: RobotOnTrial) -> None:
+def limp_and_stopped(robot: RobotOnTrial) -> None:
     """A limp robot that was stopped holds, once it is cleared, and performs."""
-    with bench.controlled() as party:
-        _rest(bench, party)
+    with robot.controlled() as client:
+        _rest(robot, client)
         for kind, expected in (("relax", "relaxed"), ("stop", "stopped"), ("clear", "holding")):
-            state = party.expect("ok", kind)["state"]
+            state = client.expect("ok", kind)["state"]
             expect(state == expected, f"After {kind} the state is {state}.")
-        _rest(bench, party)
+        _rest(robot, client)

@@ -24,12 +24,12 @@ from protocol.wire.messages import parse_telemetry
 _LOOKS: Final = 3  # at the rate: this computer may have had something else to do
 
 
-def _reads(bench: RobotOnTrial, count: int = 1) -> tuple[Capabilities, list[Map]]:
-    party = bench.party()
-    capabilities = Capabilities.from_map(party.hello()["capabilities"])
+def _reads(robot: RobotOnTrial, count: int = 1) -> tuple[Capabilities, list[Map]]:
+    client = robot.client()
+    capabilities = Capabilities.from_map(client.hello()["capabilities"])
     observations = []
     for _ in range(count):
-        reply = party.ask("read")
+        reply = client.ask("read")
         if reply["type"] != "observation":
             raise Untried(f"A read is answered with {said(reply)} now.")
         observations.append(reply)
@@ -37,44 +37,44 @@ def _reads(bench: RobotOnTrial, count: int = 1) -> tuple[Capabilities, list[Map]
 
 
 @check("7.1", "1.11")
-def fields_of_replies(bench: RobotOnTrial) -> None:
+def fields_of_replies(robot: RobotOnTrial) -> None:
     """Replies have their fields, with their types and ranges."""
-    party = bench.party()  # welcome and capabilities; a line takes nothing else for a reply
-    party.status()
-    party.ask("read")
-    party.ask("dance")
+    client = robot.client()  # welcome and capabilities; a line takes nothing else for a reply
+    client.status()
+    client.ask("read")
+    client.ask("dance")
 
 
 @check("7.5")
-def final_replies_come_once(bench: RobotOnTrial) -> None:
+def final_replies_come_once(robot: RobotOnTrial) -> None:
     """Final replies come once, and nothing after them."""
-    party = bench.party()
-    noted = bench.noted["7.5"]
+    client = robot.client()
+    noted = robot.noted["7.5"]
     expect(not noted, "; ".join(noted[:3]) + ".")
-    read = party.request("read")
-    between, _ = party.answer_to(read)
+    read = client.request("read")
+    between, _ = client.answer_to(read)
     kinds = [reply["type"] for reply in between]
     expect("accepted" not in kinds[1:], f"A read was answered with {', '.join(kinds)}.")
-    late = party.line.reply(read["id"], patience=0.3)
+    late = client.connection.reply(read["id"], patience=0.3)
     expect(late is None, f"After its end, a read was answered with {said(late)}.")
 
 
 @check("7.6")
-def ids_of_replies(bench: RobotOnTrial) -> None:
+def ids_of_replies(robot: RobotOnTrial) -> None:
     """Every reply has the id of its request."""
-    party = bench.party()
-    beats = [party.request("heartbeat", id=number) for number in (5, 3, 2**53 - 1, 0)]
+    client = robot.client()
+    beats = [client.request("heartbeat", id=number) for number in (5, 3, 2**53 - 1, 0)]
     for beat in beats:
-        party.line.send(beat)
+        client.connection.send(beat)
     for beat in reversed(beats):
-        reply = party.line.reply(beat["id"])
+        reply = client.connection.reply(beat["id"])
         expect(reply is not None, f"A heartbeat with id {beat['id']} has no answer with this id.")
 
 
 @check("7.7")
-def observations_fit(bench: RobotOnTrial) -> None:
+def observations_fit(robot: RobotOnTrial) -> None:
     """Readings and angles fit the capabilities."""
-    capabilities, (felt,) = _reads(bench)
+    capabilities, (felt,) = _reads(robot)
     joints = {joint.name for joint in capabilities.joints}
     expect(felt["angles"].keys() == joints, f"The angles are of {', '.join(felt['angles'])}.")
     for modality in ("touch", "tilt", "clearance"):
@@ -93,15 +93,15 @@ def observations_fit(bench: RobotOnTrial) -> None:
 
 
 @check("7.8")
-def sequences_grow(bench: RobotOnTrial) -> None:
+def sequences_grow(robot: RobotOnTrial) -> None:
     """Each observation has a larger sequence, and status knows the latest."""
-    _, felt = _reads(bench, 4)
+    _, felt = _reads(robot, 4)
     sequences = [observation["sequence"] for observation in felt]
     expect(
         all(before < after for before, after in pairwise(sequences)),
         f"Four reads have the sequences {sequences}.",
     )
-    status = bench.party().status()
+    status = robot.client().status()
     expect(
         status["sequence"] >= sequences[-1],
         f"status says {status['sequence']} after observation {sequences[-1]}.",
@@ -109,9 +109,9 @@ def sequences_grow(bench: RobotOnTrial) -> None:
 
 
 @check("9.1")
-def tilt(bench: RobotOnTrial) -> None:
+def tilt(robot: RobotOnTrial) -> None:
     """Tilt lies in ±π/2, and within what one body can have."""
-    _, (felt,) = _reads(bench)
+    _, (felt,) = _reads(robot)
     if "tilt" not in felt:
         raise Untried("The robot does not feel tilt.")
     left, forward = felt["tilt"]
@@ -124,9 +124,9 @@ def tilt(bench: RobotOnTrial) -> None:
 
 
 @check("9.2")
-def clearance(bench: RobotOnTrial) -> None:
+def clearance(robot: RobotOnTrial) -> None:
     """Clearance never exceeds the sensor's upper, and is saturated exactly there."""
-    capabilities, (felt,) = _reads(bench)
+    capabilities, (felt,) = _reads(robot)
     sensor = capabilities.sensor("clearance")
     if sensor is None:
         expect(not felt["clearance_saturated"], "clearance_saturated without a sensor.")
@@ -142,31 +142,31 @@ def clearance(bench: RobotOnTrial) -> None:
 
 
 @check("10.1")
-def clocks(bench: RobotOnTrial) -> None:
+def clocks(robot: RobotOnTrial) -> None:
     """No clock runs backwards."""
-    party = bench.party()
-    _, felt = _reads(bench, 2)
+    client = robot.client()
+    _, felt = _reads(robot, 2)
     times = [
-        party.status()["robot_time"],
-        *(_reads(bench, 1)[1][0]["robot_time"] for _ in range(2)),
-        party.status()["robot_time"],
-        party.hello()["robot_time"],
+        client.status()["robot_time"],
+        *(_reads(robot, 1)[1][0]["robot_time"] for _ in range(2)),
+        client.status()["robot_time"],
+        client.hello()["robot_time"],
     ]
     expect(times == sorted(times), f"robot_time went {times}.")
     monotonic = [observation["monotonic"] for observation in felt]
     expect(monotonic == sorted(monotonic), f"monotonic went {monotonic}.")
 
 
-def _publications(bench: RobotOnTrial, seconds: float) -> tuple[float, list[list[bytes]], float]:
+def _publications(robot: RobotOnTrial, seconds: float) -> tuple[float, list[list[bytes]], float]:
     """The promised rate, what was published, and the time in which it was (s)."""
-    capabilities = bench.capabilities()
-    settings = bench.settings
+    capabilities = robot.capabilities()
+    settings = robot.settings
     try:
         place = Endpoint.parse(capabilities.telemetry).seen_from(settings.uri)
     except BodyschemaError as error:
         raise Broken(f"telemetry: {error}") from None
     options: dict[int, Any] = {zmq.SUBSCRIBE: b"", zmq.RCVTIMEO: 1000}
-    subscriber = connected(bench.context, zmq.SUB, str(place), settings.keys, options)
+    subscriber = connected(robot.context, zmq.SUB, str(place), settings.keys, options)
     published: list[list[bytes]] = []
     try:
         patience = max(settings.patience, 3.0 / capabilities.telemetry_rate)
@@ -185,13 +185,13 @@ def _publications(bench: RobotOnTrial, seconds: float) -> tuple[float, list[list
 
 
 @check("11.1", "11.3")
-def publications(bench: RobotOnTrial) -> None:
+def publications(robot: RobotOnTrial) -> None:
     """Publications are the topic and a valid frame, and tell what status tells."""
-    party = bench.party()
-    before = party.status()
-    rate = bench.capabilities().telemetry_rate
-    _, published, _ = _publications(bench, 1.5 / rate)
-    after = party.status()
+    client = robot.client()
+    before = client.status()
+    rate = robot.capabilities().telemetry_rate
+    _, published, _ = _publications(robot, 1.5 / rate)
+    after = client.status()
     expect(bool(published), "Nothing but the first publication came.")
     for parts in published:
         expect(len(parts) == 2, f"A publication has {len(parts)} parts instead of two.")
@@ -205,11 +205,11 @@ def publications(bench: RobotOnTrial) -> None:
 
 
 @check("11.2", after=("11.1",))
-def publication_rate(bench: RobotOnTrial) -> None:
+def publication_rate(robot: RobotOnTrial) -> None:
     """Publications keep the rate that welcome promises, within a factor of two."""
-    rate = bench.capabilities().telemetry_rate
+    rate = robot.capabilities().telemetry_rate
     for _ in range(_LOOKS):
-        _, published, seconds = _publications(bench, min(max(4.0 / rate, 0.3), 10.0))
+        _, published, seconds = _publications(robot, min(max(4.0 / rate, 0.3), 10.0))
         measured = len(published) / seconds
         if 0.5 <= measured / rate <= 2.0:
             return
@@ -217,10 +217,10 @@ def publication_rate(bench: RobotOnTrial) -> None:
 
 
 @check("8.1", need=Need.NOTHING)
-def error_table(bench: RobotOnTrial) -> None:
+def error_table(robot: RobotOnTrial) -> None:
     """Errors have a code of the table, and its retryable."""
-    party = bench.party()
-    party.ask("dance")
-    party.ask("read", session="no such session")
-    noted = bench.noted["8.1"]
+    client = robot.client()
+    client.ask("dance")
+    client.ask("read", session="no such session")
+    noted = robot.noted["8.1"]
     expect(not noted, "; ".join(noted[:3]) + ".")

@@ -64,7 +64,7 @@ class SpoiltServer(Server):
 
     def _send(self, action: Send) -> None:
         for parts in self._fault.reply(action.frame):
-            self._door.send(action.peer, parts)
+            self._listener.send(action.peer, parts)
 
 
 # --- ways to change frames ------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
-from protocol.rules.client_core import FIRST_LOOSE_ID, Call, ClientCore, Word
+from protocol.rules.client_core import FIRST_LOOSE_ID, Answer, Call, ClientCore
 from protocol.wire.codec import decode, encode
 from protocol.wire.declaration import Message
 from protocol.wire.messages import (
@@ -38,18 +38,18 @@ class Bench:
     def __init__(self, capabilities: Any):
         self.now = 100.0
         self.capabilities = capabilities
-        self.dialogue = ClientCore("c", peer="tcp://robot:1", now=self.now)
+        self.core = ClientCore("c", peer="tcp://robot:1", now=self.now)
 
     def ask(self, request: Request, *, patience: float = 10.0, **options: Any) -> Call:
         call = Call(request, patience=patience, **options)
-        self.dialogue.ask(call, self.now)
+        self.core.ask(call, self.now)
         return call
 
     def send(self) -> list[dict[str, Any]]:
         """What goes out now."""
-        frames = self.dialogue.frames(self.now)
+        frames = self.core.frames(self.now)
         for frame in frames:
-            self.dialogue.sent(frame, self.now)
+            self.core.sent(frame, self.now)
         return [decode(frame) for frame in frames]
 
     def step(self, seconds: float, by: float = 0.5) -> list[tuple[float, str]]:
@@ -58,14 +58,14 @@ class Bench:
         steps: list[tuple[float, str]] = []
         while self.now < end:
             self.now += by
-            self.dialogue.wake(self.now)
-            if self.dialogue.tick(self.now):
+            self.core.wake(self.now)
+            if self.core.tick(self.now):
                 steps.append((self.now, "reconnect"))
             steps += [(self.now, frame["type"]) for frame in self.send()]
         return steps
 
     def answer(self, message: Message) -> None:
-        self.dialogue.receive(encode(message.to_map()), self.now)
+        self.core.receive(encode(message.to_map()), self.now)
 
     def open(self, session: str = "s") -> None:
         self.ask(Hello(id=LOOSE, client="c", versions=(1,)))
@@ -104,8 +104,8 @@ def observation(number: int, sequence: int) -> ObservationReply:
     )
 
 
-def words(call: Call) -> list[Word]:
-    return [call.words.get_nowait() for _ in range(call.words.qsize())]
+def answers(call: Call) -> list[Answer]:
+    return [call.answers.get_nowait() for _ in range(call.answers.qsize())]
 
 
 @pytest.fixture
@@ -125,7 +125,7 @@ def test_the_words_of_a_motion_arrive_in_order(opened: Bench) -> None:
     progress = Progress(id=1, phase="moving", fraction=0.5, robot_time=1.0)
     for message in (Accepted(id=1), progress, observation(1, 1), observation(1, 1)):
         opened.answer(message)
-    assert words(call) == [Accepted(id=1), progress, observation(1, 1)]
+    assert answers(call) == [Accepted(id=1), progress, observation(1, 1)]
 
 
 def test_a_heartbeat_goes_out_every_second_from_hello_on(opened: Bench) -> None:
@@ -163,16 +163,16 @@ def test_frames_that_could_not_leave_stay_due_in_the_order_of_asking(opened: Ben
     opened.ask(perform(1))
     opened.ask(perform(2))
     opened.now += 0.1
-    assert [decode(frame)["id"] for frame in opened.dialogue.frames(opened.now)] == [1, 2]
-    assert opened.dialogue.send_at <= opened.now
+    assert [decode(frame)["id"] for frame in opened.core.frames(opened.now)] == [1, 2]
+    assert opened.core.send_at <= opened.now
 
 
 def test_silence_about_a_request_ends_it(opened: Bench) -> None:
     call = opened.ask(perform(1), patience=10.0)
     opened.step(9.5)
-    assert words(call) == []
+    assert answers(call) == []
     opened.step(0.5)
-    (error,) = words(call)
+    (error,) = answers(call)
     assert isinstance(error, RobotUnreachableError)
     assert "perform (request 1)" in str(error)
     assert "tcp://robot:1" in str(error)
@@ -184,9 +184,9 @@ def test_a_motion_may_take_longer_than_the_patience_but_not_than_the_limit(opene
         opened.step(2.0)
         opened.answer(Accepted(id=1))
     opened.step(1.5)
-    assert words(call) == [Accepted(id=1)] * 9
+    assert answers(call) == [Accepted(id=1)] * 9
     opened.step(0.5)
-    (error,) = words(call)
+    (error,) = answers(call)
     assert isinstance(error, RobotUnreachableError)
     assert "within 20 s" in str(error)
 
@@ -204,18 +204,18 @@ def test_being_suspended_is_not_the_robots_silence(opened: Bench) -> None:
     call = opened.ask(perform(1), patience=10.0)
     opened.send()
     opened.now += 3600.0
-    opened.dialogue.wake(opened.now)
-    assert not opened.dialogue.tick(opened.now)
-    assert words(call) == []
+    opened.core.wake(opened.now)
+    assert not opened.core.tick(opened.now)
+    assert answers(call) == []
 
 
 def test_a_long_rest_before_hello_costs_no_patience(bench: Bench) -> None:
     bench.now += 3600.0
-    bench.dialogue.wake(bench.now)
+    bench.core.wake(bench.now)
     call = bench.ask(Stop(id=LOOSE, client="c"), patience=10.0)
-    assert not bench.dialogue.tick(bench.now)
+    assert not bench.core.tick(bench.now)
     bench.step(10.0)
-    assert isinstance(words(call)[0], RobotUnreachableError)
+    assert isinstance(answers(call)[0], RobotUnreachableError)
 
 
 @pytest.mark.parametrize("through", ["heartbeat", "request"])
@@ -228,17 +228,17 @@ def test_a_lost_session_ends_everything_and_nothing_is_repeated(
     number = FIRST_LOOSE_ID if through == "heartbeat" else 2
     opened.answer(ErrorReply.of(lost, request_id=number))
     for call, name in ((moving, "perform (request 1)"), (reading, "read (request 2)")):
-        (error,) = words(call)
+        (error,) = answers(call)
         assert isinstance(error, RobotRestartedError)
         assert name in str(error)
     assert opened.step(10.0) == []
     refused = opened.ask(perform(3))
-    assert isinstance(words(refused)[0], RobotRestartedError)
+    assert isinstance(answers(refused)[0], RobotRestartedError)
     assert opened.step(3.0) == []
     opened.open("another")
-    assert opened.dialogue.session == "another"
+    assert opened.core.session == "another"
     stale = opened.ask(perform(4))  # made for the old session
-    assert isinstance(words(stale)[0], RobotRestartedError)
+    assert isinstance(answers(stale)[0], RobotRestartedError)
 
 
 def test_stop_survives_a_lost_session(opened: Bench) -> None:
@@ -246,44 +246,44 @@ def test_stop_survives_a_lost_session(opened: Bench) -> None:
     opened.answer(ErrorReply.of(RobotError("restarted", "Unknown."), request_id=FIRST_LOOSE_ID))
     assert [frame["type"] for frame in opened.send()] == ["stop"]
     opened.answer(Ok(id=LOOSE, state="stopped"))
-    assert words(stop) == [Ok(id=LOOSE, state="stopped")]
+    assert answers(stop) == [Ok(id=LOOSE, state="stopped")]
 
 
 def test_an_observation_seen_before_is_stale_for_a_new_request(opened: Bench) -> None:
     first = opened.ask(perform(1))
     opened.answer(observation(1, 5))
-    assert words(first) == [observation(1, 5)]
+    assert answers(first) == [observation(1, 5)]
     for number, sequence in ((2, 5), (3, 4)):
         again = opened.ask(read(number))
         opened.answer(observation(number, sequence))
-        (error,) = words(again)
+        (error,) = answers(again)
         assert isinstance(error, RobotError)
         assert error.code == "stale"
     fresh = opened.ask(read(4))
     opened.answer(observation(4, 6))
-    assert words(fresh) == [observation(4, 6)]
+    assert answers(fresh) == [observation(4, 6)]
 
 
 def test_a_repeated_request_may_bring_its_old_observation(opened: Bench) -> None:
     for number, sequence in ((1, 1), (2, 2), (1, 1)):
         call = opened.ask(perform(number))
         opened.answer(observation(number, sequence))
-        assert words(call) == [observation(number, sequence)]
+        assert answers(call) == [observation(number, sequence)]
 
 
 def test_one_id_cannot_be_under_way_twice(opened: Bench) -> None:
     first, second = opened.ask(perform(1)), opened.ask(perform(1))
-    assert isinstance(words(second)[0], LocalProtocolError)
-    opened.dialogue.forget(second)
+    assert isinstance(answers(second)[0], LocalProtocolError)
+    opened.core.forget(second)
     opened.answer(observation(1, 1))
-    assert words(first) == [observation(1, 1)]
+    assert answers(first) == [observation(1, 1)]
 
 
 def test_errors_come_as_exceptions(opened: Bench) -> None:
     call = opened.ask(perform(1))
     sent = RobotError("busy", "The robot moves.", advice="Wait.")
     opened.answer(ErrorReply.of(sent, request_id=1))
-    (error,) = words(call)
+    (error,) = answers(call)
     assert isinstance(error, RobotError)
     assert (error.code, error.message, error.advice) == ("busy", "The robot moves.", "Wait.")
     assert error.retryable
@@ -296,7 +296,7 @@ def test_an_error_code_of_a_later_version_is_taken_by_its_retryable(
     call = opened.ask(Read(id=1, client="c", session="s"))
     reply = ErrorReply(id=1, code="overheated", message="Hot.", advice="Wait.", retryable=retryable)
     opened.answer(reply)
-    error = call.words.get_nowait()
+    error = call.answers.get_nowait()
     assert isinstance(error, RobotError)
     assert (error.code, str(error), error.retryable) == ("overheated", "Hot. Wait.", retryable)
 
@@ -306,6 +306,6 @@ def test_answers_nobody_waits_for_and_garbage_change_nothing(opened: Bench) -> N
     opened.answer(observation(99, 1))
     opened.answer(ErrorReply.of(RobotError("malformed", "What?"), request_id=None))
     for frame in (b"", b"\xc1", encode({"type": "ok", "id": 1}), encode({"type": "dance"})):
-        opened.dialogue.receive(frame, opened.now)
-    assert opened.dialogue.garbage == 4
-    assert words(call) == []
+        opened.core.receive(frame, opened.now)
+    assert opened.core.garbage == 4
+    assert answers(call) == []

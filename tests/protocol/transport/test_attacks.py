@@ -160,7 +160,7 @@ def test_many_unfinished_messages_share_one_bound(
     for peer in crowd:
         with suppress(ConnectionError):
             peer.send(bytes(MAX_MESSAGE // 2), MORE)
-    assert until(lambda: len(server._door) == 3)  # a little is added to each half megabyte
+    assert until(lambda: len(server._listener) == 3)  # a little is added to each half megabyte
     assert answered(peers(server.endpoint))
 
 
@@ -220,7 +220,7 @@ def test_who_has_spoken_is_not_pushed_out_by_who_has_not(
         for _ in range(30):
             peers(server.endpoint)
         assert answered(peers(server.endpoint))
-        assert len(server._door) <= 8
+        assert len(server._listener) <= 8
         assert client.stop().state == "stopped"
 
 
@@ -237,7 +237,7 @@ def test_one_too_many_pushes_out_one(
     assert answered(crowd[0])  # so that the second was not heard for longest
     assert answered(peers(server.endpoint))
     assert is_cut(crowd[1])
-    assert len(server._door) == 8
+    assert len(server._listener) == 8
     assert answered(crowd[2])
 
 

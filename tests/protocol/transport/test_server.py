@@ -99,7 +99,7 @@ def test_what_has_arrived_when_it_ends_is_answered(robot: FakeRobot) -> None:
         raw(zmq.DEALER, server.endpoint) as client,
     ):
         client.send(encode({"type": "hello", "id": 1, "client": "c", "versions": [1]}))
-        while not server._door.waiting:
+        while not server._listener.waiting:
             assert server._wait(TIMEOUT / 1000)
         server.request_stop()
         server.run()
