@@ -14,8 +14,8 @@ from estimator.cli.options import CORES, Dask, Jobs, Keys, PhysicsName, Robot, o
 from estimator.cli.screen import Screen
 from estimator.identification.exploration import RULES
 from estimator.identification.run import Order, identify
-from estimator.identification.subjective_error import MODALITIES
 from estimator.physics.backends import REFERENCE
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.run_files import write_report
 from estimator.report.terminal_tables import print_result
 

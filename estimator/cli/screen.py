@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from types import TracebackType
 from typing import Self
@@ -17,6 +16,7 @@ from rich.progress import (
 )
 
 from estimator.identification.listener import Listener
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from protocol.errors import RobotError
 
@@ -76,14 +76,8 @@ class Screen(Listener):
 
     def observed(self, number: int, observation: Observation) -> None:
         """Says what was felt."""
-        bits = "".join("?" if bit is None else str(int(bit)) for bit in observation.touch)
-        angles = (
-            "?" if angle is None else f"{math.degrees(angle):.1f}°" for angle in observation.tilt
-        )
-        height = observation.clearance
-        clearance = "?" if height is None else f"{height * 1000:.0f} mm"
-        tilt = ", ".join(angles)
-        self.say(f"Interaction {number + 1}: touch {bits or '?'}, tilt {tilt}, {clearance} clear.")
+        felt = (modality.say(observation) for modality in MODALITIES.values())
+        self.say(f"Interaction {number + 1}: {', '.join(felt)}.")
 
     def may_retry(self, error: RobotError) -> bool:
         """Asks the person in front of the screen, if there is one."""

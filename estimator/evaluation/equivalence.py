@@ -22,6 +22,7 @@ import numpy as np
 
 from estimator.body.morphology import BASE, SIDES, Array, Morphology
 from estimator.physics.base import Flags, MarginPhysics, Readings
+from estimator.readings.modalities.registry import MODALITIES
 
 PROGRAMS: Final = 500
 AGREEMENT: Final = 0.99
@@ -29,8 +30,6 @@ AGREEMENT: Final = 0.99
 mirrored, with a leg that only rolls) agree in all of them; bodies that differ as little as by the
 direction in which one leg swings sideways, in 0.92."""
 
-TILT_TOLERANCE: Final = math.radians(0.5)
-CLEARANCE_TOLERANCE: Final = 2e-3  # m
 MARGIN: Final = math.radians(0.05)
 """A program says something if gravity could be inclined by more than this without the body landing
 elsewhere."""
@@ -100,12 +99,7 @@ def mirrored(body: Morphology) -> Morphology:
 def agree(one: Readings, other: Readings, modalities: Sequence[str]) -> Flags:
     """Programs in which two bodies feel the same; those that neither can perform count as such."""
     same = one.valid & other.valid
-    if "touch" in modalities:
-        doubtful = one.touch_doubtful | other.touch_doubtful
-        same &= np.all((one.touch == other.touch) | doubtful, axis=1)
-    if "tilt" in modalities:
-        same &= np.all(np.abs(one.tilt - other.tilt) <= TILT_TOLERANCE, axis=1)
-    if "clearance" in modalities:
-        same &= np.abs(one.clearance - other.clearance) <= CLEARANCE_TOLERANCE
-    found: Flags = same | ~(one.valid | other.valid)
-    return found
+    for name in modalities:
+        same &= MODALITIES[name].alike(one, other)
+    alike: Flags = same | ~(one.valid | other.valid)
+    return alike

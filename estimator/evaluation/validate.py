@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -23,6 +23,7 @@ from estimator.identification.listener import Listener
 from estimator.physics.base import Physics, Readings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import RobotLink
 from estimator.search.randomness import Stream, generator
@@ -36,20 +37,9 @@ RANDOM_MODELS: Final = 50
 _SAME_ANGLE: Final = math.radians(0.1)
 
 
-class Errors(BaseModel):
-    """Mean errors over the programs; ``None`` where nothing could be compared.
-
-    Attributes:
-        touch: Share of the touch sensors that were foretold wrongly.
-        tilt_deg: Mean absolute error of the two tilts, degrees.
-        clearance_mm: Mean absolute error of the clearance, mm.
-    """
-
-    model_config = ConfigDict(frozen=True)
-
-    touch: float | None
-    tilt_deg: float | None
-    clearance_mm: float | None
+PredictionErrors: TypeAlias = dict[str, float | None]
+"""Mean errors over the programs by the modalities' ``error_name``; ``None`` where nothing could be
+compared."""
 
 
 class Validation(BaseModel):
@@ -67,9 +57,9 @@ class Validation(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     programs: int
-    best_model: Errors
-    population_median: Errors
-    random_models: Errors
+    best_model: PredictionErrors
+    population_median: PredictionErrors
+    random_models: PredictionErrors
     invalid_predictions: int
 
 
@@ -117,15 +107,16 @@ def validate(
 
 def compare(predictions: Sequence[Prediction], observations: Sequence[Observation]) -> Validation:
     """Prediction errors of the three groups of models."""
-    groups = {
-        group: [_arrays(item.readings[group]) for item in predictions]
-        for group in (BEST, POPULATION, RANDOM)
-    }
+    groups = (BEST, POPULATION, RANDOM)
+    arrays = {group: [_arrays(item.readings[group]) for item in predictions] for group in groups}
     return Validation(
         programs=len(observations),
-        **{group: _median_errors(found, observations) for group, found in groups.items()},
+        **{group: _median_errors(arrays[group], observations) for group in groups},
         invalid_predictions=sum(
-            int(np.sum(np.isnan(item["clearance"]))) for found in groups.values() for item in found
+            row is None
+            for item in predictions
+            for group in groups
+            for row in next(iter(item.readings[group].values()))
         ),
     )
 
@@ -184,7 +175,7 @@ def _predict(
     best = population.genes[[population.best]]
     groups = {BEST: best, POPULATION: population.genes, RANDOM: drawn}
     bodies = genome.decode_all(np.concatenate(list(groups.values())))
-    found = []
+    predictions = []
     for program in programs:
         angles = np.array(program)
         readings = physics.read([(body, angles) for body in bodies])
@@ -192,18 +183,14 @@ def _predict(
         for group, genes in groups.items():
             by_group[group] = _plain(readings[slice(start, start + len(genes))])
             start += len(genes)
-        found.append(Prediction(program=program, readings=by_group))
-        listener.worked(1, f"predicted {len(found)} of {len(programs)}")
-    return found
+        predictions.append(Prediction(program=program, readings=by_group))
+        listener.worked(1, f"predicted {len(predictions)} of {len(programs)}")
+    return predictions
 
 
 def _plain(readings: Readings) -> dict[str, Any]:
     """Readings as lists for JSON; ``None`` where a simulation cannot be believed."""
-    columns = {
-        "touch": readings.touch,
-        "tilt": readings.tilt,
-        "clearance": readings.clearance[:, None],
-    }
+    columns = {name: modality.predicted(readings) for name, modality in MODALITIES.items()}
     return {
         name: [
             row if valid else None for row, valid in zip(rows.tolist(), readings.valid, strict=True)
@@ -214,29 +201,28 @@ def _plain(readings: Readings) -> dict[str, Any]:
 
 def _arrays(plain: Mapping[str, Any]) -> dict[str, Array]:
     """The same as arrays of shape (models, values); NaN for ``None``."""
-    found = {}
+    arrays = {}
     for name, rows in plain.items():
         width = max((len(row) for row in rows if row is not None), default=1)
         missing = [math.nan] * width
-        found[name] = np.array([missing if row is None else row for row in rows], dtype=float)
-    return found
+        arrays[name] = np.array([missing if row is None else row for row in rows], dtype=float)
+    return arrays
 
 
 def _median_errors(
     predicted: Sequence[Mapping[str, Array]], observations: Sequence[Observation]
-) -> Errors:
+) -> PredictionErrors:
     """Mean error of each model over the programs, then the median over the models."""
-    touch, tilt, clearance = [], [], []
-    for found, observation in zip(predicted, observations, strict=True):
-        wanted = observation.as_arrays()
-        touch.append(np.abs(found["touch"] - (wanted.touch if wanted.touch.size else math.nan)))
-        tilt.append(np.degrees(np.abs(found["tilt"] - wanted.tilt)))
-        clearance.append(1000 * np.abs(found["clearance"] - wanted.clearance))
-    return Errors(
-        touch=_median_of_means(touch),
-        tilt_deg=_median_of_means(tilt),
-        clearance_mm=_median_of_means(clearance),
-    )
+    wanted = [observation.as_arrays() for observation in observations]
+    return {
+        modality.error_name: _median_of_means(
+            [
+                modality.prediction_errors(arrays[name], one)
+                for arrays, one in zip(predicted, wanted, strict=True)
+            ]
+        )
+        for name, modality in MODALITIES.items()
+    }
 
 
 def _median_of_means(errors: Sequence[Array]) -> float | None:

@@ -132,8 +132,8 @@ class _Targets:
 
     @classmethod
     def of(cls, observations: Sequence[Observation], modalities: Sequence[str]) -> _Targets:
-        found = [item.as_arrays() for item in observations]
-        return cls(found, np.array([item.angles for item in found]), modalities)
+        observed = [item.as_arrays() for item in observations]
+        return cls(observed, np.array([item.angles for item in observed]), modalities)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:
         """The interactions of each model, the one that it fits worst first, shape (n, k)."""
@@ -165,12 +165,12 @@ class _Targets:
         return Fit(errors=largest(errors, undecided), invalid=invalid, undecided=counted)
 
     def _errors(self, readings: Readings, turns: Rows) -> Array:
-        found = np.zeros(len(turns))
+        errors = np.zeros(len(turns))
         for turn in np.unique(turns):
             rows = np.flatnonzero(turns == turn)
             target = self.observed[turn]
-            found[rows] = interaction_errors(readings[rows], target, self.modalities)
-        return found
+            errors[rows] = interaction_errors(readings[rows], target, self.modalities)
+        return errors
 
 
 def _rounds(count: int) -> list[int]:

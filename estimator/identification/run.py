@@ -18,12 +18,12 @@ from estimator.identification.exploration import rule
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.reference_check import finish
-from estimator.identification.subjective_error import check_modalities
 from estimator.physics.backends import BACKENDS, REFERENCE, OpenPhysics, abilities_of, foresight_of
 from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
+from estimator.readings.modalities.registry import MODALITIES, check_modalities
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 from estimator.storage.records import RunSettings
@@ -44,7 +44,7 @@ class Order:
     seed: int
     physics: str = "pybullet"
     explore: str = "random"
-    modalities: tuple[str, ...] = ("touch", "tilt", "clearance")
+    modalities: tuple[str, ...] = tuple(MODALITIES)
     interactions: int | None = None
     population: int | None = None
     generations: int | None = None

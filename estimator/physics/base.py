@@ -163,12 +163,12 @@ class Readings:
     @classmethod
     def concatenate(cls, pieces: Iterable[Readings]) -> Readings:
         """Joins readings of bodies with equally many touch sensors, in the order given."""
-        found = list(pieces)
-        if not found:
+        rows = list(pieces)
+        if not rows:
             return cls.empty(0, 0)
         return cls(
             **{
-                item.name: np.concatenate([getattr(piece, item.name) for piece in found])
+                item.name: np.concatenate([getattr(piece, item.name) for piece in rows])
                 for item in fields(cls)
             }
         )

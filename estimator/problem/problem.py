@@ -23,6 +23,7 @@ from estimator.physics.base import WorldSettings
 from estimator.problem.sections import Motors, PartRule, SearchSettings, Strict, WorldSection
 from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
 from estimator.problem.values import Density, Name, complaint
+from estimator.readings.modalities.registry import MODALITIES
 from protocol.text.toml import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 
@@ -246,10 +247,11 @@ class Problem(Strict):
                     f"robot {capabilities.robot!r} has no {modality} sensor: leave {modality} out "
                     "of the modalities"
                 )
-            if modality == "touch" and sensor.count != self.sensors:
+            if MODALITIES[modality].on_parts and sensor.count != self.sensors:
                 raise ProblemError(
-                    f"robot {capabilities.robot!r} has {sensor.count} touch sensors, but problem "
-                    f"{self.name!r} describes {self.sensors}: correct its parts, or leave touch out"
+                    f"robot {capabilities.robot!r} has {sensor.count} {modality} sensors, but "
+                    f"problem {self.name!r} describes {self.sensors}: correct its parts, or leave "
+                    f"{modality} out"
                 )
         known = len(capabilities.joints)
         for part in self.parts:

@@ -63,21 +63,21 @@ class Observation(BaseModel):
     robot_time: Reading | None = None
 
     @classmethod
-    def from_wire(cls, found: messages.ObservationReply, capabilities: Capabilities) -> Observation:
+    def from_wire(cls, reply: messages.ObservationReply, capabilities: Capabilities) -> Observation:
         """The same observation, with joints in motor order instead of by name."""
         sensor = capabilities.sensor("touch")
         absent: tuple[bool | None, ...] = (None,) * (sensor.count if sensor else 0)
-        tilt = (None, None) if found.tilt is None else (found.tilt[0], found.tilt[1])
+        tilt = (None, None) if reply.tilt is None else (reply.tilt[0], reply.tilt[1])
         return cls(
-            angles=in_motor_order(found.angles, capabilities),
-            touch=absent if found.touch is None else found.touch,
+            angles=in_motor_order(reply.angles, capabilities),
+            touch=absent if reply.touch is None else reply.touch,
             tilt=tilt,
-            clearance=found.clearance,
-            clearance_saturated=found.clearance_saturated,
-            settled=found.settled,
-            saturated_joints=found.saturated_joints,
-            sequence=found.sequence,
-            robot_time=found.robot_time,
+            clearance=reply.clearance,
+            clearance_saturated=reply.clearance_saturated,
+            settled=reply.settled,
+            saturated_joints=reply.saturated_joints,
+            sequence=reply.sequence,
+            robot_time=reply.robot_time,
         )
 
     def as_arrays(self) -> ObservedReadings:

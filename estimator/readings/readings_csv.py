@@ -16,20 +16,22 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from estimator.errors import ReadingsError
+from estimator.readings.modalities.base import parse_number
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from protocol.wire.field_checks import MAX_ITEMS
 
 ANGLE: Final = "angle_deg_"
-TOUCH: Final = "touch_"
-TILT: Final = ("tilt_lr_deg", "tilt_fb_deg")
-CLEARANCE: Final = "clearance_mm"
-_COLUMNS: Final = 2 * MAX_ITEMS + len(TILT) + 1
+_COLUMNS: Final = MAX_ITEMS + sum(
+    MAX_ITEMS if modality.on_parts else len(modality.columns(1)) for modality in MODALITIES.values()
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,32 +40,31 @@ class Table:
 
     Attributes:
         joints: Names of the joints that have a column, in column order.
-        touch_sensors: Number of touch columns.
-        has_tilt: Whether there is a column of either tilt.
-        has_clearance: Whether there is a clearance column.
+        counts: How many values of each modality a row tells, by the modality's name.
         observations: The rows; ``angles`` is in the order of ``joints``.
     """
 
     joints: tuple[str, ...]
-    touch_sensors: int
-    has_tilt: bool
-    has_clearance: bool
+    counts: Mapping[str, int]
     observations: tuple[Observation, ...]
 
 
 def write(path: Path, joints: Sequence[str], observations: Sequence[Observation]) -> None:
     """Writes observations whose ``angles`` are in the order of ``joints``."""
-    sensors = max((len(item.touch) for item in observations), default=0)
-    touch = [f"{TOUCH}{number}" for number in range(1, sensors + 1)]
+    modalities = MODALITIES.values()
+    header = [f"{ANGLE}{joint}" for joint in joints]
+    for modality in modalities:
+        count = max((len(modality.values(item)) for item in observations), default=0)
+        header += modality.columns(count)
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
-        rows.writerow([*(f"{ANGLE}{joint}" for joint in joints), *touch, *TILT, CLEARANCE])
+        rows.writerow(header)
         for item in observations:
-            bits = ["" if bit is None else int(bit) for bit in item.touch]
-            clearance = "" if item.clearance is None else f"{item.clearance * 1000:.4f}"
-            rows.writerow(
-                [*map(_degrees, item.angles), *bits, *map(_degrees, item.tilt), clearance]
-            )
+            angles = [f"{math.degrees(angle):.4f}" for angle in item.angles]
+            felt = [
+                modality.cell(value) for modality in modalities for value in modality.values(item)
+            ]
+            rows.writerow([*angles, *felt])
 
 
 def read(path: Path) -> Table:
@@ -88,77 +89,66 @@ def read(path: Path) -> Table:
             f"{MAX_ITEMS} touch sensors."
         )
     joints = tuple(name.removeprefix(ANGLE) for name in header if name.startswith(ANGLE))
-    sensors = sum(name.startswith(TOUCH) for name in header)
-    _check_header(path, header, sensors)
+    counts = {name: modality.count(header) for name, modality in MODALITIES.items()}
+    columns = {name: modality.columns(counts[name]) for name, modality in MODALITIES.items()}
+    _check_header(path, header, columns)
     if not rows:
         raise ReadingsError(f"{path} has no rows: write one per interaction.")
     return Table(
         joints=joints,
-        touch_sensors=sensors,
-        has_tilt=any(name in header for name in TILT),
-        has_clearance=CLEARANCE in header,
+        counts=counts,
         observations=tuple(
-            _observation(f"{path}, row {number}", header, row) for number, row in enumerate(rows, 1)
+            _observation(f"{path}, row {number}", header, row, columns)
+            for number, row in enumerate(rows, 1)
         ),
     )
 
 
-def _check_header(path: Path, header: list[str], sensors: int) -> None:
-    touch = [f"{TOUCH}{number}" for number in range(1, sensors + 1)]
+def _check_header(path: Path, header: list[str], columns: Mapping[str, Sequence[str]]) -> None:
+    felt = [column for group in columns.values() for column in group]
     for name in header:
         known = name.startswith(ANGLE) and name != ANGLE
-        if not known and name not in (*touch, *TILT, CLEARANCE):
+        if not known and name not in felt:
             raise ReadingsError(
-                f"{path}: there is no column {name!r}. Columns are {ANGLE}<joint>, {TOUCH}1 "
-                f"to {TOUCH}n, {', '.join(TILT)} and {CLEARANCE}."
+                f"{path}: there is no column {name!r}. Columns are {ANGLE}<joint>, {_offered()}."
             )
         if header.count(name) > 1:
             raise ReadingsError(f"{path}: the column {name!r} stands there twice.")
     if not any(name.startswith(ANGLE) for name in header):
         raise ReadingsError(f"{path}: no column says what was commanded; write {ANGLE}<joint>.")
     if len(header) == sum(name.startswith(ANGLE) for name in header):
-        raise ReadingsError(f"{path}: no column says what was felt; write {TOUCH}1, {TILT[0]}, …")
+        examples = (modality.columns(1)[0] for modality in MODALITIES.values())
+        raise ReadingsError(
+            f"{path}: no column says what was felt; write {', '.join(islice(examples, 2))}, …"
+        )
 
 
-def _observation(where: str, header: list[str], row: list[str]) -> Observation:
+def _offered() -> str:
+    """The columns of all modalities, as a list in a sentence."""
+    names: list[str] = []
+    for modality in MODALITIES.values():
+        columns = modality.columns(1)
+        if modality.on_parts:
+            columns = tuple(f"{column} to {column[:-1]}n" for column in columns)
+        names += columns
+    return f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def _observation(
+    where: str, header: list[str], row: list[str], columns: Mapping[str, Sequence[str]]
+) -> Observation:
     if len(row) != len(header):
         raise ReadingsError(f"{where}: has {len(row)} cells, and the header has {len(header)}.")
     cells = dict(zip(header, row, strict=True))
     angles: list[float] = []
-    touch: list[bool | None] = []
     for name, cell in cells.items():
         if name.startswith(ANGLE):
-            angle = _number(where, name, cell, -180.0, 180.0)
+            angle = parse_number(where, name, cell, -180.0, 180.0)
             if angle is None:
                 raise ReadingsError(f"{where}: {name} is empty; write the angle commanded.")
             angles.append(math.radians(angle))
-    for number in range(1, sum(name.startswith(TOUCH) for name in header) + 1):
-        cell = cells[f"{TOUCH}{number}"].strip()
-        if cell not in ("", "0", "1"):
-            raise ReadingsError(f"{where}: {TOUCH}{number} must be 0, 1 or empty, not {cell!r}.")
-        touch.append(bool(int(cell)) if cell else None)
-    lr, fb = (_number(where, name, cells.get(name, ""), -90.0, 90.0) for name in TILT)
-    clearance = _number(where, CLEARANCE, cells.get(CLEARANCE, ""), -100.0, 10_000.0)
-    return Observation(
-        angles=tuple(angles),
-        touch=tuple(touch),
-        tilt=(lr and math.radians(lr), fb and math.radians(fb)),
-        clearance=clearance and clearance / 1000,
-    )
-
-
-def _number(where: str, name: str, cell: str, least: float, largest: float) -> float | None:
-    text = cell.strip()
-    if not text:
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        raise ReadingsError(f"{where}: {name} must be a number or empty, not {text!r}.") from None
-    if not least <= value <= largest:  # also refuses NaN
-        raise ReadingsError(f"{where}: {name} must lie in {least:g} to {largest:g}, not {text}.")
-    return value
-
-
-def _degrees(angle: float | None) -> str:
-    return "" if angle is None else f"{math.degrees(angle):.4f}"
+    felt: dict[str, Any] = {}
+    for modality in MODALITIES.values():
+        named = [(column, cells.get(column, "")) for column in columns[modality.name]]
+        felt |= modality.field([modality.parse(where, *item) for item in named])
+    return Observation(angles=tuple(angles), **felt)

@@ -12,7 +12,8 @@ from rich.text import Text
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
-from estimator.evaluation.validate import Errors, Validation
+from estimator.evaluation.validate import PredictionErrors, Validation
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.result import ModelFound, Result
 
 _NOT_FELT: Final = Text("not felt", style="dim")
@@ -175,15 +176,15 @@ def _verdict(found: Configuration) -> Text:
 
 def print_validation(console: Console, validation: Validation) -> None:
     """Prediction errors beside those of models that know nothing."""
-    table = _table("models", "touch wrong (%)", "tilt (°)", "clearance (mm)")
-    groups: Sequence[tuple[str, Errors]] = (
+    table = _table("models", *(modality.heading for modality in MODALITIES.values()))
+    groups: Sequence[tuple[str, PredictionErrors]] = (
         ("best model", validation.best_model),
         ("population, median", validation.population_median),
         ("random models, median", validation.random_models),
     )
     for name, errors in groups:
-        touch = None if errors.touch is None else 100 * errors.touch
-        table.add_row(name, *map(number, (touch, errors.tilt_deg, errors.clearance_mm)))
+        shown = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())
+        table.add_row(name, *map(number, shown))
     console.print(f"Prediction error on {validation.programs} fresh motor programs:")
     console.print(table)
     if validation.invalid_predictions:

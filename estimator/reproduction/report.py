@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from estimator.physics.backends import REFERENCE
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.terminal_tables import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import Drawn
@@ -169,8 +170,9 @@ def _markdown_row(item: Summary) -> str:
         return f"| {item.run.name} | not finished |" + " |" * 8
     errors = item.validation and item.validation.best_model
     predictions = "–"
-    if errors and None not in (errors.touch, errors.tilt_deg, errors.clearance_mm):
-        predictions = f"{errors.touch:.0%}, {errors.tilt_deg:.1f}°, {errors.clearance_mm:.1f} mm"
+    if errors and None not in errors.values():
+        terms = MODALITIES.values()
+        predictions = ", ".join(one.say_error(errors[one.error_name]) for one in terms)
     score, result = item.score, item.result
     total = score.configurations_total
     searched = score.configurations_informative > 0
@@ -202,7 +204,7 @@ def _csv_row(item: Summary) -> tuple[object, ...]:
         score and score.configurations_right,
         score and score.configurations_right_up_to_equivalence,
         score and score.configurations_total,
-        *(errors and errors.touch, errors and errors.tilt_deg, errors and errors.clearance_mm),
+        *(errors and errors[modality.error_name] for modality in MODALITIES.values()),
         result and result.simulations_requested,
         result and result.simulations_run,
         result and result.simulations_invalid,

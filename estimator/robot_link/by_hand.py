@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.errors import ReadingsError
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.readings.plausibility import impossible_reading
 from estimator.readings.readings_csv import ANGLE, Table, read
@@ -28,7 +29,6 @@ from protocol.wire.capabilities import Capabilities
 
 ROBOT_FILE: Final = "robot.json"
 _SLEW: Final = math.radians(60.0)  # the paper's servos
-_CAP: Final = 0.2  # m
 
 
 def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) -> Record:
@@ -70,7 +70,7 @@ def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) 
 def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
     advice = 'write at least {"base_size": [x, y, z], "base_mass": m} there, in m and kg'
     try:
-        found = json.loads(robot.read_text("utf-8"))
+        description = json.loads(robot.read_text("utf-8"))
     except OSError as error:
         raise ReadingsError(
             f"{path} says nothing about the main body, and {robot} cannot be read "
@@ -78,48 +78,41 @@ def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
         ) from error
     except (ValueError, RecursionError) as error:
         raise ReadingsError(f"{robot} is no JSON file: {error}.") from error
-    if not isinstance(found, dict):
+    if not isinstance(description, dict):
         raise ReadingsError(f"{robot} must hold an object: {advice}.")
-    missing = [key for key in ("base_size", "base_mass") if key not in found]
+    missing = [key for key in ("base_size", "base_mass") if key not in description]
     if missing:
         raise ReadingsError(f"{robot} lacks {', '.join(missing)}: {advice}.")
     try:
-        said = Capabilities.from_map({**_assumed(found, table), **found})
+        said = Capabilities.from_map({**_assumed(description, table), **description})
     except LocalProtocolError as error:
         raise ReadingsError(f"{robot}: {error}.") from error
-    touch = said.sensor("touch")
-    if touch is not None and table.touch_sensors not in (0, touch.count):
-        raise ReadingsError(
-            f"{path} has {table.touch_sensors} touch columns, but the robot has {touch.count} such "
-            f"sensors by {robot}: write a column for each, empty where nothing was read, or none."
-        )
-    columns = {
-        "touch": table.touch_sensors > 0,
-        "tilt": table.has_tilt,
-        "clearance": table.has_clearance,
-    }
-    return replace(said, sensors=tuple(item for item in said.sensors if columns[item.modality]))
+    for sensor in said.sensors:
+        count, modality = table.counts[sensor.modality], MODALITIES[sensor.modality]
+        if modality.on_parts and count not in (0, sensor.count):
+            raise ReadingsError(
+                f"{path} has {count} {modality.name} columns, but the robot has {sensor.count} "
+                f"such sensors by {robot}: write a column for each, empty where nothing was read, "
+                "or none."
+            )
+    return replace(said, sensors=tuple(one for one in said.sensors if table.counts[one.modality]))
 
 
-def _assumed(found: dict[str, Any], table: Table) -> dict[str, Any]:
+def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
     """What a table implies about the robot, and what no one needs to know of a robot by hand."""
-    joints = found.get("joints")
+    joints = description.get("joints")
     count = len(joints) if isinstance(joints, list) else len(table.joints)
-    sensors = [
-        {"modality": "touch", "unit": "bool", "count": table.touch_sensors},
-        {"modality": "tilt", "unit": "rad", "count": 2 * table.has_tilt},
-        {
-            "modality": "clearance",
-            "unit": "m",
-            "count": int(table.has_clearance),
-            "upper": found.get("clearance_upper", _CAP),
-        },
-    ]
+    sensors = []
+    for name, modality in MODALITIES.items():
+        sensor = {"modality": name, "unit": modality.unit, "count": table.counts[name]}
+        if modality.upper is not None:
+            sensor["upper"] = description.get(f"{name}_upper", modality.upper)
+        sensors.append(sensor)
     return {
         "robot": "by hand",
         "software": "none",
         "config_hash": "none",
-        "part_radii": [found.get("part_radius", 0.006)] * count,
+        "part_radii": [description.get("part_radius", 0.006)] * count,
         "joints": [
             {"name": name, "lower": -math.pi, "upper": math.pi, "speed": _SLEW, "resolution": 0.0}
             for name in table.joints

@@ -130,13 +130,13 @@ class World(Closable):
 
     def gaps(self) -> tuple[float, ...]:
         """Distance of each touch sensor's parts from the ground, m, at most 1."""
-        found = dict.fromkeys(self._body.touch, 1.0)
+        gaps = dict.fromkeys(self._body.touch, 1.0)
         for index, name in self._sensor_of.items():
             for point in pybullet.getClosestPoints(
                 self._robot, self._ground, 1.0, index, physicsClientId=self._client
             ):
-                found[name] = min(found[name], point[8])
-        return tuple(found.values())
+                gaps[name] = min(gaps[name], point[8])
+        return tuple(gaps.values())
 
     def angles(self) -> tuple[float, ...]:
         """Where each motor's joint is, rad."""
@@ -196,7 +196,7 @@ class World(Closable):
             file.write(self._body.urdf)
         try:
             with native_output_discarded():
-                found: int = pybullet.loadURDF(
+                robot: int = pybullet.loadURDF(
                     str(self._file),
                     position,
                     orientation,
@@ -206,7 +206,7 @@ class World(Closable):
                 )
         finally:
             self._file.unlink()
-        return found
+        return robot
 
     def _index_links(self) -> None:
         joints: dict[str, int] = {}

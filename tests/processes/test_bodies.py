@@ -42,7 +42,7 @@ def whole_path(folder: Path, body: str, problem: str) -> Score:
             ):
                 found = validate(store, asked, physics, link, programs=2, listener=Listener())
                 assert found.programs == 2
-                assert found.random_models.tilt_deg is not None
+                assert found.random_models["tilt_deg"] is not None
             world = asked.settings(store.capabilities)
             with StaticsPhysics(world) as exact, closing(here("pybullet", world)) as reference:
                 return score(store, asked, body_path(body), exact, reference)

@@ -126,7 +126,7 @@ def _make_margins(sources: int) -> Any:
         reach: float,
         cosines: Array,
         sines: Array,
-        found: Array,
+        path_margins: Array,
     ) -> int:
         """Fills rows ``start`` to ``end`` of the path margins; see ``rest``."""
         work = work_space(parent.shape[1])
@@ -151,7 +151,7 @@ def _make_margins(sources: int) -> Any:
                 work.at,
             )
             settle(work, links, points, own, cosines, sines, pace, 0.0, 0.0)
-            found[row] = margin(work, links, points, own, cosines, sines, pace)
+            path_margins[row] = margin(work, links, points, own, cosines, sines, pace)
         return 0 * sources
 
     return margins

@@ -35,8 +35,8 @@ def compiled(function: _Function) -> _Function:
 
     Arithmetic is IEEE's to the letter, in the order written.
     """
-    found: _Function = _njit(**_LENT)(function)
-    return found
+    machine_code: _Function = _njit(**_LENT)(function)
+    return machine_code
 
 
 def compiled_for_vectors(function: _Function) -> _Function:
@@ -46,24 +46,24 @@ def compiled_for_vectors(function: _Function) -> _Function:
     at. Nothing may be computed in another order or precision than written, so results are the same
     to the bit wherever the mathematical library is.
     """
-    found: _Function = _njit(**_LENT, fastmath={"nnan", "nsz"})(function)
-    return found
+    machine_code: _Function = _njit(**_LENT, fastmath={"nnan", "nsz"})(function)
+    return machine_code
 
 
 def allocating(function: _Function) -> _Function:
     """A function for the kernel that makes arrays."""
-    found: _Function = _njit(**_INNER)(function)
-    return found
+    machine_code: _Function = _njit(**_INNER)(function)
+    return machine_code
 
 
 def entrance(function: _Function) -> _Function:
     """A function called from Python: releases the interpreter, and its machine code is kept."""
     options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
     try:
-        found: _Function = _njit(cache=True, **options)(function)
+        machine_code: _Function = _njit(cache=True, **options)(function)
     except RuntimeError:  # nowhere to keep it: no writable directory
-        found = _njit(**options)(function)
-    return found
+        machine_code = _njit(**options)(function)
+    return machine_code
 
 
 def stamp(folder: Path, *others: Path) -> int:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.reproduction.claims.statistics import Share, share
 from estimator.reproduction.figures.figure import Drawn, Row, write_figure
 from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
@@ -166,7 +167,5 @@ def _row(found: FinishedRun) -> Row:
         found.result.sensor_error,
         scored.true_body_error,
         scored.mean_leg_error_m,
-        errors and errors.touch,
-        errors and errors.tilt_deg,
-        errors and errors.clearance_mm,
+        *(errors and errors[modality.error_name] for modality in MODALITIES.values()),
     )

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from estimator.errors import EstimatorError
-from estimator.identification.subjective_error import check_modalities, interaction_errors, largest
+from estimator.identification.subjective_error import interaction_errors, largest
 from estimator.physics.base import Readings
+from estimator.readings.modalities.registry import check_modalities
 from estimator.readings.observation import ObservedReadings
 
 NAN = math.nan
