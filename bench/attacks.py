@@ -24,17 +24,6 @@ from protocol.transport.client import RobotClient
 
 SECONDS = 15.0
 PAUSE = 0.02  # s between two stops
-HEADS = (
-    "attack",
-    "MB before",
-    "MB at most",
-    "stops",
-    "p50, ms",
-    "p99, ms",
-    "longest, ms",
-    "SIGTERM to end, s",
-    "exit status",
-)
 _STOPPING = """
 import json, sys, time
 from bench.attacks import stops
@@ -105,11 +94,11 @@ def measure(name: str, seconds: float) -> Outcome:
     done = threading.Event()
     watcher = threading.Thread(target=_watch, args=(victim, done, outcome))
     watcher.start()
-    found, _ = client_process.communicate("go\n", timeout=seconds + 120)
+    answer_times, _ = client_process.communicate("go\n", timeout=seconds + 120)
     done.set()
     watcher.join()
     if client_process.returncode == 0:
-        outcome.stops = sorted(json.loads(found))
+        outcome.stops = sorted(json.loads(answer_times))
     begun = time.monotonic()
     robot.terminate()
     try:

@@ -39,17 +39,17 @@ def daemon(module: str, *options: str) -> Iterator[Daemon]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    found = Daemon(psutil.Process(process.pid))
+    started = Daemon(psutil.Process(process.pid))
     ready = threading.Event()
 
     def listen() -> None:
         assert process.stderr is not None
         for line in process.stderr:
-            found.log.append(line)
+            started.log.append(line)
             if match := re.search(r"injected at (\S+)", line):
-                found.control = match[1]
+                started.control = match[1]
             if match := re.search(r"serving .*? on (tcp://[^\s,]+)", line):
-                found.uri = match[1]
+                started.uri = match[1]
                 ready.set()
         ready.set()
 
@@ -57,9 +57,9 @@ def daemon(module: str, *options: str) -> Iterator[Daemon]:
     listener.start()
     try:
         ready.wait(60)
-        if not found.uri:
-            raise RuntimeError(f"{module} did not start:\n{''.join(found.log)}")
-        yield found
+        if not started.uri:
+            raise RuntimeError(f"{module} did not start:\n{''.join(started.log)}")
+        yield started
     finally:
         process.terminate()
         try:

@@ -63,7 +63,7 @@ class Excused:
 def count(directory: Path) -> Excused:
     """Goes through the generations of a run."""
     rng = np.random.default_rng(0)
-    found = Excused()
+    counted = Excused()
     with RunStore.open(directory, to_write=False) as store:
         problem, settings = problem_of(store), store.settings
         genome = Genome(problem, problem.base(store.capabilities))
@@ -76,7 +76,7 @@ def count(directory: Path) -> Excused:
                 readings = physics.read([(body, target.angles) for target in known])
                 balanced = np.flatnonzero(readings.undecided & readings.valid)
                 if not balanced.size:
-                    found += Excused(generations=1)
+                    counted += Excused(generations=1)
                     continue
                 near = np.clip(genes + rng.normal(0, NEAR, (NEIGHBOURS, len(genes))), 0, 1)
                 hides = False
@@ -87,8 +87,8 @@ def count(directory: Path) -> Excused:
                     hides |= _least(errors, around.undecided) > min(item.errors)
                 end = item.number % (settings.generations + 1) == settings.generations
                 last = item.number == len(generations) - 1
-                found += Excused(1, 1, int(hides), int(end), int(last))
-    return found
+                counted += Excused(1, 1, int(hides), int(end), int(last))
+    return counted
 
 
 def _least(errors: Array, undecided: Flags) -> float:
@@ -99,9 +99,9 @@ def main(arguments: Sequence[str]) -> None:
     """Prints the counts of each run, and their total."""
     total = Excused()
     for name in arguments:
-        found = count(Path(name))
-        print(f"{name}: {found}", flush=True)
-        total += found
+        of_run = count(Path(name))
+        print(f"{name}: {of_run}", flush=True)
+        total += of_run
     print(f"total: {total}")
 
 

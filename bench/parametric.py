@@ -45,8 +45,8 @@ def _robot(seed: int) -> Iterator[str]:
         assert process.stderr is not None
         try:
             for line in process.stderr:
-                if found := re.search(r"serving \S+ on (tcp://[^\s,]+)", line):
-                    yield found[1]
+                if match := re.search(r"serving \S+ on (tcp://[^\s,]+)", line):
+                    yield match[1]
                     return
             raise SystemExit("sim-robotd did not start")
         finally:
@@ -123,8 +123,8 @@ def _table(runs: dict[int, dict[str, Any]]) -> list[str]:
     touched: list[float] = []
     never: list[float] = []
     signed: list[float] = []
-    for seed, found in runs.items():
-        score = found["score"]
+    for seed, run in runs.items():
+        score = run["score"]
         errors = [1000 * error for error in score["leg_errors_m"]]
         mine = [error for error, bit in zip(errors, score["touched"], strict=True) if bit]
         others = [error for error, bit in zip(errors, score["touched"], strict=True) if not bit]
@@ -133,7 +133,7 @@ def _table(runs: dict[int, dict[str, Any]]) -> list[str]:
         signed.append(1000 * statistics.mean(score["leg_errors_signed_m"]))
         rows.append(
             f"| {seed} | {statistics.mean(errors):.1f} | {_mean(mine)} | {_mean(others)} "
-            f"| {signed[-1]:+.1f} | {found['result']['sensor_error']:.2f} |"
+            f"| {signed[-1]:+.1f} | {run['result']['sensor_error']:.2f} |"
         )
     everything = touched + never
     rows.append(
@@ -159,9 +159,9 @@ def _predictions(runs: dict[int, dict[str, Any]]) -> list[str]:
         ("population_median", "population, median"),
         ("random_models", "random models, median"),
     ):
-        found = [run["validation"][key] for run in runs.values()]
+        predictions = [run["validation"][key] for run in runs.values()]
         touch, tilt, clearance = (
-            statistics.mean(item[field] for item in found)
+            statistics.mean(item[field] for item in predictions)
             for field in ("touch", "tilt_deg", "clearance_mm")
         )
         rows.append(f"| {name} | {100 * touch:.1f} | {tilt:.2f} | {clearance:.1f} |")

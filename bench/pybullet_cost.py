@@ -129,10 +129,10 @@ def _search_in_pool(jobs: int) -> float:
 def main() -> None:
     """Prints the ratio to the plain loop, where it comes from, and the efficiency of two cores."""
     plain = _in_process(plain_loop)
-    found = _in_process(_search_here)
+    searched = _in_process(_search_here)
     assert isinstance(plain, float)
-    assert isinstance(found, tuple)
-    requested, run, seconds = found
+    assert isinstance(searched, tuple)
+    requested, run, seconds = searched
     rate = requested / seconds
     print(f"PyBullet, plain loop: {plain:.0f} simulations per CPU second")
     print(

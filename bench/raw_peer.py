@@ -50,13 +50,13 @@ class RawPeer:
         self.socket.close()
 
     def _take(self, size: int) -> bytes:
-        found = b""
-        while len(found) < size:
-            piece = self.socket.recv(size - len(found))
+        data = b""
+        while len(data) < size:
+            piece = self.socket.recv(size - len(data))
             if not piece:
                 raise ConnectionError("the robot hung up")
-            found += piece
-        return found
+            data += piece
+        return data
 
 
 def frame(body: bytes, flags: int = 0) -> bytes:

@@ -37,19 +37,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     }
     try:
         _simulate_missing(work, options.jobs, console)
-        compared = [_compared(found, options.bodies) for found in work.values()]
+        compared = [_compared(finished, options.bodies) for finished in work.values()]
         causes = _explain(compared, work, options.seed, console)
     except KeyboardInterrupt:
         console.print("Interrupted: the same command goes on from here.")
         return 130
-    found = [figures(item) for item in compared]
+    problems = [figures(item) for item in compared]
     command = f"make compare-engines BODIES={options.bodies} SEED={options.seed}"
-    measured = tables(found, causes, command)
+    measured = tables(problems, causes, command)
     options.out.mkdir(parents=True, exist_ok=True)
-    report = {"command": command, "problems": found, "disagreements": causes}
+    report = {"command": command, "problems": problems, "disagreements": causes}
     (options.out / "engines.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
     (options.out / "engines.md").write_text(measured, encoding="utf-8")
-    write_csv(options.out / "engines.csv", found)
+    write_csv(options.out / "engines.csv", problems)
     for name, plot in _PICTURES:
         plot(options.out / name, compared)
         if options.publish:
@@ -86,7 +86,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _simulate_missing(work: dict[str, list[Piece]], jobs: int, console: Console) -> None:
-    everything = [piece for found in work.values() for piece in found]
+    everything = [piece for of_problem in work.values() for piece in of_problem]
     everything.sort(key=lambda piece: piece.start)  # all problems grow alike
     missing = [piece for piece in everything if not piece.path.exists()]
     if not missing:
@@ -97,29 +97,29 @@ def _simulate_missing(work: dict[str, list[Piece]], jobs: int, console: Console)
         simulate(missing, jobs, lambda: progress.advance(task))
 
 
-def _compared(found: list[Piece], bodies: int) -> Compared:
-    problem, seed = found[0].problem, found[0].seed
+def _compared(finished: list[Piece], bodies: int) -> Compared:
+    problem, seed = finished[0].problem, finished[0].seed
     pairs = [draw(problem, seed, number)[1] for number in range(bodies)]
     with StaticsPhysics() as physics:
         return Compared(
             problem=problem,
             statics=physics.read(pairs),
             margins=physics.path_margins(pairs),
-            simulated=load(found, bodies),
+            simulated=load(finished, bodies),
         )
 
 
 def _explain(
     compared: Sequence[Compared], work: dict[str, list[Piece]], seed: int, console: Console
 ) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
+    causes: list[dict[str, Any]] = []
     with _progress(console) as progress:
         total = sum(len(item.disagreements()) for item in compared)
         task = progress.add_task("disagreements explained", total=total)
         for item in compared:
             memory = work[item.problem][0].path.parent / "causes.json"
-            found += list_causes(item, seed, memory, lambda: progress.advance(task))
-    return found
+            causes += list_causes(item, seed, memory, lambda: progress.advance(task))
+    return causes
 
 
 def _progress(console: Console) -> Progress:

@@ -36,8 +36,8 @@ def cause(pair: Pair, computed: Readings, trials: Mapping[str, WorldSettings] = 
     """
     for name, settings in trials.items():
         with PyBulletPhysics(settings) as physics:
-            found = physics.read([pair])
-        if found.valid[0] and differences(computed, found)[0] <= CLOSE:
+            readings = physics.read([pair])
+        if readings.valid[0] and differences(computed, readings)[0] <= CLOSE:
             return name
     return UNEXPLAINED
 
@@ -57,7 +57,7 @@ def list_causes(
     suspects = set(compared.suspects())
     rows = compared.disagreements()
     own = _own(compared, seed, rows)
-    found = []
+    disagreements = []
     for row in rows:
         tilt = np.degrees(compared.statics.tilt[row])
         key = f"{row} {tilt.round(2).tolist()}"
@@ -70,7 +70,7 @@ def list_causes(
         name = OWN if row in own else known[key]
         if name == UNEXPLAINED:
             name = _shown(compared, row) or UNEXPLAINED
-        found.append(
+        disagreements.append(
             {
                 "problem": compared.problem,
                 "seed": seed,
@@ -85,14 +85,14 @@ def list_causes(
             }
         )
         done()
-    return found
+    return disagreements
 
 
 def _own(compared: Compared, seed: int, rows: Sequence[int]) -> set[int]:
     """The rows on which statics with finer steps lies as the reference says."""
     with StaticsPhysics(pace=_FINER) as physics:
-        found = physics.read([draw(compared.problem, seed, row)[1] for row in rows])
-    apart = differences(found, compared.simulated["fine"][np.array(rows, dtype=int)])
+        readings = physics.read([draw(compared.problem, seed, row)[1] for row in rows])
+    apart = differences(readings, compared.simulated["fine"][np.array(rows, dtype=int)])
     return {row for row, angle in zip(rows, apart, strict=True) if angle <= CLOSE}
 
 

@@ -56,8 +56,8 @@ class Compared:
 
     def disagreements(self) -> list[int]:
         """Bodies on which statics and the reference, ``fine``, disagree."""
-        found = self.counted("fine") & (self.differences("fine") > CLOSE)
-        return [int(row) for row in np.flatnonzero(found)]
+        apart = self.counted("fine") & (self.differences("fine") > CLOSE)
+        return [int(row) for row in np.flatnonzero(apart)]
 
     def suspects(self) -> list[int]:
         """Those of them with large margins on which the engines agree with each other."""
@@ -69,8 +69,8 @@ class Compared:
 
 def differences(one: Readings, other: Readings) -> Array:
     """The larger difference of the two tilts, degrees, shape (n,)."""
-    found: Array = np.degrees(np.max(np.abs(one.tilt - other.tilt), axis=1, initial=0.0))
-    return found
+    angles: Array = np.degrees(np.max(np.abs(one.tilt - other.tilt), axis=1, initial=0.0))
+    return angles
 
 
 def share(close: Flags) -> dict[str, float]:

@@ -16,45 +16,47 @@ _BEGIN: Final = "<!-- measured: begin (make compare-engines writes from here) --
 _END: Final = "<!-- measured: end -->"
 
 
-def tables(found: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]], command: str) -> str:
+def tables(
+    figures: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]], command: str
+) -> str:
     """All tables.
 
     Args:
-        found: Figures of each problem.
+        figures: Figures of each problem.
         causes: Disagreements of all problems.
         command: What was run.
     """
-    sizes = ", ".join(f"{item['bodies']} ({item['problem']})" for item in found)
+    sizes = ", ".join(f"{item['bodies']} ({item['problem']})" for item in figures)
     lines = [f"`{command}`; random bodies, each with a random motor program: {sizes}.", ""]
     lines += [
         "Share of valid, decided poses whose tilt statics and the engine agree on within 0.5°, "
         "with its 95 % interval:",
         "",
-        _row("", *(item["problem"] for item in found)),
-        _rule(len(found)),
+        _row("", *(item["problem"] for item in figures)),
+        _rule(len(figures)),
     ]
     for run in RIVALS:
-        cells = (_interval(item["statics_and"][run]["within"]) for item in found)
+        cells = (_interval(item["statics_and"][run]["within"]) for item in figures)
         lines.append(_row(RUNS[run].label, *cells))
     lines += [
         "",
         "The same among the 85 % of poses with the largest path margin (more, where margins tie):",
         "",
     ]
-    lines += [_row("", *(item["problem"] for item in found)), _rule(len(found))]
+    lines += [_row("", *(item["problem"] for item in figures)), _rule(len(figures))]
     for run in RIVALS:
-        cells = (_interval(item["statics_and"][run]["within_where_sure"]) for item in found)
+        cells = (_interval(item["statics_and"][run]["within_where_sure"]) for item in figures)
         lines.append(_row(RUNS[run].label, *cells))
     lines += ["", "The ceiling: how far an engine agrees with itself, or another engine with it:"]
-    lines += ["", _row("", *(item["problem"] for item in found)), _rule(len(found))]
+    lines += ["", _row("", *(item["problem"] for item in figures)), _rule(len(figures))]
     for name, _, _, label in CEILINGS:
-        cells = (_interval(item["ceilings"][name]["within"]) for item in found)
+        cells = (_interval(item["ceilings"][name]["within"]) for item in figures)
         lines.append(_row(label, *cells))
-    lines += ["", *_details(found), "", *_causes(found, causes)]
+    lines += ["", *_details(figures), "", *_causes(figures, causes)]
     return "\n".join(lines) + "\n"
 
 
-def _details(found: Sequence[dict[str, Any]]) -> list[str]:
+def _details(figures: Sequence[dict[str, Any]]) -> list[str]:
     lines = [
         "Statics and each engine in detail. *Moving*: the main body is faster than 1 mm/s at the "
         "end; *touch*: share of touch bits that are alike.",
@@ -63,7 +65,7 @@ def _details(found: Sequence[dict[str, Any]]) -> list[str]:
         "| touch | within 0.5°, those at rest |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
-    for item in found:
+    for item in figures:
         for run in RIVALS:
             one = item["statics_and"][run]
             lines.append(
@@ -83,13 +85,13 @@ def _details(found: Sequence[dict[str, Any]]) -> list[str]:
     lines += [
         f"{item['problem']}: {item['undecided']} of {item['bodies']} poses are undecided; 85 % of "
         f"the others have a path margin above {item['margin_of_85_percent_deg']:.1f}°.  "
-        for item in found
+        for item in figures
     ]
     return lines
 
 
-def _causes(found: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]]) -> list[str]:
-    problems = [item["problem"] for item in found]
+def _causes(figures: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]]) -> list[str]:
+    problems = [item["problem"] for item in figures]
     counts = Counter((item["cause"], item["problem"]) for item in causes)
     totals = Counter(item["cause"] for item in causes)
     lines = [
@@ -125,12 +127,12 @@ def _causes(found: Sequence[dict[str, Any]], causes: Sequence[dict[str, Any]]) -
     return lines
 
 
-def write_csv(path: Path, found: Sequence[dict[str, Any]]) -> None:
+def write_csv(path: Path, figures: Sequence[dict[str, Any]]) -> None:
     """One row per problem and pair: share within 0.5° and its interval."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["problem", "pair", "n", "share", "low", "high", "median_deg", "touch"])
-        for item in found:
+        for item in figures:
             sides = {f"statics and {run}": one for run, one in item["statics_and"].items()}
             for name, one in {**sides, **item["ceilings"]}.items():
                 numbers = [*one["within"].values(), one["median_deg"], one["touch_alike"]]

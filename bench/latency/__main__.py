@@ -174,8 +174,8 @@ def _probe(robot: Daemon, mirror: str, requests: int, outcome: LatencyFigures) -
         check=True,
     )
     after, passed = robot.process.cpu_times(), time.monotonic() - start
-    found = json.loads(done.stdout)
-    outcome.robot, outcome.echo = sorted(found["robot"]), sorted(found["echo"])
+    answers = json.loads(done.stdout)
+    outcome.robot, outcome.echo = sorted(answers["robot"]), sorted(answers["echo"])
     spent = after.user + after.system - before.user - before.system
     outcome.share = 100 * spent / passed
 

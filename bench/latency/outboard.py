@@ -62,15 +62,15 @@ def main() -> None:
 
 def watch_writes(line: serial.Serial) -> list[tuple[float, str]]:
     """When each line is handed to the kernel, s, and what it says; grows as it goes."""
-    found: list[tuple[float, str]] = []
+    writes: list[tuple[float, str]] = []
     write = line.write
 
     def watched(data: bytes) -> int | None:
-        found.append((time.perf_counter(), data.decode("ascii")))
+        writes.append((time.perf_counter(), data.decode("ascii")))
         return write(data)
 
     line.write = watched  # type: ignore[method-assign, assignment]
-    return found
+    return writes
 
 
 if __name__ == "__main__":

@@ -36,10 +36,10 @@ def main() -> None:
         poller.register(wire, zmq.POLLIN)
     answers, ready, due = 0, False, time.monotonic() + 1
     while True:
-        found = dict(poller.poll(max(0, round(1000 * (due - time.monotonic())))))
-        if sys.stdin.fileno() in found:
+        readable = dict(poller.poll(max(0, round(1000 * (due - time.monotonic())))))
+        if sys.stdin.fileno() in readable:
             break
-        for wire in found:
+        for wire in readable:
             if wire in listeners:
                 listeners[wire] += len(wire.recv_multipart()) == 2
                 continue

@@ -51,16 +51,16 @@ def main() -> int:
         )
 
     start = time.monotonic()
-    with soak(options.seed) as found:
+    with soak(options.seed) as trial:
         try:
-            found.run(options.hours, every=options.hours / 24, deaths=DEATHS, tell=tell)
+            trial.run(options.hours, every=options.hours / 24, deaths=DEATHS, tell=tell)
         except InvariantBroken as error:
             print(f"broken: {error}", file=sys.stderr)
             return 1
-    counted = ", ".join(f"{number} {name}" for name, number in sorted(found.counts.items()))
-    memory = growth(found.samples, lambda sample: sample.memory)
-    descriptors = growth(found.samples, lambda sample: sample.descriptors)
-    latency = growth(found.samples, lambda sample: sample.latency)
+    counted = ", ".join(f"{number} {name}" for name, number in sorted(trial.counts.items()))
+    memory = growth(trial.samples, lambda sample: sample.memory)
+    descriptors = growth(trial.samples, lambda sample: sample.descriptors)
+    latency = growth(trial.samples, lambda sample: sample.latency)
     print(f"\n{counted}; {time.monotonic() - start:.0f} s of real time\n")
     print(
         f"Last third against second: memory {memory:+.2f} MB, descriptors {descriptors:+.0f}, "

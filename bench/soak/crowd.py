@@ -287,13 +287,13 @@ class Crowd:
         before = self._faults.report()["interactions"]
         while True:
             try:
-                found = self._client.perform(targets, request_id=number)
+                reply = self._client.perform(targets, request_id=number)
                 break
             except RobotUnreachableError:  # only on a bad network: ask again, under the same id
                 self.counts["asked again"] += 1
         after = self._faults.report()["interactions"]
         self._demand(after == before + 1, f"{after - before} interactions for one request")
-        return found
+        return reply
 
     def _take(self, seen: ObservationReply, *, stiff: bool = True) -> None:
         last = self._last

@@ -51,14 +51,14 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
     origins, rotations = part_frames(morphology, planar)
     far = tips(morphology, planar)
     groups = morphology.rigid_groups
-    found = []
+    unordered = []
     for root in sorted(set(groups)):
         members = [index for index, group in enumerate(groups) if group == root]
         part = morphology.parts[root]
         along = rotations[root, :, 0]
         sensors = (morphology.parts[index].sensor for index in members)
         parent = None if part.parent == BASE else morphology.parts[groups[part.parent]].motor
-        found.append(
+        unordered.append(
             Limb(
                 motor=part.motor,
                 parent=BASE if parent is None else parent,
@@ -68,7 +68,7 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
                 sensors=tuple(sorted(sensor for sensor in sensors if sensor is not None)),
             )
         )
-    return tuple(sorted(found, key=lambda limb: (limb.motor is None, limb.motor or 0)))
+    return tuple(sorted(unordered, key=lambda limb: (limb.motor is None, limb.motor or 0)))
 
 
 def driven_limbs(body: Morphology) -> tuple[Limb, ...]:

@@ -149,14 +149,14 @@ class Morphology:
 
         Without parts it is half the main body's longest edge.
         """
-        found = 0.5 * max(self.base.size)
+        reach = 0.5 * max(self.base.size)
         roots: list[float] = []
         for part in self.parts:
             parent = None if part.parent == BASE else self.parts[part.parent]
             root = math.hypot(*attachment(self.base, parent, part.side))
             roots.append(root if parent is None else roots[part.parent] + root)
-            found = max(found, roots[-1] + part.length)
-        return found
+            reach = max(reach, roots[-1] + part.length)
+        return reach
 
     @cached_property
     def motors(self) -> int:
@@ -240,8 +240,8 @@ def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
     """Outermost point of each part in the body frame, m, shape (parts, 3)."""
     origins, rotations = part_frames(morphology, program)
     lengths = np.array([part.length for part in morphology.parts], dtype=float)
-    found: Array = origins + lengths[:, None] * rotations[:, :, 0]
-    return found
+    far_ends: Array = origins + lengths[:, None] * rotations[:, :, 0]
+    return far_ends
 
 
 def rotation(axis: tuple[float, float, float], angle: float) -> Array:

@@ -167,7 +167,7 @@ class Cluster:
     def _look_for_scheduler(self) -> None:
         """A client of Dask's own would take long, and be untidy, about finding none."""
         try:
-            found = asyncio.run(_who_answers(self._dask, self._address))
+            server = asyncio.run(_who_answers(self._dask, self._address))
         except (ValueError, TypeError) as error:
             raise ClusterError(
                 f"{self._address!r} is no address of a Dask scheduler ({error}): write "
@@ -178,9 +178,9 @@ class Cluster:
                 f"No Dask scheduler answers at {self._address}: start one there with "
                 "`dask scheduler`."
             ) from error
-        if found != "Scheduler":
+        if server != "Scheduler":
             raise ClusterError(
-                f"At {self._address} there is no Dask scheduler, but a {found.lower()}: give the "
+                f"At {self._address} there is no Dask scheduler, but a {server.lower()}: give the "
                 "scheduler's address."
             )
 
@@ -208,11 +208,11 @@ class Cluster:
     def _check_everybody(self) -> None:
         """Compares the scheduler and all workers with this computer."""
         client, scheduler = self._client, f"The Dask scheduler at {self._address}"
-        found = self._ask(lambda: client.get_versions(packages=list(_COMPUTING)))
-        known = found["client"]["packages"]  # first what those can tell who do not know our code
+        versions = self._ask(lambda: client.get_versions(packages=list(_COMPUTING)))
+        known = versions["client"]["packages"]  # first what those can tell who do not know our code
         ours = {name: known[name] for name in _COMPARED if name in known}
-        _compare(scheduler, found["scheduler"]["packages"], ours)
-        for address, its in found["workers"].items():
+        _compare(scheduler, versions["scheduler"]["packages"], ours)
+        for address, its in versions["workers"].items():
             _compare(f"Worker {address}", its["packages"], ours)
         for address, threads in self._ask(client.nthreads).items():
             _check_threads(address, threads)
@@ -268,8 +268,8 @@ def _compare(who: str, theirs: _Versions, ours: _Versions) -> None:
 def _identity() -> _Versions:
     """Everything that results could depend on."""
     versions = importlib.import_module("distributed.versions")
-    found = versions.get_versions(packages=_COMPUTING)["packages"]
-    return {name: found[name] for name in _COMPARED} | {_CODE: _code()} | installed_packages()
+    packages = versions.get_versions(packages=_COMPUTING)["packages"]
+    return {name: packages[name] for name in _COMPARED} | {_CODE: _code()} | installed_packages()
 
 
 def _code() -> str:

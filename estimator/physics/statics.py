@@ -159,7 +159,7 @@ class StaticsPhysics(BackEnd):
         Raises:
             PhysicsError: The programs have a wrong shape or are not finite.
         """
-        found = np.zeros(len(bodies))
+        margins = np.zeros(len(bodies))
         self._share_out(
             self._kernel.margins,
             len(bodies),
@@ -173,10 +173,10 @@ class StaticsPhysics(BackEnd):
                 bodies.radius,
                 bodies.base,
                 *self._slew(_checked_programs(bodies, programs)),
-                found,
+                margins,
             ),
         )
-        return found
+        return margins
 
     def _slew(self, programs: Array) -> tuple[Array, float, float, Array, Array]:
         """Programs, turn per step, farthest turn, and cosine and sine after each step."""

@@ -194,7 +194,7 @@ class Problem(Strict):
             ProblemError: A joint that must be driven is missing or cannot reach the range.
         """
         joints = capabilities.joints
-        found = np.zeros((len(joints), 2))
+        limits = np.zeros((len(joints), 2))
         for motor in self.motors.driven:
             if motor >= len(joints):
                 raise ProblemError(
@@ -210,8 +210,8 @@ class Problem(Strict):
                     f"{joint.name!r}, {math.degrees(joint.lower):.1f} to "
                     f"{math.degrees(joint.upper):.1f} degrees"
                 )
-            found[motor] = low, high
-        return found
+            limits[motor] = low, high
+        return limits
 
     def random_program(self, rng: np.random.Generator, capabilities: Capabilities) -> Array:
         """A motor program drawn at random: one target per joint, rad; 0 where not driven.

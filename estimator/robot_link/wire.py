@@ -66,12 +66,12 @@ class WireLink:
     ) -> Observation:
         """Performs a motor program under the id that was reserved for it."""
         assert ticket is not None
-        found = self._client.perform(
+        reply = self._client.perform(
             by_joint_name(program, self.capabilities),
             request_id=ticket.request_id,
             on_progress=lambda progress: on_progress(progress.phase, progress.fraction),
         )
-        return self._observation(found)
+        return self._observation(reply)
 
     def outcome(
         self, program: Program, ticket: Ticket, on_progress: OnProgress
@@ -94,18 +94,18 @@ class WireLink:
         """Gives the robot back; a motion that is still under way ends where it is."""
         self._client.close()
 
-    def _observation(self, found: messages.ObservationReply) -> Observation:
+    def _observation(self, reply: messages.ObservationReply) -> Observation:
         names = [joint.name for joint in self.capabilities.joints]
-        if set(found.angles) != set(names):
+        if set(reply.angles) != set(names):
             raise self._disbelief(
-                f"angles of {', '.join(found.angles)}, but its joints are {', '.join(names)}"
+                f"angles of {', '.join(reply.angles)}, but its joints are {', '.join(names)}"
             )
-        unknown = [name for name in found.saturated_joints if name not in names]
+        unknown = [name for name in reply.saturated_joints if name not in names]
         if unknown:
             raise self._disbelief(
                 f"{', '.join(unknown)} at an end, but its joints are {', '.join(names)}"
             )
-        observation = Observation.from_wire(found, self.capabilities)
+        observation = Observation.from_wire(reply, self.capabilities)
         wrong = impossible_reading(observation, self.capabilities)
         if wrong is not None:
             raise self._disbelief(wrong)

@@ -27,14 +27,14 @@ def lock(directory: Path, name: str) -> int:
     except OSError as error:
         raise RunDirectoryError(f"{directory} cannot be made: {error.strerror}.") from error
     try:
-        found = os.open(directory / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = os.open(directory / name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
     except OSError as error:
         raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
     try:
-        fcntl.flock(found, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
-        os.close(found)
+        os.close(descriptor)
         raise RunDirectoryError(
             f"Another process works on {directory}: let it finish or end it first."
         ) from None
-    return found
+    return descriptor

@@ -128,8 +128,8 @@ class RunStore:
         try:
             with reading(directory):
                 database = connect(directory)
-                found = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
-                written = json.loads(found[0])
+                row = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
+                written = json.loads(row[0])
             if written != FORMAT:
                 raise RunDirectoryError(
                     f"{directory} was written in run format {written}, and this version reads "
@@ -300,7 +300,7 @@ class RunStore:
 
     def validations(self) -> list[list[Prediction]]:
         """The predictions of each validation, with what came of them so far."""
-        found: dict[int, list[Prediction]] = {}
+        by_validation: dict[int, list[Prediction]] = {}
         with reading(self.directory):
             rows = self._database.execute(
                 "SELECT validation, readings, program, request_id, session, observation "
@@ -310,8 +310,8 @@ class RunStore:
                 prediction = Prediction(
                     readings=json.loads(readings), **self._performed(*performed)
                 )
-                found.setdefault(validation, []).append(prediction)
-        return list(found.values())
+                by_validation.setdefault(validation, []).append(prediction)
+        return list(by_validation.values())
 
     def _performed(
         self, program: str, request_id: int | None, session: str | None, observation: str | None

@@ -37,27 +37,27 @@ def four_legs(length: float) -> Morphology:
 
 def readings(tilts: list[float]) -> Readings:
     """Poses that differ in one tilt, degrees; everything else is alike."""
-    found = Readings.empty(len(tilts), 1)
-    found.tilt[:, 0] = np.radians(tilts)
-    found.valid[:] = True
-    return found
+    felt = Readings.empty(len(tilts), 1)
+    felt.tilt[:, 0] = np.radians(tilts)
+    felt.valid[:] = True
+    return felt
 
 
 def test_mujoco_lifts_a_body_as_geometry_says() -> None:
     with MuJoCoPhysics(FINE) as physics:
-        found = physics.read([(four_legs(0.15), np.radians([-30.0] * 4))])
+        felt = physics.read([(four_legs(0.15), np.radians([-30.0] * 4))])
     lift = (0.15 - 0.006) * math.sin(math.radians(30)) + 0.006 - 0.085 / 2
-    assert found.clearance == pytest.approx([lift], abs=3e-4)
-    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
-    assert found.valid.all()
-    assert found.touch.all()
+    assert felt.clearance == pytest.approx([lift], abs=3e-4)
+    assert felt.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
+    assert felt.valid.all()
+    assert felt.touch.all()
 
 
 def test_a_body_without_joints_lies_flat_in_mujoco() -> None:
     with MuJoCoPhysics(replace(FINE, steps=50)) as physics:
-        found = physics.read([(Morphology(base=BODY, parts=(), density=1.0), np.zeros(0))])
-    assert found.clearance == pytest.approx([0.0], abs=1e-4)
-    assert found.valid.all()
+        felt = physics.read([(Morphology(base=BODY, parts=(), density=1.0), np.zeros(0))])
+    assert felt.clearance == pytest.approx([0.0], abs=1e-4)
+    assert felt.valid.all()
 
 
 def test_mujoco_agrees_with_statics_on_sure_trees() -> None:
@@ -67,18 +67,18 @@ def test_mujoco_agrees_with_statics_on_sure_trees() -> None:
         sure = [pairs[row] for row in np.argsort(-statics.path_margins(pairs))[:6]]
         computed = statics.read(sure)
     with MuJoCoPhysics(FINE) as physics:
-        found = physics.read(sure)
-    assert found.valid.all()
-    assert np.median(differences(computed, found)) < 0.1
-    assert np.mean(computed.touch == found.touch) > 0.9
+        simulated = physics.read(sure)
+    assert simulated.valid.all()
+    assert np.median(differences(computed, simulated)) < 0.1
+    assert np.mean(computed.touch == simulated.touch) > 0.9
     assert np.ptp(computed.tilt) > math.radians(5)  # not all of them flat
 
 
 def test_a_step_too_few_for_the_slew_is_no_valid_reading() -> None:
     with MuJoCoPhysics(replace(FINE, steps=60)) as physics:
-        found = physics.read([(four_legs(0.1), np.radians([30.0] * 4))])
-    assert not found.valid.any()
-    assert found.joint_miss > math.radians(10)
+        felt = physics.read([(four_legs(0.1), np.radians([30.0] * 4))])
+    assert not felt.valid.any()
+    assert felt.joint_miss > math.radians(10)
 
 
 @pytest.mark.parametrize("problem", PROBLEMS)
@@ -109,10 +109,10 @@ def test_ceilings_name_runs_that_exist() -> None:
 
 
 def test_wilson_interval() -> None:
-    found = share(np.ones(10, dtype=bool))
-    assert found["share"] == 1
-    assert found["low"] == pytest.approx(0.7225, abs=1e-4)
-    assert found["high"] == pytest.approx(1)
+    interval = share(np.ones(10, dtype=bool))
+    assert interval["share"] == 1
+    assert interval["low"] == pytest.approx(0.7225, abs=1e-4)
+    assert interval["high"] == pytest.approx(1)
     assert math.isnan(share(np.zeros(0, dtype=bool))["share"])
 
 
@@ -173,9 +173,9 @@ def test_a_fork_that_the_steps_of_statics_miss_is_its_own_fault(tmp_path: Path) 
         margins=np.zeros(len(pairs)),
         simulated=dict.fromkeys(RUNS, engine),
     )
-    found = list_causes(compared, 1, tmp_path / "causes.json", lambda: None)
-    assert [item["body"] for item in found][-1] == 4723
-    assert {item["cause"] for item in found} == {OWN}
+    disagreements = list_causes(compared, 1, tmp_path / "causes.json", lambda: None)
+    assert [item["body"] for item in disagreements][-1] == 4723
+    assert {item["cause"] for item in disagreements} == {OWN}
 
 
 def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -58,8 +58,8 @@ class Process:
     def wait_for(self, line: str) -> None:
         """Returns once it has written a line."""
         with self._changed:
-            found = self._changed.wait_for(lambda: line in "".join(self._log), 50)
-        assert found, "".join(self._log)
+            printed = self._changed.wait_for(lambda: line in "".join(self._log), 50)
+        assert printed, "".join(self._log)
 
     def ends_within(self, seconds: float) -> bool:
         try:
@@ -79,8 +79,8 @@ class Process:
             for line in lines:
                 with self._changed:
                     self._log.append(line)
-                    if found := _SCHEDULER.search(line) or _WORKER.search(line):
-                        self.address = found[1]
+                    if match := _SCHEDULER.search(line) or _WORKER.search(line):
+                        self.address = match[1]
                     self._changed.notify_all()
 
 
@@ -126,11 +126,11 @@ class Dask:
 
 @contextmanager
 def dask(folder: Path) -> Iterator[Dask]:
-    found = Dask(folder)
+    cluster = Dask(folder)
     try:
-        yield found
+        yield cluster
     finally:
-        found.close()
+        cluster.close()
 
 
 class HeldPhysics(PyBulletPhysics):

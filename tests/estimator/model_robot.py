@@ -124,8 +124,8 @@ class ModelRobot:
 
     def events(self) -> list[RobotEvent]:
         with self._lock:
-            found, self._events = self._events, []
-        return found
+            events, self._events = self._events, []
+        return events
 
     def set_notify(self, notify: Callable[[], None]) -> None:
         self._notify = notify

@@ -26,14 +26,14 @@ _SAME = 1e-9  # relative; how much nearer a point must be to be called nearer
 @compiled_for_vectors
 def depth(points: Array, count: int, up_x: float, up_y: float, up_z: float) -> float:
     """How far the lowest point lies below the body's origin, m."""
-    found = -math.inf
+    deepest = -math.inf
     for point in range(count):
         below = points[3, point] - (
             up_x * points[0, point] + up_y * points[1, point] + up_z * points[2, point]
         )
-        if below > found:  # noqa: PLR1730  max() is not turned into vector instructions
-            found = below
-    return found
+        if below > deepest:  # noqa: PLR1730  max() is not turned into vector instructions
+            deepest = below
+    return deepest
 
 
 @compiled
@@ -64,16 +64,16 @@ def touching(
     sign = 1.0 if up_z >= 0 else -1.0
     a = -1.0 / (sign + up_z)
     b = up_x * up_y * a
-    found = 0
+    contacts = 0
     for point in range(count):
         x, y, z = points[0, point], points[1, point], points[2, point]
         if points[3, point] - (up_x * x + up_y * y + up_z * z) >= least:
-            touch[found] = point
+            touch[contacts] = point
             x, y, z = x - centre_x, y - centre_y, z - centre_z
-            flat[0, found] = (1 + sign * up_x * up_x * a) * x + sign * b * y - sign * up_x * z
-            flat[1, found] = b * x + (sign + up_y * up_y * a) * y - up_y * z
-            found += 1
-    return found
+            flat[0, contacts] = (1 + sign * up_x * up_x * a) * x + sign * b * y - sign * up_x * z
+            flat[1, contacts] = b * x + (sign + up_y * up_y * a) * y - up_y * z
+            contacts += 1
+    return contacts
 
 
 @compiled
@@ -138,13 +138,13 @@ def _beyond(flat: Array, count: int, first: int, second: int) -> int:
     """A point to the left of the line through two points if others lie to its right; or −1."""
     x, y = flat[0, second] - flat[0, first], flat[1, second] - flat[1, first]
     rim = BALANCED * math.sqrt(x * x + y * y)
-    found, most, least = -1, rim, 0.0
+    farthest, most, least = -1, rim, 0.0
     for point in range(count):
         left = x * (flat[1, point] - flat[1, first]) - y * (flat[0, point] - flat[0, first])
         least = min(least, left)
         if left > most:
-            found, most = point, left
-    return found if least < -rim else -1
+            farthest, most = point, left
+    return farthest if least < -rim else -1
 
 
 @compiled

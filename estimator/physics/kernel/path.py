@@ -161,8 +161,8 @@ def undecided(work: Work, links: int, count: int) -> bool:
             least = min(least, area * area / (d_x * d_x + d_y * d_y + d_z * d_z))
         if least > 4 * BALANCED * BALANCED:
             return False
-    found = touching(points, count, x, y, z, up, work.touch, work.flat)
-    return balanced(work.flat, found)
+    contacts = touching(points, count, x, y, z, up, work.touch, work.flat)
+    return balanced(work.flat, contacts)
 
 
 @compiled

@@ -51,8 +51,8 @@ def roll(
         Whether it came to rest.
     """
     for _ in range(_ROLLS):
-        found = touching(points, count, centre_x, centre_y, centre_z, up, touch, flat)
-        first, second, third, x, y = nearest(flat, found, 0.0, 0.0)
+        contacts = touching(points, count, centre_x, centre_y, centre_z, up, touch, flat)
+        first, second, third, x, y = nearest(flat, contacts, 0.0, 0.0)
         stance[0] = touch[first]
         stance[1] = touch[second] if second >= 0 else -1
         stance[2] = touch[third] if third >= 0 else -1

@@ -71,13 +71,13 @@ def test_genes_are_checked() -> None:
 
 def test_bodies_of_different_sizes_share_arrays() -> None:
     bare = replace(SMALL, parts=())
-    found = Bodies.of([bare, SMALL, bare])
-    assert found.count.tolist() == [0, 2, 0]
-    assert found.motor[1].tolist() == [0, -1]
-    assert found.sensor[1].tolist() == [-1, 0]
-    assert (found.motors, found.sensors) == (1, 1)
-    assert_same(found[1:2], Bodies.of([SMALL]))
-    assert_same(found[np.array([False, True, False])], Bodies.of([SMALL]))
+    bodies = Bodies.of([bare, SMALL, bare])
+    assert bodies.count.tolist() == [0, 2, 0]
+    assert bodies.motor[1].tolist() == [0, -1]
+    assert bodies.sensor[1].tolist() == [-1, 0]
+    assert (bodies.motors, bodies.sensors) == (1, 1)
+    assert_same(bodies[1:2], Bodies.of([SMALL]))
+    assert_same(bodies[np.array([False, True, False])], Bodies.of([SMALL]))
     assert len(Bodies.of([])) == 0
 
 

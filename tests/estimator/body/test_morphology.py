@@ -34,9 +34,9 @@ def test_planar_legs_reach_as_far_as_table_1_says() -> None:
 
 
 def test_mass_and_reach() -> None:
-    found = table_1()
-    assert found.reach == pytest.approx(0.070 + 0.095 + 0.125)
-    assert found.mass == pytest.approx(BODY.mass + found.masses.sum())
+    robot = table_1()
+    assert robot.reach == pytest.approx(0.070 + 0.095 + 0.125)
+    assert robot.mass == pytest.approx(BODY.mass + robot.masses.sum())
     twig = replace(LEG, parent=0, side=0, motor=None, length=0.3)  # on the leg's middle
     assert body(LEG, twig).reach == pytest.approx(0.070 + 0.050 + 0.3)
     assert body(replace(LEG, length=0.01), replace(LEG, motor=1)).reach == pytest.approx(0.17)
@@ -102,11 +102,11 @@ def test_mass_is_that_of_a_capsule() -> None:
 
 
 def test_a_touch_sensor_feels_what_is_rigidly_joined_to_its_part() -> None:
-    found = table_1()
-    assert found.sensors == 4
-    assert found.motors == 4
-    assert found.sensor_parts(2) == (2, 6)
-    bent = replace(found, parts=(*found.parts[:6], replace(found.parts[6], motor=6), LEG_7))
+    robot = table_1()
+    assert robot.sensors == 4
+    assert robot.motors == 4
+    assert robot.sensor_parts(2) == (2, 6)
+    bent = replace(robot, parts=(*robot.parts[:6], replace(robot.parts[6], motor=6), LEG_7))
     assert bent.motors == 7
     assert bent.sensor_parts(2) == (6,)
 

@@ -118,11 +118,11 @@ def test_a_urdf_of_the_same_tree_moves_the_same_and_reads_back(
         file = tmp_path / f"{number}.urdf"  # PyBullet remembers files by name
         path = write_urdf(file, body, NAMES[:rows])
         limbs = true_limbs(path, {name: row for row, name in enumerate(NAMES[:rows])})
-        for part, found in zip(body.parts, limbs, strict=True):
-            assert found.limb.parent == part.parent
-            assert (found.limb.side, found.limb.hinge) == (part.side, part.hinge)
-            assert found.limb.length == pytest.approx(part.length)
-            assert not found.not_representable
+        for part, read_back in zip(body.parts, limbs, strict=True):
+            assert read_back.limb.parent == part.parent
+            assert (read_back.limb.side, read_back.limb.hinge) == (part.side, part.hinge)
+            assert read_back.limb.length == pytest.approx(part.length)
+            assert not read_back.not_representable
 
         angles = rng.uniform(-3, 3, 8)
         moving = replace(
@@ -178,8 +178,8 @@ def test_every_gene_that_can_be_felt_changes_some_reading(
         programs.append(program)
 
     def readings(values: Array) -> Array:
-        found = physics.read([(genome.decode(values), program) for program in programs])
-        return np.column_stack([found.tilt, found.clearance])
+        at_rest = physics.read([(genome.decode(values), program) for program in programs])
+        return np.column_stack([at_rest.tilt, at_rest.clearance])
 
     before = readings(genes)
     for index, gene in enumerate(genome.genes):

@@ -55,8 +55,8 @@ SETTINGS = WorldSettings(steps=60)
 
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
-    with dask(tmp_path_factory.mktemp("dask")) as found:
-        yield found
+    with dask(tmp_path_factory.mktemp("dask")) as processes:
+        yield processes
 
 
 @pytest.fixture
@@ -67,8 +67,8 @@ def two_workers(cluster: Dask) -> list[Process]:
 
 @pytest.fixture
 def connected(cluster: Dask, two_workers: list[Process]) -> Iterator[Cluster]:
-    with Cluster(cluster.address, patience=1.0) as found:
-        yield found
+    with Cluster(cluster.address, patience=1.0) as connection:
+        yield connection
 
 
 @pytest.fixture(scope="module")
@@ -166,24 +166,24 @@ def estimator(*arguments: str | Path) -> Result:
 
 def content(directory: Path) -> dict[str, Any]:
     """All of a run that must not depend on where it was done."""
-    found: dict[str, Any] = json.loads((directory / "result.json").read_text())
+    kept: dict[str, Any] = json.loads((directory / "result.json").read_text())
     for name in ("wall_seconds", "robot_uri", "robot"):
-        del found[name]
+        del kept[name]
     with RunStore.open(directory, to_write=False) as store:
-        found["errors"] = [item.errors for item in store.generations()]
-        found["felt"] = [item.observation for item in store.interactions()]
+        kept["errors"] = [item.errors for item in store.generations()]
+        kept["felt"] = [item.observation for item in store.interactions()]
         predictions = [item for one in store.validations() for item in one]
-        found["predictions"] = [(item.program, item.readings) for item in predictions]
-        found["felt"] += [item.observation for item in predictions]
-    assert None not in found["felt"]
-    return found
+        kept["predictions"] = [(item.program, item.readings) for item in predictions]
+        kept["felt"] += [item.observation for item in predictions]
+    assert None not in kept["felt"]
+    return kept
 
 
 def test_identify_resume_and_validate_on_a_cluster(
     tmp_path: Path, cluster: Dask, two_workers: list[Process], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
-    found = {}
+    contents = {}
     for place, where in (("here", ("--jobs", "1")), ("there", ("--dask", cluster.address))):
         out = tmp_path / place
         with serving(ModelRobot()) as uri:
@@ -195,8 +195,8 @@ def test_identify_resume_and_validate_on_a_cluster(
             ):
                 done = estimator(*command, *where)
                 assert done.exit_code == 0, done.output
-        found[place] = content(out), (out / "validation.json").read_text()
-    assert found["there"] == found["here"]
+        contents[place] = content(out), (out / "validation.json").read_text()
+    assert contents["there"] == contents["here"]
 
 
 def unused() -> str:
@@ -206,12 +206,12 @@ def unused() -> str:
 
 def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
     started = time.monotonic()
-    found = estimator(
+    refused = estimator(
         *("identify", "--robot", "bob", "--problem", "parametric", "--dask", unused()),
         *("--out", tmp_path / "run"),
     )
-    assert found.exit_code == 1
-    assert "estimator: No Dask scheduler answers at tcp://127.0.0.1" in found.stderr
+    assert refused.exit_code == 1
+    assert "estimator: No Dask scheduler answers at tcp://127.0.0.1" in refused.stderr
     assert time.monotonic() - started < 6
     assert not (tmp_path / "run").exists()
 
@@ -357,10 +357,10 @@ def test_an_interrupt_ends_runs_and_their_robots(
 def test_a_figure_from_runs_on_a_cluster(
     tmp_path: Path, cluster: Dask, two_workers: list[Process], done_here: Path
 ) -> None:
-    found = estimator(
+    reproduced = estimator(
         *("reproduce", "fig2", "--interactions", "1", "--population", "4", "--generations", "1"),
         *("--dask", cluster.address, "--out", tmp_path),
     )
-    assert found.exit_code == 0, found.output
+    assert reproduced.exit_code == 0, reproduced.output
     assert (tmp_path / "fig2.png").stat().st_size > 0
     assert content(RUN.directory(tmp_path)) == content(done_here)

@@ -79,18 +79,18 @@ def test_kinematics_agree_link_by_link(physics: PyBulletPhysics, random_tree: Ma
 
 
 def test_a_body_at_zero_lies_flat(physics: PyBulletPhysics) -> None:
-    found = read_one(physics, legs(0.22), 0, 0, 0, 0)
-    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-4)
-    assert found.clearance == pytest.approx([0.0], abs=1e-4)
-    assert not found.touch.any()
-    assert found.speed == pytest.approx([0.0], abs=1e-4)
-    assert found.valid.all()
+    felt = read_one(physics, legs(0.22), 0, 0, 0, 0)
+    assert felt.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-4)
+    assert felt.clearance == pytest.approx([0.0], abs=1e-4)
+    assert not felt.touch.any()
+    assert felt.speed == pytest.approx([0.0], abs=1e-4)
+    assert felt.valid.all()
 
 
 def test_thick_legs_carry_the_body_at_zero(physics: PyBulletPhysics) -> None:
-    found = read_one(physics, legs(0.22, radius=0.05), 0, 0, 0, 0)
-    assert found.clearance == pytest.approx([0.05 - BELLY], abs=1e-4)
-    assert found.touch.all()
+    felt = read_one(physics, legs(0.22, radius=0.05), 0, 0, 0, 0)
+    assert felt.clearance == pytest.approx([0.05 - BELLY], abs=1e-4)
+    assert felt.touch.all()
 
 
 @pytest.mark.parametrize("radius", [0.006, 0.013])
@@ -100,17 +100,17 @@ def test_standing_legs_lift_the_belly_by_their_length(
     physics: PyBulletPhysics, radius: float, pieces: int, length: float
 ) -> None:
     """Whatever the radius: a leg is as long as the way from its joint to its tip."""
-    found = read_one(physics, legs(length, radius=radius, pieces=pieces), *[-RIGHT_ANGLE] * 4)
-    assert found.clearance == pytest.approx([length - BELLY], abs=2e-4)
-    assert found.touch.all()
-    assert not found.touch_doubtful.any()
-    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
+    felt = read_one(physics, legs(length, radius=radius, pieces=pieces), *[-RIGHT_ANGLE] * 4)
+    assert felt.clearance == pytest.approx([length - BELLY], abs=2e-4)
+    assert felt.touch.all()
+    assert not felt.touch_doubtful.any()
+    assert felt.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
 
 
 def test_clearance_is_capped(physics: PyBulletPhysics) -> None:
-    found = read_one(physics, legs(0.29), *[-RIGHT_ANGLE] * 4)
-    assert found.clearance == pytest.approx([0.2])
-    assert found.saturated.all()
+    felt = read_one(physics, legs(0.29), *[-RIGHT_ANGLE] * 4)
+    assert felt.clearance == pytest.approx([0.2])
+    assert felt.saturated.all()
 
 
 @pytest.mark.parametrize(("leg", "tilt"), [(0, (1, 0)), (1, (0, 1)), (2, (-1, 0)), (3, (0, -1))])
@@ -120,13 +120,13 @@ def test_one_leg_pushes_its_side_up(
     """The body rests on the leg's tip and on the opposite lower edge: plane geometry."""
     program, length, radius, down = np.zeros(4), 0.1, 0.006, math.radians(60)
     program[leg] = -down
-    found = read_one(physics, legs(length, radius=radius), *program)
+    felt = read_one(physics, legs(length, radius=radius), *program)
     along = 0.07 + (length - radius) * math.cos(down) + 0.07  # edge to centre of the tip's sphere
     below = (length - radius) * math.sin(down) - BELLY
     angle = math.atan2(below, along) + math.asin(radius / math.hypot(along, below))
-    assert found.tilt[0] == pytest.approx(angle * np.array(tilt), abs=1e-3)
-    assert found.clearance[0] == pytest.approx(0.07 * math.tan(angle), abs=2e-4)
-    assert found.touch[0].tolist() == [side == leg for side in range(4)]
+    assert felt.tilt[0] == pytest.approx(angle * np.array(tilt), abs=1e-3)
+    assert felt.clearance[0] == pytest.approx(0.07 * math.tan(angle), abs=2e-4)
+    assert felt.touch[0].tolist() == [side == leg for side in range(4)]
 
 
 def sense(physics: PyBulletPhysics, height: float, turn: list[float]) -> Readings:
@@ -149,17 +149,17 @@ def test_sensors_follow_their_definitions(physics: PyBulletPhysics, seed: int) -
     rows = physics._engine.getMatrixFromQuaternion(turn.tolist())
     to_world = np.reshape(rows, (3, 3))
     up = to_world.T @ [0, 0, 1]  # world up, seen from the body
-    found = sense(physics, 0.12, [x, y, z, w])
-    assert np.sin(found.tilt[0]) == pytest.approx([up[1], up[0]], abs=1e-6)
+    felt = sense(physics, 0.12, [x, y, z, w])
+    assert np.sin(felt.tilt[0]) == pytest.approx([up[1], up[0]], abs=1e-6)
     belly, normal = [0, 0, 0.12] + to_world @ [0, 0, -BELLY], to_world @ [0, 0, -1]
     away = -belly[2] / normal[2] if normal[2] else math.inf
-    assert found.clearance[0] == pytest.approx(away if 0 <= away < 0.2 else 0.2, abs=1e-6)
+    assert felt.clearance[0] == pytest.approx(away if 0 <= away < 0.2 else 0.2, abs=1e-6)
 
 
 def test_an_upside_down_body_sees_no_ground(physics: PyBulletPhysics) -> None:
-    found = sense(physics, 0.12, [1.0, 0.0, 0.0, 0.0])
-    assert found.clearance[0] == pytest.approx(0.2)
-    assert found.saturated[0]
+    felt = sense(physics, 0.12, [1.0, 0.0, 0.0, 0.0])
+    assert felt.clearance[0] == pytest.approx(0.2)
+    assert felt.saturated[0]
 
 
 def test_a_body_that_flies_apart_is_invalid(physics: PyBulletPhysics) -> None:
@@ -192,10 +192,10 @@ def test_a_body_that_the_engine_refuses_is_invalid_and_costs_no_other(
     with PyBulletPhysics() as physics:
         expected = physics.read(pairs)
         physics._engine = Moody(physics._engine, call, iter([True]))
-        found = physics.read(pairs)
-        assert found.valid.tolist() == [False, True, True]
-        assert found.joint_miss[0] == math.inf
-        assert np.array_equal(found.tilt[1:], expected.tilt[1:])
+        felt = physics.read(pairs)
+        assert felt.valid.tolist() == [False, True, True]
+        assert felt.joint_miss[0] == math.inf
+        assert np.array_equal(felt.tilt[1:], expected.tilt[1:])
         assert physics.simulations == 6
 
 
@@ -213,10 +213,10 @@ def test_joints_hold_their_angles(
     """With the true inertia of such light parts, joints miss by whole degrees."""
     quadrupeds = physics.read(random_pairs(random_quadruped, 60, seed=1, motors=4))
     trees = physics.read(random_pairs(random_tree, 60, seed=2))
-    for found in (quadrupeds, trees):
-        assert np.degrees(found.joint_miss).max() < 0.1
-        assert found.valid.all()
-        assert np.isfinite(found.tilt).all()
+    for felt in (quadrupeds, trees):
+        assert np.degrees(felt.joint_miss).max() < 0.1
+        assert felt.valid.all()
+        assert np.isfinite(felt.tilt).all()
 
 
 @pytest.mark.parametrize(("scale", "mass"), [(0.5, 0.1), (1.0, 3.0), (3.0, 27.0)])
@@ -237,10 +237,10 @@ def test_joints_hold_their_angles_in_robots_of_any_size(
         return replace(body, base=base, parts=tuple(parts)), program
 
     pairs = random_pairs(random_quadruped, 40, seed=3, motors=4)
-    found = physics.read([sized(pair) for pair in pairs])
-    assert np.degrees(found.joint_miss).max() < 0.1
-    found = physics.read([sized(pair) for pair in random_pairs(random_tree, 40, seed=4)])
-    assert np.degrees(found.joint_miss).max() < 0.1
+    felt = physics.read([sized(pair) for pair in pairs])
+    assert np.degrees(felt.joint_miss).max() < 0.1
+    felt = physics.read([sized(pair) for pair in random_pairs(random_tree, 40, seed=4)])
+    assert np.degrees(felt.joint_miss).max() < 0.1
 
 
 def test_the_least_inertia_is_no_more_than_needed(
@@ -259,16 +259,16 @@ def test_the_least_inertia_is_no_more_than_needed(
 
 
 def test_a_joint_that_misses_makes_the_reading_invalid(physics: PyBulletPhysics) -> None:
-    found = read_one(physics, legs(0.1, hinge=4), math.radians(310), 0, 0, 0)
-    assert not found.valid[0]  # 300 steps at 60 degrees per second are 300 degrees
-    assert np.degrees(found.joint_miss[0]) == pytest.approx(10, abs=1.1)
+    felt = read_one(physics, legs(0.1, hinge=4), math.radians(310), 0, 0, 0)
+    assert not felt.valid[0]  # 300 steps at 60 degrees per second are 300 degrees
+    assert np.degrees(felt.joint_miss[0]) == pytest.approx(10, abs=1.1)
 
 
 def test_v_is_the_speed_of_a_body_that_is_not_at_rest() -> None:
     with PyBulletPhysics(WorldSettings(steps=40)) as short:
-        found = read_one(short, legs(0.2), *[-RIGHT_ANGLE] * 4)
-    assert found.speed[0] > 0.05
-    assert not found.valid[0]
+        felt = read_one(short, legs(0.2), *[-RIGHT_ANGLE] * 4)
+    assert felt.speed[0] > 0.05
+    assert not felt.valid[0]
 
 
 def test_touch_is_doubtful_just_above_the_ground(physics: PyBulletPhysics) -> None:
@@ -278,9 +278,9 @@ def test_touch_is_doubtful_just_above_the_ground(physics: PyBulletPhysics) -> No
         short = replace(body.parts[0], length=0.1 - gap)
         heavy_right = Part(parent=BASE, side=2, hinge=2, length=0.05, radius=0.02)
         body = replace(body, parts=(short, *body.parts[1:], heavy_right))
-        found = read_one(physics, body, *[-RIGHT_ANGLE] * 4)
-        assert found.touch[0].tolist() == [touch, True, True, True]
-        assert found.touch_doubtful[0, 0] == doubtful
+        felt = read_one(physics, body, *[-RIGHT_ANGLE] * 4)
+        assert felt.touch[0].tolist() == [touch, True, True, True]
+        assert felt.touch_doubtful[0, 0] == doubtful
 
 
 def test_every_gene_changes_some_reading(physics: PyBulletPhysics) -> None:
@@ -290,8 +290,8 @@ def test_every_gene_changes_some_reading(physics: PyBulletPhysics) -> None:
     middle = np.full(genome.size, 0.6)
 
     def readings(genes: Array) -> Array:
-        found = physics.read([(genome.decode(genes), program) for program in programs])
-        return np.column_stack([found.tilt, found.clearance])
+        felt = physics.read([(genome.decode(genes), program) for program in programs])
+        return np.column_stack([felt.tilt, felt.clearance])
 
     before = readings(middle)
     for gene in range(genome.size):
@@ -337,9 +337,9 @@ def test_bad_batches_are_refused(physics: PyBulletPhysics) -> None:
 def test_nothing_and_no_parts_can_be_read(physics: PyBulletPhysics) -> None:
     assert len(physics.read([])) == 0
     bare = Morphology(base=BODY, parts=(), density=1000.0)
-    found = read_one(physics, bare)
-    assert found.valid.all()
-    assert found.clearance == pytest.approx([0.0], abs=1e-4)
+    felt = read_one(physics, bare)
+    assert felt.valid.all()
+    assert felt.clearance == pytest.approx([0.0], abs=1e-4)
 
 
 def test_pybullets_chatter_stays_out_of_our_output() -> None:
@@ -352,11 +352,11 @@ with PyBulletPhysics() as physics:
     physics.read([(body, np.zeros(0))])
 print("ours")
 """
-    found = subprocess.run(
+    printed = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
     )
-    assert found.stdout == "ours\n"
-    assert found.stderr == ""
+    assert printed.stdout == "ours\n"
+    assert printed.stderr == ""
 
 
 @pytest.mark.parametrize("problem", ["parametric", "topological", "topological-24"])

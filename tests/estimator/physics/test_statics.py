@@ -79,21 +79,21 @@ def test_four_equal_legs_lift_the_body_level(
     statics: StaticsPhysics, length: float, pieces: int, radius: float
 ) -> None:
     body = legs(*[length] * 4, radius=radius, pieces=pieces)
-    found = read_one(statics, body, -30, -30, -30, -30)
+    felt = read_one(statics, body, -30, -30, -30, -30)
     lift = (length - radius) * math.sin(math.radians(30)) + radius - BELLY
-    assert found.clearance == pytest.approx([lift], abs=1e-9)
-    assert found.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-9)
-    assert found.touch.all()
-    assert found.valid.all()
-    assert not (found.undecided | found.saturated | found.touch_doubtful).any()
-    assert found.speed.tolist() == [0.0]
+    assert felt.clearance == pytest.approx([lift], abs=1e-9)
+    assert felt.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-9)
+    assert felt.touch.all()
+    assert felt.valid.all()
+    assert not (felt.undecided | felt.saturated | felt.touch_doubtful).any()
+    assert felt.speed.tolist() == [0.0]
 
 
 def test_raised_legs_leave_the_body_flat(statics: StaticsPhysics) -> None:
-    found = read_one(statics, legs(0.1, 0.2, 0.3, 0.4), 30, 10, 20, 0)
-    assert found.clearance.tolist() == [0.0]
-    assert found.tilt.tolist() == [[0.0, 0.0]]
-    assert not (found.touch | found.undecided).any()
+    felt = read_one(statics, legs(0.1, 0.2, 0.3, 0.4), 30, 10, 20, 0)
+    assert felt.clearance.tolist() == [0.0]
+    assert felt.tilt.tolist() == [[0.0, 0.0]]
+    assert not (felt.touch | felt.undecided).any()
 
 
 @pytest.mark.parametrize(("leg", "tilt"), [(0, (1, 0)), (1, (0, 1)), (2, (-1, 0)), (3, (0, -1))])
@@ -104,14 +104,14 @@ def test_one_leg_pushes_its_side_up(
     """The body rests on the leg's tip and on the opposite lower edge: plane geometry."""
     program, length, radius = [30.0] * 4, 0.15, 0.006
     program[leg] = -down
-    found = read_one(statics, legs(*[length] * 4, radius=radius), *program)
+    felt = read_one(statics, legs(*[length] * 4, radius=radius), *program)
     turn = math.radians(down)
     along = 0.07 + (length - radius) * math.cos(turn) + 0.07  # edge to centre of the tip's sphere
     below = (length - radius) * math.sin(turn) - BELLY
     angle = math.atan2(below, along) + math.asin(radius / math.hypot(along, below))
-    assert found.tilt[0] == pytest.approx(angle * np.array(tilt), abs=1e-9)
-    assert found.clearance[0] == pytest.approx(0.07 * math.tan(angle), abs=1e-9)
-    assert found.touch[0].tolist() == [side == leg for side in range(4)]
+    assert felt.tilt[0] == pytest.approx(angle * np.array(tilt), abs=1e-9)
+    assert felt.clearance[0] == pytest.approx(0.07 * math.tan(angle), abs=1e-9)
+    assert felt.touch[0].tolist() == [side == leg for side in range(4)]
 
 
 def test_gaps_decide_touch_and_doubt(statics: StaticsPhysics) -> None:
@@ -119,31 +119,31 @@ def test_gaps_decide_touch_and_doubt(statics: StaticsPhysics) -> None:
     for gap, touch, doubtful in ((0.0004, True, True), (0.0015, False, True), (0.01, False, False)):
         body = legs(0.1 - gap, 0.1, 0.1, 0.1)
         heavy_right = Part(parent=BASE, side=2, hinge=2, length=0.05, radius=0.02)
-        found = read_one(statics, replace(body, parts=(*body.parts, heavy_right)), *[-90.0] * 4)
-        assert found.touch[0].tolist() == [touch, True, True, True]
-        assert found.touch_doubtful[0].tolist() == [doubtful, False, False, False]
+        felt = read_one(statics, replace(body, parts=(*body.parts, heavy_right)), *[-90.0] * 4)
+        assert felt.touch[0].tolist() == [touch, True, True, True]
+        assert felt.touch_doubtful[0].tolist() == [doubtful, False, False, False]
 
 
 def test_clearance_is_capped(statics: StaticsPhysics) -> None:
-    found = read_one(statics, legs(*[0.3] * 4), *[-90.0] * 4)
-    assert found.clearance.tolist() == [0.2]
-    assert found.saturated.all()
+    felt = read_one(statics, legs(*[0.3] * 4), *[-90.0] * 4)
+    assert felt.clearance.tolist() == [0.2]
+    assert felt.saturated.all()
 
 
 def test_a_body_may_start_above_its_belly(statics: StaticsPhysics) -> None:
     """Parts thicker than the main body carry it from the start."""
-    found = read_one(statics, legs(*[0.2] * 4, radius=0.05), 0, 0, 0, 0)
-    assert found.clearance == pytest.approx([0.05 - BELLY])
-    assert found.touch.all()
+    felt = read_one(statics, legs(*[0.2] * 4, radius=0.05), 0, 0, 0, 0)
+    assert felt.clearance == pytest.approx([0.05 - BELLY])
+    assert felt.touch.all()
 
 
 def test_a_body_that_topples_comes_to_lie_on_its_side(statics: StaticsPhysics) -> None:
     """A heavy part high up, then carried beyond the edge: the tall body falls over that edge."""
     mast = Part(parent=BASE, side=0, hinge=2, length=0.35, radius=0.02, motor=0)
     tall = Morphology(base=Base(size=(0.1, 0.1, 0.4), mass=0.2), parts=(mast,), density=5000.0)
-    found = read_one(statics, tall, 0)
-    assert found.tilt[0, 0] == pytest.approx(-math.atan2(0.2, 0.3 + 0.05), abs=0.15)
-    assert found.valid.all()
+    felt = read_one(statics, tall, 0)
+    assert felt.tilt[0, 0] == pytest.approx(-math.atan2(0.2, 0.3 + 0.05), abs=0.15)
+    assert felt.valid.all()
 
 
 def test_balance_on_two_feet_is_undecided(statics: StaticsPhysics) -> None:
@@ -165,8 +165,8 @@ def test_the_path_margin_is_the_inclination_that_topples(statics: StaticsPhysics
         base = Base(size=(width, 4.0, height), mass=1.0)
         bare = Morphology(base=base, parts=(), density=1000.0)
         topples = math.atan(width / height)
-        (found,) = statics.path_margins([(bare, np.zeros(0))])
-        assert topples / 1.25 < found <= topples
+        (margin,) = statics.path_margins([(bare, np.zeros(0))])
+        assert topples / 1.25 < margin <= topples
     (flat,) = statics.path_margins([(legs(*[0.1] * 4), np.zeros(4))])
     assert flat == pytest.approx(math.atan(0.5))  # the steepest that is tried
 
@@ -210,16 +210,16 @@ def test_mirrored_and_turned_bodies_rest_alike(
     pairs = random_pairs(random_tree, 300, seed=8)
     sure = statics.path_margins(pairs) > math.radians(1)
     assert sure.mean() > 0.9
-    found = statics.read(pairs)
+    felt = statics.read(pairs)
     mirror = statics.read([(mirrored(body), program) for body, program in pairs])
     turn = statics.read([(turned(body), program) for body, program in pairs])
     for other, tilt in (
-        (mirror, found.tilt * [-1, 1]),
-        (turn, np.column_stack([-found.tilt[:, 1], found.tilt[:, 0]])),
+        (mirror, felt.tilt * [-1, 1]),
+        (turn, np.column_stack([-felt.tilt[:, 1], felt.tilt[:, 0]])),
     ):
         assert other.tilt[sure] == pytest.approx(tilt[sure], abs=1e-6)
-        assert other.clearance[sure] == pytest.approx(found.clearance[sure], abs=1e-6)
-        assert np.array_equal(other.touch[sure], found.touch[sure])
+        assert other.clearance[sure] == pytest.approx(felt.clearance[sure], abs=1e-6)
+        assert np.array_equal(other.touch[sure], felt.touch[sure])
 
 
 def test_only_shares_of_mass_matter(statics: StaticsPhysics, random_tree: MakeBody) -> None:
@@ -263,12 +263,12 @@ def agreement(
     statics: StaticsPhysics, random_quadruped: MakeBody, random_tree: MakeBody
 ) -> dict[str, tuple[Readings, Readings, Array]]:
     """Readings of 75 bodies of a kind by both back-ends, and the path margins."""
-    found = {}
+    by_kind = {}
     with PyBulletPhysics(WorldSettings(steps=1200, step=1 / 240, full_steps=True)) as engine:
         for kind, make, motors in (("quadrupeds", random_quadruped, 4), ("trees", random_tree, 8)):
             pairs = random_pairs(make, 75, seed=12, motors=motors)
-            found[kind] = (statics.read(pairs), engine.read(pairs), statics.path_margins(pairs))
-    return found
+            by_kind[kind] = (statics.read(pairs), engine.read(pairs), statics.path_margins(pairs))
+    return by_kind
 
 
 @pytest.mark.parametrize(("kind", "share"), [("quadrupeds", 0.88), ("trees", 0.93)])
@@ -321,8 +321,8 @@ def test_one_program_serves_many_bodies(
 ) -> None:
     rng = np.random.default_rng(15)
     bodies, program = [random_quadruped(rng) for _ in range(20)], np.radians([-20, 5, -9, 30])
-    found = statics.read_bodies(Bodies.of(bodies), program)
-    assert_same(found, statics.read([(body, program) for body in bodies]))
+    felt = statics.read_bodies(Bodies.of(bodies), program)
+    assert_same(felt, statics.read([(body, program) for body in bodies]))
 
 
 def test_work_is_counted(statics: StaticsPhysics) -> None:
@@ -357,8 +357,8 @@ def test_nothing_and_no_parts_can_be_read(statics: StaticsPhysics) -> None:
     assert len(statics.read([])) == 0
     assert len(statics.path_margins([])) == 0
     assert len(statics.read_bodies(Bodies.of([]), np.zeros(0))) == 0
-    found = read_one(statics, Morphology(base=BODY, parts=(), density=1.0))
-    assert (found.clearance[0], found.valid[0]) == (0.0, True)
+    felt = read_one(statics, Morphology(base=BODY, parts=(), density=1.0))
+    assert (felt.clearance[0], felt.valid[0]) == (0.0, True)
 
 
 def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:

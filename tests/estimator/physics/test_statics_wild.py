@@ -72,30 +72,30 @@ def support(body: Morphology, program: Array, up: Array) -> tuple[float, float]:
     return float(below.max()), float(reaches.max(axis=0).min())
 
 
-def assert_rests(body: Morphology, program: Array, found: Readings) -> None:
+def assert_rests(body: Morphology, program: Array, felt: Readings) -> None:
     """The centre of mass is over the contacts, and clearance and touch are those of the pose."""
-    x, y = np.sin(found.tilt[0, 1]), np.sin(found.tilt[0, 0])
+    x, y = np.sin(felt.tilt[0, 1]), np.sin(felt.tilt[0, 0])
     z = math.sqrt(max(0.0, 1 - x * x - y * y))
     size = 1 + np.abs(capsule_ends(body, program)).max(initial=0.0)
     poses = [np.array([x, y, z]), np.array([x, y, -z])]  # tilt cannot tell upside down
     margins = [support(body, program, up)[1] for up in poses]
     assert max(margins) > -1e-5 * size
-    if not found.saturated[0] and z > 0.01:  # beyond, tilt does not tell z well enough
+    if not felt.saturated[0] and z > 0.01:  # beyond, tilt does not tell z well enough
         depth = support(body, program, poses[0])[0]
         expected = max(0.0, depth - z * body.base.size[2] / 2) / z
-        assert found.clearance[0] == pytest.approx(expected, rel=1e-5, abs=1e-5 * size / z)
+        assert felt.clearance[0] == pytest.approx(expected, rel=1e-5, abs=1e-5 * size / z)
 
 
 @settings(max_examples=250, deadline=2000)
 @given(pair=wild_pairs())
 def test_any_body_comes_to_rest(pair: Pair) -> None:
     body, program = pair
-    found = STATICS.read([pair])
-    assert np.isfinite(found.tilt).all()
-    assert np.isfinite(found.joint_miss).all()
-    assert 0 <= found.clearance[0] <= 1e9
-    if found.valid[0] and not found.joint_miss[0]:
-        assert_rests(body, program, found)
+    felt = STATICS.read([pair])
+    assert np.isfinite(felt.tilt).all()
+    assert np.isfinite(felt.joint_miss).all()
+    assert 0 <= felt.clearance[0] <= 1e9
+    if felt.valid[0] and not felt.joint_miss[0]:
+        assert_rests(body, program, felt)
     margin = STATICS.path_margins([pair])[0]
     assert 0 <= margin <= math.atan(0.5)
 
@@ -117,10 +117,10 @@ def test_ordinary_bodies_are_never_given_up() -> None:
         )
         body = Morphology(base=BODY, parts=parts, density=1000.0)
         pairs.append((body, rng.uniform(-math.pi, math.pi, 8)))
-    found = STATICS.read(pairs)
-    assert found.valid.all()
+    felt = STATICS.read(pairs)
+    assert felt.valid.all()
     for row, (body, program) in enumerate(pairs):
-        assert_rests(body, program, found[row : row + 1])
+        assert_rests(body, program, felt[row : row + 1])
 
 
 @pytest.mark.parametrize("density", [1e-6, 1e6])
@@ -130,9 +130,9 @@ def test_all_the_mass_may_be_in_one_part(density: float) -> None:
     body = Morphology(base=BODY, parts=(leg,), density=density)
     for degrees in (-180, -90, -20, 0, 20, 90, 180):
         program = np.radians([float(degrees)])
-        found = STATICS.read([(body, program)])
-        assert found.valid.all()
-        assert_rests(body, program, found)
+        felt = STATICS.read([(body, program)])
+        assert felt.valid.all()
+        assert_rests(body, program, felt)
     heavy = density > 1
     lying = STATICS.read([(body, np.zeros(1))])
     assert bool(lying.touch[0, 0]) == heavy  # it tips over the front edge onto the leg
@@ -163,12 +163,12 @@ def test_hundreds_of_parts() -> None:
     ]
     STATICS.read(pairs[:1])
     start = time.monotonic()
-    found = STATICS.read(pairs)
+    felt = STATICS.read(pairs)
     STATICS.path_margins(pairs)
     assert time.monotonic() - start < 5
-    assert found.valid.all()
+    assert felt.valid.all()
     for row, (body, angles) in enumerate(pairs):
-        assert_rests(body, angles, found[row : row + 1])
+        assert_rests(body, angles, felt[row : row + 1])
 
 
 def test_coincident_parts_are_one() -> None:

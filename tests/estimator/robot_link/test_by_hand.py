@@ -34,10 +34,10 @@ def test_three_lines_by_hand_are_a_robot(tmp_path: Path) -> None:
     assert sensor.upper == 0.15
     assert link.recorded is not None
     (program,) = link.recorded
-    found = link.perform(0, program, link.ticket(), lambda phase, fraction: None)
-    assert found.angles == program == pytest.approx([math.radians(30), math.radians(-10)])
-    assert found.touch == (True,)
-    assert found.clearance == pytest.approx(0.04)
+    observation = link.perform(0, program, link.ticket(), lambda phase, fraction: None)
+    assert observation.angles == program == pytest.approx([math.radians(30), math.radians(-10)])
+    assert observation.touch == (True,)
+    assert observation.clearance == pytest.approx(0.04)
 
 
 def test_a_modality_without_a_column_is_a_sensor_that_the_robot_lacks(tmp_path: Path) -> None:

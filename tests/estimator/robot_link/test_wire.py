@@ -30,10 +30,10 @@ def test_an_observation_over_the_wire() -> None:
         ticket = link.ticket()
         assert ticket is not None
         assert ticket.request_id > 70
-        found = link.perform(0, PROGRAM, ticket, ignore)
-        assert found.angles == PROGRAM
-        assert found.sequence == 1
-        assert len(found.touch) == 4
+        observation = link.perform(0, PROGRAM, ticket, ignore)
+        assert observation.angles == PROGRAM
+        assert observation.sequence == 1
+        assert len(observation.touch) == 4
         link.close()
 
 
@@ -43,10 +43,10 @@ def test_a_later_connection_is_told_the_outcome_and_the_robot_moves_once() -> No
         first = connect(uri)
         ticket = first.ticket()
         assert ticket is not None
-        found = first.perform(0, PROGRAM, ticket, ignore)
+        observation = first.perform(0, PROGRAM, ticket, ignore)
         first.close()
         second = connect(uri, first_id=1000)
-        assert second.outcome(PROGRAM, ticket, ignore) == found
+        assert second.outcome(PROGRAM, ticket, ignore) == observation
         second.close()
     assert len(robot.motions) == 1
 
