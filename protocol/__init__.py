@@ -19,8 +19,8 @@ what a reading means    ``wire.readings``: tilt, clearance, touch
 
 From the top down: ``conformance`` (does any robot speak the protocol?), ``transport`` (server,
 client, telemetry), ``sockets`` (TCP and ZeroMQ), ``security`` (keys), ``rules`` (both sides' cores,
-without sockets, threads or clocks) and ``wire`` (messages and frames). A room imports only from
-those below it.
+without sockets, threads or clocks) and ``wire`` (messages and frames); below these, ``text`` (text
+from elsewhere) and ``system`` (files, Ctrl-C). A room imports only from those below it.
 """
 
 from protocol.errors import (

@@ -4,7 +4,7 @@ The tree::
 
     BodyschemaError
     ├── ProtocolError
-    │   ├── LocalProtocolError (ValueError)   you tried to build an illegal message
+    │   ├── LocalProtocolError (ValueError)   an illegal message was to be built here
     │   └── RemoteProtocolError               the peer sent an illegal frame
     ├── RobotError                            the robot answered a request with an error
     ├── EndpointError (ValueError)            an address that cannot be bound or connected to
@@ -31,11 +31,11 @@ class BodyschemaError(Exception):
 
 
 class ProtocolError(BodyschemaError):
-    """Someone broke the rules of the wire."""
+    """A rule of the protocol was broken."""
 
 
 class LocalProtocolError(ProtocolError, ValueError):
-    """You tried to build a message that must not exist (NaN target, negative id, …)."""
+    """An illegal message was to be built here (NaN target, negative id, …)."""
 
 
 class RemoteProtocolError(ProtocolError):

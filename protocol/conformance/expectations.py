@@ -1,4 +1,4 @@
-"""How a check says that a clause does not hold, or could not be tried."""
+"""Exceptions with which a check reports that a clause does not hold or cannot be tried."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames for people: in hex, and what they say."""
+"""Formats frames for people: in hex, and decoded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LONGEST: Final = 4096
 
 
 def shown(heading: str, parts: Sequence[bytes]) -> str:
-    """A message: a line with its bytes in hex for each part, and one with what they say."""
+    """Formats a message: for each part a line of hex and a line with the decoded content."""
     lines = []
     for number, part in enumerate(parts, 1):
         where = heading if len(parts) == 1 else f"{heading} part {number} of {len(parts)}"
@@ -32,7 +32,7 @@ def _meaning(part: bytes) -> str:
 
 
 def _leniently(part: bytes) -> str:
-    """What the bytes say in MessagePack, though no frame may say it."""
+    """The content of bytes that are MessagePack but no valid frame."""
     try:
         value = msgpack.unpackb(part, strict_map_key=False)
     except Exception:
@@ -41,7 +41,7 @@ def _leniently(part: bytes) -> str:
 
 
 def plain(value: Any) -> str:
-    """A value as JSON would write it; what JSON has no words for, as Python does."""
+    """Formats a value as JSON; what JSON cannot express, as Python does."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{plain(key)}: {plain(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):

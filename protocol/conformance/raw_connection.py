@@ -1,4 +1,4 @@
-"""A raw connection: sends anything, and takes nothing for granted."""
+"""A connection that sends arbitrary frames and checks every reply."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ FINAL: Final = frozenset(kind.TYPE for kind in FINAL_REPLIES)
 
 
 class Unanswered(Broken):
-    """What has to be answered was not, or not to its end."""
+    """A request was not answered, or its final reply is missing."""
 
 
 class RawConnection:
@@ -209,7 +209,7 @@ def pack_small(value: Any) -> bytes:
 
 
 def said(reply: Mapping[str, Any] | None) -> str:
-    """A reply in a few words, for a sentence."""
+    """A short description of a reply, for use in a sentence."""
     if reply is None:
         return "nothing"
     return str(reply["code"]) if reply["type"] == "error" else str(reply["type"])

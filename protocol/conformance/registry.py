@@ -1,4 +1,4 @@
-"""What a check is."""
+"""Checks, and the decorator that registers them."""
 
 from __future__ import annotations
 
@@ -24,16 +24,15 @@ class Need(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One trial.
+    """One check of one or several clauses.
 
     Attributes:
         clauses: The clauses of ``SPEC.md`` that it tries.
         title: What is tried, one line.
         need: What it needs.
-        basic: The kind of request without which other checks cannot do; these checks come first,
-            and what they find out about a kind is not found out again by all others.
-        after: Clauses without which this check says nothing: where one of them is broken, it is not
-            tried.
+        basic: The kind of request that it tries and that other checks need. Such checks come first;
+            where one fails, the others do not try this kind of request again.
+        after: Clauses that it relies on: where one of them is broken, it is not tried.
         run: Returns where the clauses hold; raises ``Broken`` or ``Untried``.
     """
 
@@ -54,7 +53,7 @@ def check(
     basic: str | None = None,
     after: tuple[str, ...] = (),
 ) -> Callable[[Run], Run]:
-    """Makes a check of a function; the first line of its docstring is the title."""
+    """Registers a function as a check; the first line of its docstring is the title."""
 
     def register(run: Run) -> Run:
         title = (run.__doc__ or "").strip().splitlines()[0].rstrip(".")

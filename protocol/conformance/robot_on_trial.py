@@ -1,4 +1,4 @@
-"""What checks share: connections, clients in a session, and a robot to be left as it was found."""
+"""The robot under trial, and clients that talk to it."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ class TrialClient:
     """One client, with its own connection.
 
     Args:
-        bench: The bench.
+        robot: The robot under trial.
         name: The client's id.
-        line: Its connection.
+        connection: Its connection.
     """
 
     def __init__(self, robot: RobotOnTrial, name: str, connection: RawConnection):
         self.name = name
         self.connection = connection
         self.session = ""
-        self._bench = robot
+        self._robot = robot
         self._numbers, self._loose = robot.counters(name)
 
     def hello(self, **fields: Any) -> Map:
-        """Says hello; what comes back."""
+        """Sends hello and returns the reply."""
         offer = {"versions": [1], "software": "conformance"} | fields
         reply = self.ask("hello", **offer)
         if reply["type"] == "welcome":
@@ -48,11 +48,11 @@ class TrialClient:
         return reply
 
     def number(self) -> int:
-        """A fresh id for a numbered request."""
+        """The next id for a numbered request."""
         return next(self._numbers)
 
     def loose(self) -> int:
-        """An id for hello, heartbeat and stop."""
+        """The next id for hello, heartbeat or stop."""
         return next(self._loose)
 
     def request(self, kind: str, **fields: Any) -> Map:
@@ -61,7 +61,7 @@ class TrialClient:
         Raises:
             Untried: Requests of this kind do not work at all, as an earlier check has found out.
         """
-        if (reason := self._bench.dead.get(kind)) is not None:
+        if (reason := self._robot.dead.get(kind)) is not None:
             raise Untried(reason)
         loose = kind in ("hello", "heartbeat", "stop")
         message: Map = {"type": kind, "id": self.loose() if loose else None, "client": self.name}
@@ -132,7 +132,7 @@ class TrialClient:
         """The replies to a motion of this client that was sent, with heartbeats in between."""
         begun = beaten = time.monotonic()
         between: list[Map] = []
-        while (now := time.monotonic()) < begun + self._bench.settings.motion:
+        while (now := time.monotonic()) < begun + self._robot.settings.motion:
             if now >= beaten + _BEAT:  # however much the robot tells, we are heard of
                 self.status()
                 beaten = now
@@ -142,7 +142,7 @@ class TrialClient:
             if reply["type"] not in ("accepted", "progress"):
                 return between, reply
             between.append(reply)
-        raise Unanswered(f"A motion did not end within {self._bench.settings.motion:g} s.")
+        raise Unanswered(f"A motion did not end within {self._robot.settings.motion:g} s.")
 
 
 class RobotOnTrial:
@@ -181,7 +181,7 @@ class RobotOnTrial:
         return connection
 
     def connection_with(self, keys: ClientKeys | None) -> RawConnection:
-        """A new connection with other keys, or with none; who asks for it closes it."""
+        """A new connection with other keys, or with none; the caller closes it."""
         self._connections_made += 1
         number = self._connections_made
         return RawConnection(self.context, self.settings, keys, self.noted, number)
@@ -210,7 +210,7 @@ class RobotOnTrial:
         return Capabilities.from_map(self.stranger().hello()["capabilities"])
 
     def use_new_names(self) -> None:
-        """From now on, with other clients: what a robot thinks of the old ones is uncertain."""
+        """Names later clients anew: what a robot remembers of the earlier ones is uncertain."""
         self._token = secrets.token_hex(8)
         self._used = 0
 
@@ -222,7 +222,7 @@ class RobotOnTrial:
 
     @contextmanager
     def controlled(self) -> Iterator[TrialClient]:
-        """A client in control of a robot that is calm; leaves it calm and free."""
+        """A client in control of the robot, which is at rest before and after."""
         client = self.client()
         status = client.status()
         if status["state"] not in _CALM:

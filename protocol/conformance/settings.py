@@ -1,4 +1,4 @@
-"""What the conformance suite may do, and how long it waits."""
+"""Settings of the conformance suite: the robot's address, what may be tried, time limits."""
 
 from __future__ import annotations
 

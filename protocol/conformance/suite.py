@@ -1,4 +1,4 @@
-"""Runs the checks, and says which clauses hold."""
+"""Runs the checks and reports which clauses hold."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ _BUILT_ON: Final = MappingProxyType(
         Need.TIME: {Need.CONTROL},
     }
 )
-"""What the basic checks need that come before a check."""
+"""Which basic checks come before a check, by what each needs."""
 
 _TAG: Final = re.compile(r"\[(\d+\.\d+)\]")
 
 
 class CheckStatus(Enum):
-    """What became of a check."""
+    """Whether the clauses of a check hold."""
 
     HOLDS = "holds"
     BROKEN = "broken"
@@ -75,7 +75,7 @@ class CheckStatus(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckResult:
-    """A check and what became of it; ``sentence`` says why it is broken or was not tried."""
+    """The result of a check; ``sentence`` says why a clause is broken or was not tried."""
 
     check: Check
     verdict: CheckStatus
@@ -144,12 +144,12 @@ class _Suite:
     """One run.
 
     Args:
-        bench: The robot under trial.
+        robot: The robot under trial.
         only: The clauses to try; empty: all of them.
     """
 
     def __init__(self, robot: RobotOnTrial, only: Collection[str]):
-        self._bench = robot
+        self._robot = robot
         self._only = set(only)
         self._broken: set[str] = set()  # clauses
 
@@ -169,32 +169,32 @@ class _Suite:
         return not self._only or not self._only.isdisjoint(each.clauses)
 
     def _results_of(self, each: Check) -> Iterator[CheckResult]:
-        reason = _not_allowed(each, self._bench.settings) or self._lacks(each)
+        reason = _not_allowed(each, self._robot.settings) or self._lacks(each)
         if reason:
             yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=reason)
             return
         try:
-            each.run(self._bench)
+            each.run(self._robot)
         except Untried as error:
             yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=str(error))
         except Broken as error:
-            self._bench.close_connections()
+            self._robot.close_connections()
             yield from self._blame(each, error)
         else:
             yield CheckResult(check=each, verdict=CheckStatus.HOLDS)
         finally:
-            self._bench.close_connections()
+            self._robot.close_connections()
 
     def _lacks(self, each: Check) -> str:
-        if gone := self._bench.dead.get("hello"):
+        if gone := self._robot.dead.get("hello"):
             return gone
         broken = [clause for clause in each.after if clause in self._broken]
         return f"Because {', '.join(broken)} is broken." if broken else ""
 
     def _blame(self, each: Check, error: Broken) -> Iterator[CheckResult]:
-        """What a check has found to be broken, under the clause that is."""
+        """Reports a failure under the clause that is broken: the check's own or another."""
         # Where answers come twice, each may have been taken for the answer to what came next.
-        clause = error.clause or ("7.5" if self._bench.noted["7.5"] else each.clauses[0])
+        clause = error.clause or ("7.5" if self._robot.noted["7.5"] else each.clauses[0])
         reason = f"Because {clause} is broken."
         if clause in each.clauses:
             yield CheckResult(check=each, verdict=CheckStatus.BROKEN, sentence=str(error))
@@ -204,14 +204,14 @@ class _Suite:
                 yield CheckResult(check=seen, verdict=CheckStatus.BROKEN, sentence=str(error))
             yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=reason)
         if each.basic is not None:
-            self._bench.dead[each.basic] = reason
+            self._robot.dead[each.basic] = reason
         elif clause not in self._broken:
             self._look_again(each)
         self._broken.add(clause)
 
     def _look_again(self, since: Check) -> None:
-        """After something went wrong: does the robot answer at all?"""
-        robot = self._bench
+        """Finds out, after a failure, which basic requests the robot still answers."""
+        robot = self._robot
         robot.use_new_names()
         for each in CHECKS:
             if each.basic is None or each.need is not Need.NOTHING or each.basic in robot.dead:

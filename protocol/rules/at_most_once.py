@@ -1,7 +1,7 @@
-"""The memory that makes requests at-most-once.
+"""The memory that has each request carried out at most once.
 
-Each client has a book of its last outcomes, found by request id. A request that was seen before is
-answered from the book; one that is older than the book reaches back to is refused, never executed.
+The last outcomes of each client are kept by request id. A request that was seen before is answered
+from memory; one that is older than anything remembered is refused, never executed.
 The memory is bounded twice: outcomes for each client, and clients. Who is pushed out loses the
 session with the book, so that requests of that time are answered ``restarted``.
 """
@@ -26,7 +26,7 @@ MAX_CLIENTS: Final = 64
 
 @dataclass(slots=True)
 class RememberedRequest:
-    """One request and what has become of it.
+    """A request and its outcome so far.
 
     Attributes:
         request: The request, until its end.

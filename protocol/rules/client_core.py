@@ -38,10 +38,10 @@ from protocol.wire.messages import (
 )
 
 RESEND: Final = 2.0
-"""Seconds without a word about a request after which it is sent again."""
+"""Seconds without a reply to a request after which it is sent again."""
 
 RECONNECT: Final = 3.0
-"""Seconds without any word from the robot after which the connection is made anew."""
+"""Seconds of silence from the robot after which the client reconnects."""
 
 FIRST_LOOSE_ID: Final = 2**52
 """Ids of hello, heartbeat and stop start here, so that they never meet those of other requests."""
@@ -60,11 +60,11 @@ class Call:
 
     Args:
         request: The request.
-        patience: Seconds without a word about it after which to give up.
+        patience: Seconds without a reply after which to give up.
         limit: Seconds in all after which to give up; infinite: as long as the robot answers.
 
     Attributes:
-        words: What came back: accepted, progress…, then the final reply or an exception.
+        answers: What came back: accepted, progress…, then the final reply or an exception.
     """
 
     def __init__(self, request: Request, *, patience: float, limit: float = math.inf):
@@ -83,7 +83,7 @@ class Call:
         return f"{self.request.TYPE} (request {self.request.id})"
 
     def end(self, answer: Answer) -> None:
-        """Says the last word; whatever comes later is not heard."""
+        """Puts the final answer; later ones are dropped."""
         if not self._ended:
             self._ended = True
             self.answers.put(answer)
@@ -133,7 +133,7 @@ class ClientCore:
         return self.session is not None or bool(self._calls)
 
     def wake(self, now: float) -> None:
-        """To be called first after a sleep: being suspended is nobody else's silence."""
+        """Call it first after each sleep: time during which we were suspended does not count."""
         gap = now - self._looked
         self._looked = now
         if gap > _NAP and self._expecting:
@@ -143,7 +143,7 @@ class ClientCore:
                 call.stop_at += gap
 
     def ask(self, call: Call, now: float) -> None:
-        """Takes a call on."""
+        """Begins a call."""
         request = call.request
         if isinstance(request, SessionRequest) and request.session != self.session:
             call.end(self._lost(call))
@@ -161,12 +161,12 @@ class ClientCore:
         self._calls[request.id] = call
 
     def forget(self, call: Call) -> None:
-        """Nobody waits for this call any more."""
+        """Drops a call whose answers nobody waits for any more."""
         if self._calls.get(call.request.id) is call:
             del self._calls[call.request.id]
 
     def frames(self, now: float) -> list[bytes]:
-        """What is to be sent now, in the order of asking; see ``sent``."""
+        """The frames to send now, in the order of the calls; report each with ``sent``."""
         frames = [call.frame for call in self._calls.values() if call.due <= now]
         if self.session is not None and self._beat_at <= now:
             frames.append(self._beat_frame)
@@ -181,7 +181,7 @@ class ClientCore:
                 call.due = now + call.resend
 
     def receive(self, frame: bytes, now: float) -> None:
-        """Deals with one frame from the robot."""
+        """Handles one frame from the robot."""
         try:
             reply = parse_reply(decode(frame))
         except ProtocolError:
@@ -206,7 +206,7 @@ class ClientCore:
         call.end(self._final_answer(call, reply))
 
     def tick(self, now: float) -> bool:
-        """Gives up what took too long; whether the connection should be made anew."""
+        """Ends calls that took too long; returns whether to reconnect."""
         for call in list(self._calls.values()):
             if now >= call.stop_at:
                 sentence = f"{call} has not ended within {call.limit:g} s; it may still go on."

@@ -1,4 +1,4 @@
-"""Who controls the robot, and whether that client is still there."""
+"""The lease: which client controls the robot, and until when."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ HEARTBEAT: Final = 1.0
 """Seconds between a client's signs of life."""
 
 SILENCE: Final = 5.0
-"""Seconds without a word from the controller after which the robot holds."""
+"""Seconds of silence from the controller after which the robot holds."""
 
 EXPIRY: Final = 30.0
-"""Seconds without a word from the controller after which the robot is free."""
+"""Seconds of silence from the controller after which it loses control."""
 
 
 class Lapse(Enum):
-    """What the passing of time does to a lease."""
+    """A change of the lease that the controller's silence causes."""
 
     SILENT = "silent"  # the controller fell silent
     FREED = "freed"  # the controller lost the robot
@@ -32,18 +32,18 @@ class Lease:
 
     @property
     def deadline(self) -> float | None:
-        """When ``lapse`` next has something to say; ``None`` while nobody controls."""
+        """When ``lapse`` next returns a change; ``None`` without a controller."""
         if self.holder is None:
             return None
         return self._heard + (EXPIRY if self._silent else SILENCE)
 
     def take(self, client: str, now: float) -> None:
-        """Gives the robot, which must be free or the client's own, to a client."""
+        """Gives control to a client; the robot must be free or the client's own."""
         self.holder = client
         self.hear(client, now)
 
     def free(self) -> None:
-        """Takes the robot from whoever has it."""
+        """Ends the lease."""
         self.holder = None
         self._silent = False
 
@@ -54,7 +54,7 @@ class Lease:
             self._silent = False
 
     def lapse(self, now: float) -> list[Lapse]:
-        """What has happened since the last call, each once."""
+        """The changes since the last call, each once."""
         lapses: list[Lapse] = []
         if self.holder is None:
             return lapses

@@ -1,4 +1,4 @@
-"""What the server asks of a robot: one small interface, with no socket in sight.
+"""The interface between the server and a robot.
 
 The server owns a thread and the wire; the robot owns its control loop. Requests go in through
 ``submit``; what became of them comes back as events, which the server drains when the robot calls
@@ -64,7 +64,7 @@ class Snapshot:
 
 @dataclass(frozen=True, kw_only=True)
 class Progressed:
-    """A motion went on; ``phase`` and ``fraction`` as in ``protocol.wire.messages.Progress``."""
+    """Progress of a motion; ``phase`` and ``fraction`` as in ``wire.messages.Progress``."""
 
     ticket: int
     phase: str
@@ -74,7 +74,7 @@ class Progressed:
 
 @dataclass(frozen=True, kw_only=True)
 class Finished:
-    """A request ended, well or not; the reply carries the id of the request."""
+    """The end of a request; the reply carries the request's id."""
 
     ticket: int
     reply: FinalReply
@@ -110,7 +110,7 @@ class Robot(Protocol):
         ...
 
     def silence(self, reason: str) -> None:
-        """Nobody steers any more: the controller fell silent or let go in mid-motion.
+        """The controller has fallen silent, or has let go in mid-motion.
 
         Hold the present pose, end a ``Perform`` with ``aborted_silent``. Called once per silence,
         whatever the state.
@@ -129,7 +129,7 @@ class Robot(Protocol):
         ...
 
     def snapshot(self) -> Snapshot:
-        """The robot now: instantly, whatever the control loop is doing.
+        """The robot's present state, returned at once whatever the control loop is doing.
 
         The state is the one that the joints have reached, not the one that was asked for.
         """

@@ -1,4 +1,4 @@
-"""Who may do what: the roles that a robot with keys gives to its clients."""
+"""Roles: what a robot with keys lets its clients do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from protocol.wire.messages import REQUESTS
 
 
 class Role(StrEnum):
-    """What a client may do."""
+    """The role of a client."""
 
     VIEWER = "viewer"  # look and listen, and stop the robot
     CONTROLLER = "controller"  # everything

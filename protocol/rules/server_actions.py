@@ -26,7 +26,7 @@ class Submit:
 
 @dataclass(frozen=True, slots=True)
 class Silence:
-    """Tell the robot that nobody steers any more; ``reason`` says why, in a sentence."""
+    """Tell the robot that it has no active controller; ``reason`` says why, in a sentence."""
 
     reason: str = field(default="", compare=False)
 

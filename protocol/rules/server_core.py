@@ -52,15 +52,15 @@ MAX_READS: Final = 8
 
 
 def allow_all(user: str | None, request: Request) -> None:
-    """The authorisation of a server without keys: who can connect may do everything."""
+    """Authorises every request: for a server without keys."""
 
 
 def ignore_refusal(request: Request, error: RobotError) -> None:
-    """What becomes of refusals that nobody wants to hear of."""
+    """Ignores a refused request: the default of ``on_refusal``."""
 
 
 class ServerCore:
-    """Sessions, ids, lease and silence.
+    """The server's state: sessions, request ids and the controller's lease.
 
     Args:
         capabilities: What hello answers.
@@ -109,7 +109,7 @@ class ServerCore:
     def receive(
         self, peer: bytes, frame: bytes, now: float, user: str | None = None
     ) -> list[Action]:
-        """Deals with one frame; never raises because of what is in it.
+        """Handles one frame; no content of a frame raises an error.
 
         Args:
             peer: Where it came from, and where answers go.
@@ -139,7 +139,7 @@ class ServerCore:
             return [_send(peer, ErrorReply.of(error, request_id=request.id))]
 
     def complain(self, peer: bytes, error: RemoteProtocolError) -> Send:
-        """Counts a frame that was no valid request, and answers it."""
+        """Counts an invalid frame, and answers it with an error."""
         self.garbage += 1
         kind = ERROR_CODES[error.code]
         reply = ErrorReply(
@@ -152,7 +152,7 @@ class ServerCore:
         return _send(peer, reply)
 
     def tick(self, now: float) -> list[Action]:
-        """Deals with the passing of time, given on the transport clock, s."""
+        """Handles the passing of time, given on the transport clock, s."""
         actions: list[Action] = []
         holder = self._lease.holder or ""
         for lapse in self._lease.lapse(now):
@@ -166,10 +166,10 @@ class ServerCore:
         return actions
 
     def review(self, role_of: RoleOf) -> list[Action]:
-        """Takes from clients what their users may no longer have; for when that has changed.
+        """Ends sessions and control of clients whose users have lost their roles.
 
         Args:
-            role_of: The role of a user now; ``None``: it is nobody any more.
+            role_of: The present role of a user; ``None`` where it is no longer known.
         """
         actions: list[Action] = []
         for client in self._clients:
@@ -186,7 +186,7 @@ class ServerCore:
     # --- from the robot ---------------------------------------------------------------------------
 
     def accept(self, ticket: int) -> list[Send]:
-        """The robot took a request on."""
+        """Handles the robot's acceptance of a request."""
         outcome = self._in_flight[ticket]
         request = outcome.request
         assert request is not None
@@ -195,7 +195,7 @@ class ServerCore:
         return _to(outcome, outcome.progress) if told else []
 
     def progress(self, event: Progressed) -> list[Send]:
-        """A motion went on."""
+        """Handles the progress of a motion."""
         outcome = self._in_flight[event.ticket]
         request = outcome.request
         assert request is not None
@@ -209,7 +209,7 @@ class ServerCore:
         return _to(outcome, outcome.progress)
 
     def finish(self, event: Finished) -> list[Send]:
-        """A request ended, well or not.
+        """Handles the end of a request.
 
         Raises:
             ValueError: The reply carries another id than its request: a bug of the robot.
@@ -223,7 +223,7 @@ class ServerCore:
         return _end(outcome, event.reply)
 
     def publication(self) -> bytes:
-        """The telemetry frame of this moment."""
+        """The telemetry frame to publish now."""
         message = self._view().telemetry(self._capabilities.robot, self._lease.holder)
         return encode(message.to_map())
 
@@ -275,7 +275,7 @@ class ServerCore:
             return [*_end(outcome, ErrorReply.of(error, request_id=request.id))]
 
     def _needs_room(self, client: Client) -> None:
-        """Keeps those who only watch from filling the robot's queue."""
+        """Bounds the reads under way with the key of a client that is not in control."""
         if client.user is None or client.name == self._lease.holder:
             return
         if self._clients.under_way(client.user) > MAX_READS:  # this one counts already

@@ -1,4 +1,4 @@
-"""Are these targets for that robot? The same answer on both sides of the wire."""
+"""Checks targets against a robot's joints, with the same result on both sides of the wire."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may do what right now: the list of known clients, read anew whenever it has changed.
+"""Access control: the list of known clients, read again whenever it has changed.
 
 ZeroMQ asks about a key only when a connection is made, so a connection says nothing about whether
 its key is still welcome. Every request is therefore checked against the list as it is at that

@@ -1,4 +1,4 @@
-"""Reading the files of a key directory: only such as nobody else can have written.
+"""Reads the files of a key directory, and refuses those that others could have written.
 
 Whoever runs a daemon reads these files while it serves, so a read ends soon, whatever the file has
 become: a pipe, a device, a hundred megabytes, a thousand opening brackets.

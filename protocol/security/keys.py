@@ -1,4 +1,4 @@
-"""Key directories: who this computer is, and whom it knows.
+"""Key directories: a computer's own keys, and those of the computers that it knows.
 
 A key directory looks the same on a robot and on a workstation::
 
@@ -57,7 +57,7 @@ class KeyPair(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ClientKeys:
-    """What a client needs: who it is, and the robot it means."""
+    """What a client needs: its own keys, and the public key of its robot."""
 
     own: KeyPair
     robot: str
@@ -126,7 +126,7 @@ class KeyDirectory:
         return pair
 
     def known(self, *, must_exist: bool = False) -> tuple[Known, ...]:
-        """Whom this computer knows; nobody where there is no list yet, unless it must exist."""
+        """Whom this computer knows; empty where there is no list yet, unless it must exist."""
         place = self._file(_KNOWN)
         if not must_exist and not place.exists():
             return ()
@@ -137,7 +137,7 @@ class KeyDirectory:
         return people
 
     def client_keys(self) -> ClientKeys:
-        """What a client of the one robot that is known here needs."""
+        """The keys for a client of the one robot that is known here."""
         robots = [person for person in self.known() if person.role == ROBOT]
         if not robots:
             raise KeysError(
@@ -167,7 +167,7 @@ class KeyDirectory:
             self._write_known((*people, person))
 
     def remove(self, name: str) -> None:
-        """Removes somebody from the known; a robot that runs shuts its door at once."""
+        """Removes somebody from the known; a running robot disconnects it at once."""
         with self._locked():
             people = self.known()
             rest = tuple(person for person in people if person.name != name)

@@ -1,4 +1,4 @@
-"""Answers ZeroMQ's question, at each new connection, whether its key is welcome (ZAP, RFC 27)."""
+"""The ZAP handler (ZeroMQ RFC 27): accepts or refuses the key of each new connection."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _PARTS: Final = 9  # routing id, delimiter, version, request, domain, address, i
 
 
 class ZapHandler:
-    """Lets those in whom ``admits`` names; for the thread that polls the sockets.
+    """Accepts the keys that ``admits`` approves; for the thread that polls the sockets.
 
     Args:
-        context: The context of the sockets to be guarded; the gate must exist before they do.
+        context: The context of the sockets to be guarded; the handler must exist before they do.
         admits: Whether a key, in Z85, is welcome. It becomes the ``User-Id`` of each frame.
         log: Where to write about strangers.
 

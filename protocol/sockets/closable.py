@@ -1,4 +1,4 @@
-"""What has to be closed, and is by the end of its ``with`` block."""
+"""Base class of context managers that have to be closed."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Self
 
 
 class Closable(ABC):
-    """Base of whatever holds threads, sockets or processes."""
+    """Holds threads, sockets or processes until it is closed; a context manager."""
 
     @abstractmethod
     def close(self) -> None:
-        """Gives everything back; idempotent."""
+        """Releases everything; idempotent."""
 
     def __enter__(self) -> Self:
         return self

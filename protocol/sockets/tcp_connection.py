@@ -119,7 +119,7 @@ class TcpConnection:
         self._on_signal(self)  # sending may have used up the signal of a message that came
 
     def close(self, linger: int = 0) -> None:
-        """Ends it; with a linger, ms, call ``flush`` then."""
+        """Closes the connection; with a linger, ms, ``flush`` has to be called next."""
         if self.closed:
             return
         self.closed = True
@@ -131,7 +131,7 @@ class TcpConnection:
             self._tcp.close()
 
     def flush(self, seconds: float) -> None:
-        """Hands on what ZeroMQ still sends, for at most so long at a time, and ends."""
+        """Forwards what ZeroMQ still sends, waiting at most ``seconds`` at a time, and closes."""
         with self._pipe, self._tcp:
             try:
                 for end in (self._pipe, self._tcp):
@@ -178,7 +178,7 @@ class TcpConnection:
         self._watch()
 
     def _take(self, chunk: bytes) -> None:
-        """Bytes from the peer."""
+        """Handles bytes from the peer."""
         if not chunk:
             self._hang_up()
             return
@@ -204,7 +204,7 @@ class TcpConnection:
             self._shut()
 
     def _give(self, chunk: bytes) -> None:
-        """Bytes from ZeroMQ."""
+        """Handles bytes from ZeroMQ."""
         if not chunk:
             self._end()
             return
@@ -221,7 +221,7 @@ class TcpConnection:
             self._hang_up()
 
     def _hang_up(self) -> None:
-        """The peer is gone; what it has sent still counts."""
+        """Handles the end of the peer's stream; what it has sent is still delivered."""
         self._hung_up = True
         self._down = b""
         if not self._up:
@@ -233,7 +233,7 @@ class TcpConnection:
             self._pipe.shutdown(socket.SHUT_WR)
 
     def _end(self) -> None:
-        """ZeroMQ is through with the peer."""
+        """Handles the end of ZeroMQ's side."""
         self.ended = True
         self._on_signal(self)
 

@@ -1,4 +1,4 @@
-"""Where peers come in: a TCP listener that gives each connection a ZeroMQ socket of its own."""
+"""A TCP listener that gives each connection a ZeroMQ socket of its own."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MOST: Final = 240
 """Connections of a server: their descriptors stay below 1024, beyond which ``select`` fails."""
 
 TOTAL: Final = 8 << 20
-"""What ZeroMQ may keep for all connections of a door together, bytes."""
+"""What ZeroMQ may keep for all connections of a listener together, bytes."""
 
 _FILES: Final = 4  # descriptors that a connection takes
 _RESERVE: Final = 48  # descriptors for everything else
@@ -55,7 +55,7 @@ class TcpListener:
 
     Args:
         context: The context; with keys, a ``ZapHandler`` must stand there already.
-        selector: Where the door registers; its owner calls what is registered, with the events.
+        selector: Where the listener registers; its owner calls what is registered, with the events.
         kind: ROUTER or XPUB.
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
@@ -130,7 +130,7 @@ class TcpListener:
                 return
 
     def send(self, peer: bytes, parts: Sequence[bytes]) -> None:
-        """Sends a message to one; drops it where that is gone or does not read."""
+        """Sends a message to a peer; drops it where that is gone or does not read."""
         connection = self._connections.get(peer)
         if connection is not None:
             connection.send(parts)
@@ -217,7 +217,7 @@ class TcpListener:
             self._ready.append(connection)
 
     def _weigh(self, connection: TcpConnection) -> None:
-        """Cuts off who sends without end."""
+        """Disconnects peers that send messages without an end."""
         if connection.held > self._window:
             self.cut(connection.number, f"over {self._window} bytes without the end of a message")
         elif connection.held > _FEW and sum(one.held for one in self._connections.values()) > TOTAL:
@@ -230,7 +230,7 @@ class TcpListener:
             self._log.warning("cut off %s: %s (%d so far)", peer, why, self._cut)
 
     def _weakest(self) -> TcpConnection:
-        """Who goes when there are too many.
+        """The connection to close when there are too many.
 
         Whoever has sent no message yet; else of those with most connections of one key; of these
         the one that was not heard for longest.
@@ -306,4 +306,4 @@ def _capacity() -> int:
 def _user_of(frame: Any) -> str | None:
     with suppress(zmq.ZMQError):
         return str(frame.get("User-Id"))
-    return None  # it came past the gate, which cannot be: it will be refused
+    return None  # it passed no ZAP handler, which cannot be: it will be refused

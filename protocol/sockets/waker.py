@@ -25,7 +25,7 @@ class Waker:
             return  # full: it will wake anyway; closed: nobody sleeps any more
 
     def rest(self, events: int = 0) -> None:
-        """Forgets all calls of ``wake`` so far; for the polling thread, before it looks around."""
+        """Discards the calls of ``wake`` so far; the polling thread calls it before it works."""
         del events
         try:
             while self._far.recv(4096):

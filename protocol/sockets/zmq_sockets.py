@@ -1,4 +1,4 @@
-"""How this project's ZeroMQ sockets are made: bounded, with or without keys."""
+"""Creates ZeroMQ sockets with bounded queues, with or without keys."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def serving(
             zmq.CURVE_SERVER: 1,
             zmq.CURVE_SECRETKEY: pair.secret.encode(),
             zmq.ZAP_DOMAIN: _ZAP_DOMAIN,
-            zmq.ZAP_ENFORCE_DOMAIN: 1,  # without an answer from the gate, nobody comes in
+            zmq.ZAP_ENFORCE_DOMAIN: 1,  # without an answer of the ZAP handler, nobody connects
         }
     return _made(context, kind, options)
 

@@ -1,4 +1,4 @@
-"""Text from elsewhere, made harmless for whoever reads it at a terminal."""
+"""Escapes text from elsewhere for a terminal."""
 
 from __future__ import annotations
 

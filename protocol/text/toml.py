@@ -1,4 +1,4 @@
-"""TOML from a file that anybody may have written.
+"""Parses TOML that anybody may have written.
 
 ``tomllib`` alone ends in a ``RecursionError`` for a thousand brackets, in gigabytes for a long
 dotted key, and in integers that neither fit a float nor can be printed. Here each is a sentence, as

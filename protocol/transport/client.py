@@ -1,4 +1,4 @@
-"""``RobotClient``: a robot, as a program that controls it sees it."""
+"""``RobotClient``: controls a robot over the wire."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class RobotClient(Closable):
     Args:
         uri: Where the robot is, ``tcp://host:port``.
         client_id: Who is asking, the same over all starts of a program; default: a new UUID.
-        timeout: Seconds without a word from the robot after which to give up. Motions may take
+        timeout: Seconds of silence from the robot after which to give up. Motions may take
             longer: the robot is asked about them in between.
         next_id: The first request id to use; above all ids that this client id has used before.
         resume_session: The session that earlier requests were made in, to learn whether the robot

@@ -1,4 +1,4 @@
-"""The client's own thread: it owns the socket, keeps heartbeats flowing and repeats requests."""
+"""The client's thread: it owns the socket, sends heartbeats and repeats requests."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _Order: TypeAlias = Callable[[float], None]  # something to do in the thread, gi
 
 
 class ClientThread:
-    """A connection that mends itself.
+    """A connection that is made again when the link is cut.
 
     Args:
         uri: Where the robot is, ``tcp://host:port``.
-        dialogue: What to say; from here on it belongs to the link's thread.
+        core: The requests and replies; from here on only the thread uses it.
         keys: Who connects, and to which robot; ``None``: to one without keys.
         context: ZeroMQ context; default: its own.
         clock: The transport clock, s.
@@ -62,7 +62,7 @@ class ClientThread:
         self._thread.start()
 
     def ask(self, call: Call) -> None:
-        """Begins a call; its words come in ``call.words``."""
+        """Begins a call; what comes back is put into ``call.answers``."""
         self._orders.put(lambda now: self._core.ask(call, now))
         self._waker.wake()
         if self._ended:  # set before the thread fails its last calls: none can be missed

@@ -1,4 +1,4 @@
-"""Why does nobody answer there? Looks at a connection step by step.
+"""Diagnoses why nobody answers at an address, step by step.
 
 A client that gets no answer cannot know why: ZeroMQ connects again and again without a word. This
 module knocks by hand instead. It reads the greeting with which every ZeroMQ peer begins, which
@@ -48,7 +48,7 @@ class Obstacle(Enum):
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a probe found; without an obstacle, the connection itself is fine."""
+    """The result of a probe; without an obstacle, the connection itself is fine."""
 
     obstacle: Obstacle | None
     sentence: str

@@ -1,4 +1,4 @@
-"""Keeps a log short when the same thing happens again and again."""
+"""Limits how often events of the same kind are logged."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _CHUNK: Final = MAX_SUBSCRIBED  # bytes of one turn: ZeroMQ keeps fifty times as
 
 
 class Publisher:
-    """Publishes at one address, to whoever was let in.
+    """Publishes at one address.
 
     Args:
         context: The context; with keys, a ``ZapHandler`` must stand there already.
@@ -71,7 +71,7 @@ class Publisher:
         return self._listener.waiting
 
     def listen(self) -> None:
-        """Takes subscriptions, which ZeroMQ has kept already, and cuts off who has too many."""
+        """Receives subscriptions, which ZeroMQ applies; disconnects peers that send too many."""
         for peer, _, _ in self._listener.arrivals(time.monotonic() + _BUDGET):
             if self._listener.received(peer) > MAX_SUBSCRIBED:
                 self._listener.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")

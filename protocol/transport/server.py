@@ -104,10 +104,9 @@ class Server(Closable):
             self._selector.register(self._waker, selectors.EVENT_READ, self._waker.rest)
             self._context = zmq.Context()
             made.callback(self._context.destroy, linger=0)
-            self._gate: ZapHandler | None = None
             if self._access is not None:
-                self._gate = ZapHandler(self._context, self._access.admits, self._log)
-                self._selector.register(self._gate, selectors.EVENT_READ, self._gate.answer)
+                zap = ZapHandler(self._context, self._access.admits, self._log)
+                self._selector.register(zap, selectors.EVENT_READ, zap.answer)
             self._listener = TcpListener(
                 self._context,
                 self._selector,
@@ -169,11 +168,11 @@ class Server(Closable):
             self._finish()
 
     def wake(self) -> None:
-        """Makes the loop look around now; from any thread."""
+        """Wakes the loop; from any thread."""
         self._waker.wake()
 
     def request_stop(self) -> None:
-        """Makes ``run`` return soon; from any thread or signal handler."""
+        """Has ``run`` return soon; from any thread or signal handler."""
         self._stopping = True
         self.wake()
 
@@ -205,7 +204,7 @@ class Server(Closable):
         return bool(happened)
 
     def _finish(self) -> None:
-        """What has arrived by now gets its answer."""
+        """Answers what has arrived by now."""
         end = time.monotonic() + _FAREWELL / 1000
         while self._wait(_QUIET) and time.monotonic() < end:
             self._take_frames()

@@ -1,4 +1,4 @@
-"""Maps to msgpack frames and back, strictly.
+"""Encodes maps as msgpack frames and decodes them, strictly.
 
 A frame is exactly one map with string keys, at most 64 KiB long. Within it: nil, booleans,
 integers within ±(2**53 - 1), finite floats, UTF-8 strings, arrays and maps; no binary, no

@@ -1,4 +1,4 @@
-"""Every message of the wire, frozen and validated: an illegal message cannot exist.
+"""The messages of the protocol, frozen and validated: an illegal message cannot exist.
 
 A message becomes a map with ``to_map`` and is read back with ``parse_request`` or
 ``parse_reply``. Unknown fields are ignored, so that later versions may add some; ``None`` means

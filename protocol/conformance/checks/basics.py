@@ -14,19 +14,19 @@ from protocol.conformance.robot_on_trial import RobotOnTrial
 
 
 @check("3.2", basic="hello")
-def hello(robot: RobotOnTrial) -> None:
+def hello_is_answered(robot: RobotOnTrial) -> None:
     """A hello is answered with welcome."""
     robot.client()
 
 
 @check("5.5", basic="heartbeat")
-def heartbeat(robot: RobotOnTrial) -> None:
+def heartbeat_is_answered(robot: RobotOnTrial) -> None:
     """A heartbeat is answered with status."""
     robot.client().status()
 
 
 @check("7.5", basic="read")
-def read(robot: RobotOnTrial) -> None:
+def read_is_answered(robot: RobotOnTrial) -> None:
     """A read is answered to its end."""
     client = robot.client()
     reply = client.ask("read")
@@ -34,35 +34,35 @@ def read(robot: RobotOnTrial) -> None:
 
 
 @check("5.3", need=Need.CONTROL, basic="acquire")
-def acquire(robot: RobotOnTrial) -> None:
+def acquire_is_answered(robot: RobotOnTrial) -> None:
     """An acquire of a free robot is answered with ok."""
     with robot.controlled():
         pass
 
 
 @check("5.3", need=Need.CONTROL, basic="release")
-def release(robot: RobotOnTrial) -> None:
+def release_is_answered(robot: RobotOnTrial) -> None:
     """A release is answered with ok."""
     with robot.controlled() as client:
         client.expect("ok", "release")
 
 
 @check("5.9", need=Need.CONTROL, basic="stop")
-def stop(robot: RobotOnTrial) -> None:
+def stop_is_answered(robot: RobotOnTrial) -> None:
     """A stop is answered with ok."""
     with robot.controlled() as client:
         client.expect("ok", "stop")
 
 
 @check("6.1", need=Need.CONTROL, basic="clear")
-def clear(robot: RobotOnTrial) -> None:
+def clear_is_answered(robot: RobotOnTrial) -> None:
     """A clear is answered with ok."""
     with robot.controlled() as client:
         client.expect("ok", "clear")
 
 
 @check("7.4", need=Need.MOTION, basic="perform")
-def perform(robot: RobotOnTrial) -> None:
+def perform_is_answered(robot: RobotOnTrial) -> None:
     """A perform is accepted, and ends with an observation."""
     with robot.controlled() as client:
         request = client.request("perform", targets=small_targets(robot.capabilities(), 0.0))
@@ -73,14 +73,14 @@ def perform(robot: RobotOnTrial) -> None:
 
 
 @check("6.1", need=Need.MOTION, basic="hold")
-def hold(robot: RobotOnTrial) -> None:
+def hold_is_answered(robot: RobotOnTrial) -> None:
     """A hold is answered with ok."""
     with robot.controlled() as client:
         client.expect("ok", "hold")
 
 
 @check("5.13", need=Need.MOTION, basic="relax")
-def relax(robot: RobotOnTrial) -> None:
+def relax_is_answered(robot: RobotOnTrial) -> None:
     """A relax is answered with ok."""
     with robot.controlled() as client:
         client.expect("ok", "relax")

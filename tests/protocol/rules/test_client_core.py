@@ -33,7 +33,7 @@ LOOSE = FIRST_LOOSE_ID + 1
 
 
 class Bench:
-    """A dialogue with the robot's part played by the test."""
+    """A client core; the test plays the robot."""
 
     def __init__(self, capabilities: Any):
         self.now = 100.0
