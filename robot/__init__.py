@@ -11,6 +11,7 @@ Room                    What is in it
 ``configuration``       ``robot.toml`` and ``calibration.toml``
 ``sensing``             volts and millimetres become tilt, touch and clearance
 ``drivers``             the electronics
+``toml_sections``       reads a TOML file so that a wrong key is refused by name
 ``host``                the computer that it runs on: clocks, log, service manager
 ``errors``              what can go wrong
 ======================= =========================================================================

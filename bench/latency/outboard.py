@@ -19,11 +19,12 @@ from pathlib import Path
 import serial
 
 from protocol.transport.server import Server
-from robot.drivers.sv203 import open_serial
+from robot.drivers.buses import Buses
+from robot.drivers.serial_line import open_serial
 from robot.host.clock import WallClock
 from robot.host.logs import set_up_logging
 from robot.service.daemon import HOUSEKEEPING, build_controller, serve
-from robot.service.devices import Electronics, start_devices
+from robot.service.devices import open_devices
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.simulator.still_robot import StillWorld, example_config
@@ -43,14 +44,17 @@ def main() -> None:
     clock = WallClock()
     config = replace(example_config(options.port), speed=math.radians(options.speed))
     world = StillWorld.around(config)
-    line = open_serial(options.port)
+    line = open_serial(options.port, 9600)
     times = watch_writes(line)
-    electronics = Electronics(
-        serial=line,
-        ports=DMM32Emulator(world.input, clock),
-        i2c=VL6180XEmulator(lambda: world.distance_mm, clock),
+    daq = DMM32Emulator(world.input, clock)
+    distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+    buses = Buses(
+        clock=clock,
+        open_serial=lambda port, baud: line,
+        open_ports=lambda base: daq,
+        open_i2c=lambda path: distance,
     )
-    devices = start_devices(config, electronics, clock)
+    devices = open_devices(config, buses)
     controller = build_controller(
         config, devices, clock=clock, attendant=None, housekeeping=HOUSEKEEPING, log=log
     )

@@ -14,10 +14,11 @@ from typing import Final
 
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
+from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.analogue_sensors import AnalogueAxes
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 from robot.sensing.raw_samples import sample_channels
-from robot.sensing.sensors import Accelerometer, AnalogueInput
 
 POSITIONS: Final = (
     ("nose up", 0, 1),
@@ -41,7 +42,7 @@ class AccelerometerSession:
 
     Args:
         sensor: Its channels and what was believed so far.
-        adc: The data acquisition board.
+        board: The data acquisition board.
         rate: Samples per second.
         clock: The robot clock.
         dialogue: With whom.
@@ -49,15 +50,15 @@ class AccelerometerSession:
 
     def __init__(
         self,
-        sensor: Accelerometer,
-        adc: AnalogueInput,
+        sensor: AnalogueAxes,
+        board: AnalogueBoard,
         *,
         rate: float,
         clock: Clock,
         dialogue: Questions,
     ):
         self._sensor = sensor
-        self._adc = adc
+        self._board = board
         self._rate = rate
         self._clock = clock
         self._dialogue = dialogue
@@ -79,9 +80,9 @@ class AccelerometerSession:
             )
             if choice == "skip":
                 return None
-            found = self._six() if choice == "six" else self._level()
-            if found is not None:
-                return found
+            calibration = self._six() if choice == "six" else self._level()
+            if calibration is not None:
+                return calibration
 
     def _six(self) -> AxesCalibration | None:
         seen = {name: self._measure(name) for name, _, _ in POSITIONS}
@@ -161,9 +162,9 @@ class AccelerometerSession:
         return self._dialogue.attempt(self._sample)
 
     def _sample(self) -> Volts:
-        found = sample_channels(
-            self._adc, self._sensor.channels, count=SAMPLES, rate=self._rate, clock=self._clock
+        axes = sample_channels(
+            self._board, self._sensor.channels, count=SAMPLES, rate=self._rate, clock=self._clock
         )
-        if max(one.deviation for one in found) > _MOVING:
+        if max(one.deviation for one in axes) > _MOVING:
             raise DeviceDataError("The robot was not still.", "Put it against something solid.")
-        return tuple(one.mean for one in found)
+        return tuple(one.mean for one in axes)

@@ -12,9 +12,10 @@ from typing import Final
 
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import RulerCalibration
+from robot.drivers.sensor_drivers import DistanceSensor
 from robot.errors import DeviceDataError
 from robot.sensing.raw_samples import Spread, sample_distance, spread
-from robot.sensing.sensors import BellySensor, RangeFinder
+from robot.sensing.sensors import BellySensor
 
 SAMPLES: Final = 10
 AIM: Final = 0.25e-3  # m: how well the mean of all placements shall be known
@@ -33,7 +34,7 @@ class DistanceSession:
     """
 
     def __init__(
-        self, sensor: BellySensor, finder: RangeFinder, *, noise: float, dialogue: Questions
+        self, sensor: BellySensor, finder: DistanceSensor, *, noise: float, dialogue: Questions
     ):
         self._sensor = sensor
         self._finder = finder
@@ -62,19 +63,20 @@ class DistanceSession:
                 1000 * self._sensor.reach,
             )
             raised = self._placements(f"plate at {height:g} mm")
-            rise = raised.mean - ground.mean
+            rise = 1000 * (raised.mean - ground.mean)
             if rise > 0 and SCALES[0] <= height / rise <= SCALES[1]:
                 break
             self._dialogue.say(
                 f"The plate is {height:g} mm away, and the sensor reads {rise:.1f} mm more than "
                 "on the ground. Measure from the belly, not from the sensor, and try again."
             )
-        for what, found in (("ground", ground), ("plate", raised)):
+        for what, means in (("ground", ground), ("plate", raised)):
+            deviation = 1000 * means.deviation
             self._dialogue.say(
-                f"{what}: {found.mean:.1f} mm, {found.deviation:.1f} mm rms from placement to "
-                f"placement, known to {found.deviation / math.sqrt(found.count):.2f} mm"
+                f"{what}: {1000 * means.mean:.1f} mm, {deviation:.1f} mm rms from placement to "
+                f"placement, known to {deviation / math.sqrt(means.count):.2f} mm"
             )
-        return RulerCalibration(zero=ground.mean / 1000, scale=height / rise)
+        return RulerCalibration(zero=ground.mean, scale=height / rise)
 
     def _placements(self, what: str) -> Spread:
         means: list[float] = []
@@ -86,10 +88,10 @@ class DistanceSession:
         return spread(means)
 
     def _measure(self) -> float:
-        found = sample_distance(self._finder, count=SAMPLES)
-        if found is None:
+        distances = sample_distance(self._finder, count=SAMPLES)
+        if distances is None:
             raise DeviceDataError(
                 "The distance sensor sees no target.",
                 "Use a light, dull surface, and look that nothing covers the sensor.",
             )
-        return found.mean
+        return distances.mean

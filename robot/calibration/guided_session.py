@@ -13,7 +13,7 @@ from typing import Final, Protocol
 
 from robot.calibration.accelerometer import AccelerometerSession
 from robot.calibration.distance import DistanceSession
-from robot.calibration.joints import HELP, Mover, calibrate_joint
+from robot.calibration.joints import Mover, calibrate_joint, help_text
 from robot.calibration.questions import Questions, Terminal
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import (
@@ -26,10 +26,11 @@ from robot.configuration.calibration_file import (
     check_calibration,
 )
 from robot.configuration.robot_config import RobotConfig
+from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.sensor_drivers import DistanceSensor
 from robot.drivers.servo_bus import ServoBus
 from robot.errors import AbandonedError, CommandError, ConfigError
 from robot.host.clock import Clock
-from robot.sensing.sensors import AnalogueInput, RangeFinder
 
 WELCOME: Final = """\
 Calibrates {robot}. Each part is written when it was measured. 'q' leaves at any question: the robot
@@ -50,23 +51,26 @@ class CalibratedDevices(Protocol):
 
     @property
     def servos(self) -> ServoBus:
-        """The servo board."""
+        """The servo driver."""
 
     @property
-    def adc(self) -> AnalogueInput:
-        """The data acquisition board."""
+    def board(self) -> AnalogueBoard | None:
+        """The data acquisition board, if there is one."""
 
     @property
-    def distance(self) -> RangeFinder | None:
+    def distance(self) -> DistanceSensor | None:
         """The distance sensor, if there is one."""
 
 
 def parts(config: RobotConfig) -> list[str]:
-    """The names of everything that can be calibrated, in order."""
+    """The names of everything that can be calibrated, in order.
+
+    A sensor that is not on an analogue input gives g or newtons by itself.
+    """
     return [
         *(joint.name for joint in config.joints),
-        "accelerometer",
-        *(gauge.name for gauge in config.gauges),
+        *(["accelerometer"] if config.axes else []),
+        *config.gauges,
         *(["distance"] if config.distance else []),
     ]
 
@@ -114,24 +118,24 @@ class GuidedSession:
         Raises:
             AbandonedError: Somebody left.
         """
-        found = before
+        calibration = before
         try:
             self._dialogue.say(WELCOME.format(robot=self._config.name))
             for name, part in self._measured():
-                following = found.with_part(name, part)
-                if following != found and self._confirmed(name, found, following):
+                following = calibration.with_part(name, part)
+                if following != calibration and self._confirmed(name, calibration, following):
                     save(name, following)
-                    found = following
+                    calibration = following
         except KeyboardInterrupt:
             raise AbandonedError("You left the session.") from None
 
-    def _confirmed(self, name: str, before: Calibration, found: Calibration) -> bool:
+    def _confirmed(self, name: str, before: Calibration, after: Calibration) -> bool:
         try:
-            check_calibration(found)
+            check_calibration(after, self._config.servos.counts)
         except ConfigError as error:
             self._dialogue.say(f"{name} is not taken and keeps what it had: {error}")
             return False
-        self._dialogue.say("\n" + "\n".join(self._changes(before, found)))
+        self._dialogue.say("\n" + "\n".join(self._changes(before, after)))
         return self._dialogue.choose("write this: yes or no", "yes", "no") == "yes"
 
     def _measured(self) -> Iterator[tuple[str, Part]]:
@@ -146,40 +150,44 @@ class GuidedSession:
     def _joints(self) -> Iterator[tuple[str, JointCalibration]]:
         wanted = [joint for joint in self._config.joints if joint.name in self._wanted]
         if wanted:
-            self._dialogue.say(JOINTS + HELP)
+            self._dialogue.say(JOINTS + help_text(self._config.servos.counts))
             self._dialogue.choose("on the stand: Enter", "")
         for joint in wanted:
-            make = partial(Mover, self._devices.servos, joint.output, self._clock)
+            make = partial(Mover, self._devices.servos, joint, self._clock)
             mover = self._dialogue.attempt(make)
             measured = calibrate_joint(joint, mover, self._dialogue)
             if measured is not None:
                 yield joint.name, measured
 
     def _accelerometer(self) -> AxesCalibration | None:
-        if "accelerometer" not in self._wanted:
+        axes, board = self._config.axes, self._devices.board
+        if "accelerometer" not in self._wanted or axes is None or board is None:
             return None
         return AccelerometerSession(
-            self._config.accelerometer,
-            self._devices.adc,
+            axes,
+            board,
             rate=self._config.settling.rate,
             clock=self._clock,
             dialogue=self._dialogue,
         ).run()
 
     def _gauges(self) -> Iterator[tuple[str, GaugeCalibration]]:
-        wanted = [gauge for gauge in self._config.gauges if gauge.name in self._wanted]
-        if wanted:
-            self._dialogue.say(GAUGES)
-        for gauge in wanted:
+        gauges, board = self._config.gauges, self._devices.board
+        wanted = [p for p in self._config.touch if p.name in gauges and p.name in self._wanted]
+        if not wanted or board is None:
+            return
+        self._dialogue.say(GAUGES)
+        for point in wanted:
             measured = GaugeSession(
-                gauge,
-                self._devices.adc,
+                point,
+                gauges[point.name].channel,
+                board,
                 rate=self._config.settling.rate,
                 clock=self._clock,
                 dialogue=self._dialogue,
             ).run()
             if measured is not None:
-                yield gauge.name, measured
+                yield point.name, measured
 
     def _distance(self) -> RulerCalibration | None:
         belly, finder = self._config.distance, self._devices.distance
@@ -189,10 +197,10 @@ class GuidedSession:
             belly.sensor, finder, noise=self._config.noise.clearance, dialogue=self._dialogue
         ).run()
 
-    def _changes(self, before: Calibration, found: Calibration) -> Iterator[str]:
+    def _changes(self, before: Calibration, after: Calibration) -> Iterator[str]:
         """What is new, line by line."""
         for joint in self._config.joints:
-            new = found.joints.get(joint.name)
+            new = after.joints.get(joint.name)
             if new != before.joints.get(joint.name) and new is not None:
                 scales = new.scale, joint.scale
                 counts = [scale.count(0.0) for scale in scales]
@@ -202,23 +210,23 @@ class GuidedSession:
                     f"{joint.name}: 0° at count {counts[0]} (was {counts[1]}), {slopes[0]:.2f}° a "
                     f"count (was {slopes[1]:.2f}°), {limits[0]:.1f}° to {limits[1]:.1f}°"
                 )
-        axes, old = found.accelerometer, self._config.accelerometer
-        if axes != before.accelerometer and axes is not None:
+        axes, old = after.accelerometer, self._config.axes
+        if axes != before.accelerometer and axes is not None and old is not None:
             for index, name in enumerate("xyz"):
                 yield (
                     f"accelerometer {name}: {axes.zero[index]:.3f} V at 0 g (was "
                     f"{old.zero[index]:.3f}), {axes.volts_per_g[index]:.3f} V/g (was "
                     f"{old.volts_per_g[index]:.3f})"
                 )
-        for gauge in self._config.gauges:
-            bridge = found.gauges.get(gauge.name)
-            if bridge != before.gauges.get(gauge.name) and bridge is not None:
+        for name, gauge in self._config.gauges.items():
+            bridge = after.gauges.get(name)
+            if bridge != before.gauges.get(name) and bridge is not None:
                 yield (
-                    f"{gauge.name}: {bridge.tare:.3f} V when free (was {gauge.tare:.3f}), "
+                    f"{name}: {bridge.tare:.3f} V when free (was {gauge.tare:.3f}), "
                     f"{bridge.volts_per_newton:.3f} V/N (was {gauge.volts_per_newton:.3f}), "
                     f"touches above {bridge.on:g} N"
                 )
-        ruler, belly = found.distance, self._config.distance
+        ruler, belly = after.distance, self._config.distance
         if ruler != before.distance and ruler is not None and belly is not None:
             yield (
                 f"distance: {ruler.zero * 1000:.1f} mm on the ground (was "

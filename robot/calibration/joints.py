@@ -17,18 +17,18 @@ from typing import Final
 from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import (
-    MAX_COUNT,
-    MIN_COUNT,
-    SLOPES,
+    USUAL_SPAN,
     DrivenJoint,
     JointScale,
+    middle,
+    slopes,
 )
 from robot.drivers.servo_bus import ServoBus
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 
 HELP: Final = """
-  u 5, d 5      five counts up or down; at most 20, and 5 without a number
+  u 5, d 5      five steps up or down; at most 20, and 5 without a number; {step}
   -12.5         the angle that you measure now, in degrees; 0 is the planar pose, + is upward
   lower, upper  the joint may go no further down, or up, than here
   drop          forgets the last angle
@@ -39,29 +39,41 @@ HELP: Final = """
 
 MAX_STEP: Final = 20
 PACE: Final = 0.03  # s between counts besides the serial line's own: about 13° a second
-NEUTRAL: Final = 128
-_MIN_APART: Final = 10  # counts between two measured angles
+_STEPS: Final = 255  # at least, on the way through all counts of a driver
+_MIN_APART: Final = 10  # steps between two measured angles
 _ZERO_TOLERANCE: Final = 1.5  # degrees
-_WELL_BEYOND: Final = 30  # counts
+_WELL_BEYOND: Final = 30  # steps
+
+
+def step_of(counts: range) -> int:
+    """The counts that a joint moves at once: about 0.7°, whatever the driver's resolution."""
+    return max(1, len(counts) // _STEPS)
+
+
+def help_text(counts: range) -> str:
+    """What can be answered while a joint is measured."""
+    step = step_of(counts)
+    return HELP.format(step="a step is one count" if step == 1 else f"a step is {step} counts")
 
 
 class Mover:
-    """Moves one servo, count by count.
+    """Moves one servo, step by step.
 
     Args:
-        servos: The servo board.
-        output: Which of its outputs.
+        servos: The servo driver.
+        joint: Which of its joints.
         clock: Paces the counts.
 
     Attributes:
         count: Where the servo was sent; 0 while it is limp.
     """
 
-    def __init__(self, servos: ServoBus, output: int, clock: Clock):
+    def __init__(self, servos: ServoBus, joint: DrivenJoint, clock: Clock):
         self._servos = servos
-        self._output = output
+        self._output = joint.output
+        self._step = step_of(joint.scale.counts)
         self._clock = clock
-        self.count = servos.read_counts([output])[output]
+        self.count = servos.read_counts([self._output])[self._output]
 
     def go(self, target: int) -> None:
         """Moves to a count; a limp servo jumps there.
@@ -73,7 +85,8 @@ class Mover:
         if self.count == 0:
             self._send(target)
         while self.count != target:
-            self._send(self.count + (1 if target > self.count else -1))
+            way = min(self._step, abs(target - self.count))
+            self._send(self.count + (way if target > self.count else -way))
             self._clock.sleep(PACE)
 
     def check(self) -> None:
@@ -86,7 +99,8 @@ class Mover:
             before = self.count
             self.count = self._servos.read_counts([self._output])[self._output]
             raise DeviceDataError(
-                f"The servo board lost count {before} and stands at {self.count}: it was reset.",
+                f"The servo board ({self._servos.name}) lost count {before} and stands at "
+                f"{self.count}: it was reset.",
                 "Check the servos' supply.",
             )
 
@@ -109,7 +123,7 @@ def calibrate_joint(
     dialogue.say(f"\n{joint.name}, servo output {joint.output}")
     if mover.count == 0:
         dialogue.choose(f"{joint.name} is limp; hold it, then Enter drives it to its middle", "")
-        dialogue.attempt(lambda: mover.go(NEUTRAL))
+        dialogue.attempt(lambda: mover.go(middle(joint.scale.counts)))
     start = mover.count
     measuring = _Measuring(joint, mover, dialogue)
     while True:
@@ -118,9 +132,9 @@ def calibrate_joint(
             dialogue.attempt(lambda: mover.go(start))
             return None
         if answer == "done":
-            found = measuring.finish()
-            if found is not None:
-                return found
+            calibration = measuring.finish()
+            if calibration is not None:
+                return calibration
         else:
             measuring.take(answer)
 
@@ -132,6 +146,8 @@ class _Measuring:
         self._joint = joint
         self._mover = mover
         self._dialogue = dialogue
+        self._counts = joint.scale.counts
+        self._step = step_of(self._counts)
         self._points: list[tuple[int, float]] = []  # count, degrees
         self._limits: dict[str, int] = {}
 
@@ -159,19 +175,19 @@ class _Measuring:
             count, angle = self._points.pop()
             self._dialogue.say(f"{angle:g}° at count {count} is forgotten.")
         else:
-            self._dialogue.say(HELP)
+            self._dialogue.say(help_text(self._counts))
 
     def finish(self) -> JointCalibration | None:
         """Checks the table, goes to its zero, and lets a person look at it."""
         try:
-            found, scale = self._table()
+            joint = self._table()
         except ValueError as error:
             self._dialogue.say(f"Not yet: it {error}.")
             return None
-        before = self._joint.scale
+        scale, before = joint.scale, self._joint.scale
         if (scale.angle(2) > scale.angle(1)) != (before.angle(2) > before.angle(1)):
             self._dialogue.say("It turns the other way than was thought; that is put right.")
-        self._say_what_is_guessed(found)
+        self._say_what_is_guessed(joint)
         self._dialogue.attempt(lambda: self._mover.go(scale.count(0.0)))
         zero = self._zero_angle()
         if zero is not None and abs(zero) > _ZERO_TOLERANCE:
@@ -181,15 +197,15 @@ class _Measuring:
             )
             return None
         return JointCalibration(
-            lower_limit=found.lower_limit, upper_limit=found.upper_limit, scale=scale
+            lower_limit=joint.lower_limit, upper_limit=joint.upper_limit, scale=scale
         )
 
     def _move(self, direction: int, steps: int) -> None:
-        target = self._mover.count + direction * steps
-        if not (1 <= steps <= MAX_STEP and MIN_COUNT <= target <= MAX_COUNT):
+        target = self._mover.count + direction * steps * self._step
+        if not (1 <= steps <= MAX_STEP and target in self._counts):
             self._dialogue.say(
-                f"A step has 1 to {MAX_STEP} counts, and counts run from {MIN_COUNT} to "
-                f"{MAX_COUNT}."
+                f"A move has 1 to {MAX_STEP} steps of {self._step}, and counts run from "
+                f"{self._counts[0]} to {self._counts[-1]}."
             )
             return
         self._dialogue.attempt(lambda: self._mover.go(target))
@@ -201,15 +217,16 @@ class _Measuring:
             self._dialogue.say(f"It moved to count {self._mover.count}: measure once more.")
             return
         others = [point for point in self._points if point[0] != count]
-        reason = _objection([*others, (count, angle)])
+        reason = _objection([*others, (count, angle)], self._counts)
         if reason is not None:
             self._dialogue.say(f"{angle:g}° at count {count} is not taken: {reason}")
             return
         self._points = [*others, (count, angle)]
         self._dialogue.say(f"{angle:g}° at count {count}.")
 
-    def _table(self) -> tuple[DrivenJoint, JointScale]:
-        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in self._points))
+    def _table(self) -> DrivenJoint:
+        points = tuple((count, math.radians(angle)) for count, angle in self._points)
+        scale = JointScale(points, self._counts)
         limits = {name: scale.angle(count) for name, count in self._limits.items()}
         lower = limits.get("lower", self._joint.lower_limit)
         upper = limits.get("upper", self._joint.upper_limit)
@@ -218,9 +235,9 @@ class _Measuring:
                 f"has its lower limit at {math.degrees(lower):.1f}° and its upper one at "
                 f"{math.degrees(upper):.1f}°; mark them again"
             )
-        found = replace(self._joint, scale=scale, lower_limit=lower, upper_limit=upper)
-        found.check_zero()
-        return found, scale
+        joint = replace(self._joint, scale=scale, lower_limit=lower, upper_limit=upper)
+        joint.check_zero()
+        return joint
 
     def _zero_angle(self) -> float | None:
         while True:
@@ -234,30 +251,34 @@ class _Measuring:
                 return angle
             self._dialogue.say("Answer an angle in degrees, Enter, or q to leave.")
 
-    def _say_what_is_guessed(self, found: DrivenJoint) -> None:
+    def _say_what_is_guessed(self, joint: DrivenJoint) -> None:
         counts = [count for count, _ in self._points]
-        ends = [found.scale.count(angle) for angle in found.reachable]
-        if min(counts) - min(ends) > _WELL_BEYOND or max(ends) - max(counts) > _WELL_BEYOND:
+        ends = [joint.scale.count(angle) for angle in joint.reachable]
+        beyond = max(min(counts) - min(ends), max(ends) - max(counts))
+        if beyond > _WELL_BEYOND * self._step:
             self._dialogue.say(
                 f"Measured from count {min(counts)} to {max(counts)}; it may go from {min(ends)} "
                 f"to {max(ends)}, where its angle is a guess."
             )
 
 
-def _objection(points: Sequence[tuple[int, float]]) -> str | None:
+def _objection(points: Sequence[tuple[int, float]], counts: range) -> str | None:
     """What is wrong with a table of counts and degrees, or ``None``."""
+    apart = _MIN_APART * step_of(counts)
+    least, most = slopes(counts)
+    usual = USUAL_SPAN / (len(counts) - 1)
     rising: set[bool] = set()
     for (count, angle), (following, next_angle) in pairwise(sorted(points)):
-        if following - count < _MIN_APART:
+        if following - count < apart:
             return (
                 f"count {count} and count {following} were both measured; move at least "
-                f"{_MIN_APART} counts in between."
+                f"{apart} counts in between."
             )
         slope = (next_angle - angle) / (following - count)
-        if not SLOPES[0] <= abs(slope) <= SLOPES[1]:
+        if not least <= abs(slope) <= most:
             return (
-                f"from count {count} to {following} that would be {abs(slope):.2f}° a count, and "
-                "0.7° is usual. Is the joint at a stop, or an angle mistyped?"
+                f"from count {count} to {following} that would be {abs(slope):.2g}° a count, and "
+                f"{usual:.2g}° is usual. Is the joint at a stop, or an angle mistyped?"
             )
         rising.add(slope > 0)
     if len(rising) > 1:

@@ -76,9 +76,9 @@ class Questions:
     def number(self, prompt: str, least: float, most: float) -> float:
         """A number from ``least`` to ``most``."""
         while True:
-            found = number(self.ask(prompt))
-            if found is not None and least <= found <= most:
-                return found
+            value = number(self.ask(prompt))
+            if value is not None and least <= value <= most:
+                return value
             self.say(f"Answer a number from {least:g} to {most:g}, or q to leave.")
 
     def attempt(self, action: Callable[[], T]) -> T:
@@ -94,7 +94,7 @@ class Questions:
 def number(text: str) -> float | None:
     """A decimal number with point or comma, or ``None``; ``nan`` and ``inf`` are none."""
     try:
-        found = float(text.replace(",", "."))
+        value = float(text.replace(",", "."))
     except ValueError:
         return None
-    return found if abs(found) < 1e12 else None
+    return value if abs(value) < 1e12 else None

@@ -7,10 +7,10 @@ from typing import Final
 
 from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import GaugeCalibration
+from robot.drivers.analogue_inputs import AnalogueBoard
 from robot.host.clock import Clock
 from robot.sensing.raw_samples import Spread, sample_channels
-from robot.sensing.sensors import AnalogueInput
-from robot.sensing.touch import TouchGauge
+from robot.sensing.touch import TouchPoint
 
 SAMPLES: Final = 100
 GRAVITY: Final = 9.81
@@ -24,8 +24,9 @@ class GaugeSession:
     """Leads through one gauge.
 
     Args:
-        gauge: Its channel and what was believed so far.
-        adc: The data acquisition board.
+        point: The part that carries it, and its thresholds so far.
+        channel: Its analogue input.
+        board: The data acquisition board.
         rate: Samples per second.
         clock: The robot clock.
         dialogue: With whom.
@@ -33,15 +34,17 @@ class GaugeSession:
 
     def __init__(
         self,
-        gauge: TouchGauge,
-        adc: AnalogueInput,
+        point: TouchPoint,
+        channel: int,
+        board: AnalogueBoard,
         *,
         rate: float,
         clock: Clock,
         dialogue: Questions,
     ):
-        self._gauge = gauge
-        self._adc = adc
+        self._point = point
+        self._channel = channel
+        self._board = board
         self._rate = rate
         self._clock = clock
         self._dialogue = dialogue
@@ -52,7 +55,7 @@ class GaugeSession:
         Raises:
             AbandonedError: Somebody left.
         """
-        name = self._gauge.name
+        name = self._point.name
         if self._dialogue.choose(f"{name} free of any load: Enter or skip", "", "skip"):
             return None
         free = self._dialogue.attempt(self._sample)
@@ -65,7 +68,7 @@ class GaugeSession:
             self._dialogue.say(
                 f"{load:g} N changed it by {change * 1000:.1f} mV only, with "
                 f"{free.deviation * 1000:.1f} mV of noise. Is the load on this foot, and is "
-                f"channel {self._gauge.channel} this gauge's? Load it again, or leave with q."
+                f"channel {self._channel} this gauge's? Load it again, or leave with q."
             )
         gain = change / load
         return self._thresholds(free, gain)
@@ -73,28 +76,28 @@ class GaugeSession:
     def _thresholds(self, free: Spread, gain: float) -> GaugeCalibration:
         """Keeps the thresholds that are set, unless the noise would cross them."""
         noise = free.deviation / abs(gain)
-        on = self._gauge.on
+        on = self._point.on
         if on < _QUIET * noise:
             on = math.ceil(_QUIET * noise * 100) / 100
             self._dialogue.say(
                 f"The free foot reads {noise:.3f} N of noise, so it touches above {on:g} N "
-                f"instead of {self._gauge.on:g} N."
+                f"instead of {self._point.on:g} N."
             )
-        share = self._gauge.off / self._gauge.on if self._gauge.on else 0.5
+        share = self._point.off / self._point.on if self._point.on else 0.5
         return GaugeCalibration(tare=free.mean, volts_per_newton=gain, on=on, off=on * share)
 
     def _load(self) -> float:
-        prompt = f"{self._gauge.name} with a known load: newtons, or grams as in '100 g'"
+        prompt = f"{self._point.name} with a known load: newtons, or grams as in '100 g'"
         while True:
             answer = self._dialogue.ask(prompt)
-            found = number(answer.removesuffix("g"))
-            if found is not None:
-                load = found * GRAVITY / 1000 if answer.endswith("g") else found
+            value = number(answer.removesuffix("g"))
+            if value is not None:
+                load = value * GRAVITY / 1000 if answer.endswith("g") else value
                 if LOADS[0] <= load <= LOADS[1]:
                     return load
             self._dialogue.say(f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, or q to leave.")
 
     def _sample(self) -> Spread:
         return sample_channels(
-            self._adc, [self._gauge.channel], count=SAMPLES, rate=self._rate, clock=self._clock
+            self._board, [self._channel], count=SAMPLES, rate=self._rate, clock=self._clock
         )[0]

@@ -12,9 +12,10 @@ from robot.calibration.guided_session import CalibratedDevices, GuidedSession
 from robot.calibration.questions import Console, Questions, Terminal
 from robot.configuration.calibration_file import Calibration, read_calibration, save_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration, read_config
+from robot.drivers.buses import Buses
 from robot.errors import AbandonedError, ConfigError
 from robot.host.clock import Clock, WallClock
-from robot.service.devices import open_electronics, start_devices
+from robot.service.devices import open_devices
 
 HELP = "measure joints and sensors with a person's help, and write the calibration file"
 
@@ -44,10 +45,10 @@ def run(options: argparse.Namespace) -> int:
         )
     before = Calibration(robot=config.name)
     if file.exists():
-        before = read_calibration(file)
+        before = read_calibration(file, config.servos.counts)
         config = apply_calibration(config, before, file=str(file))
     clock = WallClock()
-    devices = start_devices(config, open_electronics(config), clock)
+    devices = open_devices(config, Buses(clock=clock))
     try:
         calibrate(
             config,
@@ -93,11 +94,11 @@ def calibrate(
     written: list[str] = []
     backups: list[str] = []
 
-    def save(name: str, found: Calibration) -> None:
-        found = replace(found, revision=before.revision + 1, made=made)
+    def save(name: str, calibration: Calibration) -> None:
+        calibration = replace(calibration, revision=before.revision + 1, made=made)
         # A full disk is no reason to measure everything again.
         backup = Questions(terminal).attempt(
-            lambda: save_calibration(file, found, keep=not written)  # one revision a session
+            lambda: save_calibration(file, calibration, keep=not written)  # one revision a session
         )
         written.append(name)
         backups.extend([backup.name] if backup else [])

@@ -9,17 +9,10 @@ from pathlib import Path
 from robot.calibration.guided_session import parts
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config
-from robot.diagnosis.doctor import DeviceOpeners, Doctor
+from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Finding, Severity, look, ok
-from robot.host.clock import Clock, WallClock
-from robot.service.devices import (
-    open_bus,
-    open_line,
-    open_ports,
-    start_adc,
-    start_distance,
-    start_servos,
-)
+from robot.drivers.buses import Buses
+from robot.host.clock import WallClock
 
 HELP = "look at each device, joint and sensor, and say what to check; moves nothing"
 
@@ -39,24 +32,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Examines the robot that a configuration describes; 0 when all is well, else 1."""
     config = load_config(options.config, uncalibrated=True)
-    clock = WallClock()
-    findings = Doctor(config, real_access(config, clock), clock, move=options.move).examine()
+    findings = Doctor(config, Buses(clock=WallClock()), move=options.move).examine()
     print_findings([describe_config(config, options.config)], print)
     return print_findings(findings, print)
 
 
-def real_access(config: RobotConfig, clock: Clock) -> DeviceOpeners:
-    """The devices that a configuration names, each opened by itself."""
-    return DeviceOpeners(
-        servos=lambda: start_servos(config, open_line(config), clock),
-        adc=lambda: start_adc(config, open_ports(config), clock),
-        distance=lambda: start_distance(config, open_bus(config), clock),
-    )
-
-
 def describe_config(config: RobotConfig, path: Path) -> Finding:
     """What is believed of the robot, and since when."""
-    text = f"{config.name}: {len(config.joints)} joints, {len(config.gauges)} touch sensors"
+    text = f"{config.name}: {len(config.joints)} joints, {len(config.touch)} touch sensors"
     advice = f"robotd calibrate --config {path}; see docs/calibration.md"
     _, file = read_config(path)
     if file is None or not file.exists():
@@ -64,9 +47,9 @@ def describe_config(config: RobotConfig, path: Path) -> Finding:
         return look(
             "configuration", f"{text}; not calibrated, the values of {path} stand{missing}", advice
         )
-    found = read_calibration(file)
-    text += f"; {file.name} revision {found.revision} of {found.made}"
-    rest = [name for name in parts(config) if not found.has(name)]
+    calibration = read_calibration(file, config.servos.counts)
+    text += f"; {file.name} revision {calibration.revision} of {calibration.made}"
+    rest = [name for name in parts(config) if not calibration.has(name)]
     if rest:
         return look("configuration", f"{text}; not calibrated yet: {', '.join(rest)}", advice)
     return ok("configuration", text)

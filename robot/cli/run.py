@@ -14,10 +14,11 @@ from protocol.sockets.endpoints import DEFAULT_BIND
 from protocol.transport.server import Server
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
+from robot.drivers.buses import Buses
 from robot.host.clock import Clock, WallClock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import HOUSEKEEPING, build_controller, serve
-from robot.service.devices import open_electronics, report_devices, start_devices
+from robot.service.devices import open_devices, report_devices
 from robot.service.dry_run import dry_config, dry_controller
 
 HELP = "serve the robot until SIGTERM or Ctrl-C"
@@ -100,7 +101,7 @@ def _controller(
         log.warning("dry run: no hardware is touched, and there are no sensors")
         yield dry_controller(config, clock=clock, log=log, manager=manager)
         return
-    devices = start_devices(config, open_electronics(config), clock)
+    devices = open_devices(config, Buses(clock=clock))
     try:
         controller = build_controller(
             config,

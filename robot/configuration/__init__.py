@@ -7,6 +7,5 @@ Module                  What is in it
 ``calibration_file``    ``calibration.toml``: what ``robotd calibrate`` writes
 ``device_tables``       the tables that both share: joints and sensors
 ``joint_calibration``   counts of the servo board to joint angles and back
-``toml_sections``       reads a TOML file so that a wrong key is refused by name
 ======================= =========================================================================
 """

@@ -16,16 +16,15 @@ from typing import Final
 
 from protocol.system.replace_file import replace_file
 from robot.configuration.device_tables import (
-    read_axes,
-    read_bridge,
     read_limits,
     read_ruler,
     read_scale,
     read_thresholds,
 )
 from robot.configuration.joint_calibration import JointScale
-from robot.configuration.toml_sections import Section, read_toml, toml_section
+from robot.drivers.analogue_sensors import read_axes, read_bridge
 from robot.errors import ConfigError
+from robot.toml_sections import Section, read_toml, toml_section
 
 SCHEMA: Final = 1
 _DIGITS: Final = 5  # behind the point: 0.00001° and 10 µV are beyond any sensor here
@@ -122,42 +121,50 @@ class Calibration:
                 return replace(self, distance=part)
 
 
-def read_calibration(path: Path) -> Calibration:
+def read_calibration(path: Path, counts: range) -> Calibration:
     """Reads a calibration file.
+
+    Args:
+        path: The file.
+        counts: What the robot's servo driver can command.
 
     Raises:
         ConfigError: Names file, key and reason.
     """
-    return _calibration(read_toml(path))
+    return _calibration(read_toml(path), counts)
 
 
-def check_calibration(calibration: Calibration) -> None:
+def check_calibration(calibration: Calibration, counts: range) -> None:
     """Whether the file that would be written of a calibration could be read again.
+
+    Args:
+        calibration: The calibration.
+        counts: What the robot's servo driver can command.
 
     Raises:
         ConfigError: Names key and reason: it holds what no robot has.
     """
-    _calibration(toml_section(to_toml(replace(calibration, revision=1)), ""))
+    _calibration(toml_section(to_toml(replace(calibration, revision=1)), ""), counts)
 
 
-def _calibration(root: Section) -> Calibration:
+def _calibration(root: Section, counts: range) -> Calibration:
     schema = root.integer("schema", 1, 2**31)
     if schema != SCHEMA:
         raise root.refuse(
             "schema", f"is {schema}, and this robotd reads {SCHEMA}: calibrate anew, or update it."
         )
     root.table("end").done()  # missing where the file was cut off
-    found = Calibration(
+    calibration = Calibration(
         robot=root.text("robot"),
         revision=root.integer("revision", 1, 2**31),
         made=root.text("made"),
-        joints=dict(_joint(section) for section in _named(root, "joint")),
+        joints=dict(_joint(section, counts) for section in _named(root, "joint")),
         accelerometer=_axes(root.table("accelerometer")) if root.has("accelerometer") else None,
         gauges=dict(_gauge(section) for section in _named(root, "touch")),
         distance=_ruler(root.table("distance")) if root.has("distance") else None,
     )
     root.done()
-    return found
+    return calibration
 
 
 def _named(root: Section, key: str) -> Iterator[Section]:
@@ -170,11 +177,11 @@ def _named(root: Section, key: str) -> Iterator[Section]:
         yield section
 
 
-def _joint(section: Section) -> tuple[str, JointCalibration]:
+def _joint(section: Section, counts: range) -> tuple[str, JointCalibration]:
     lower, upper = read_limits(section)
-    found = JointCalibration(lower_limit=lower, upper_limit=upper, scale=read_scale(section))
+    scale = read_scale(section, counts)
     section.done()
-    return section.text("name"), found
+    return section.text("name"), JointCalibration(lower_limit=lower, upper_limit=upper, scale=scale)
 
 
 def _axes(section: Section) -> AxesCalibration:

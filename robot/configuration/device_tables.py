@@ -12,19 +12,21 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
-from robot.configuration.joint_calibration import SLOPES, DrivenJoint, JointScale
-from robot.configuration.toml_sections import Section
-from robot.sensing.sensors import Accelerometer, BellySensor
+from robot.configuration.joint_calibration import DrivenJoint, JointScale, slopes
+from robot.drivers.registry import SENSORS, driver_class
+from robot.drivers.sensor_drivers import BoardSettings, DistanceSettings, SensorSettings
+from robot.drivers.servo_bus import ServoSettings
+from robot.sensing.sensors import BellySensor
 from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchGauge
+from robot.sensing.touch import TouchPoint
+from robot.toml_sections import Section
 
 
 @dataclass(frozen=True, kw_only=True)
-class I2CConfig:
-    """Where the distance sensor sits, and its calibration."""
+class DistanceConfig:
+    """The distance sensor: its driver, and its calibration."""
 
-    bus: int
-    address: int
+    driver: DistanceSettings
     sensor: BellySensor
 
 
@@ -40,16 +42,16 @@ def check_count(root: Section, head: Section, key: str, table: str, least: int) 
         raise head.refuse(key, f"says {said}, but {found} [[{table}]] tables follow; lost the end?")
 
 
-def read_joint(section: Section) -> DrivenJoint:
+def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
     """A ``[[joint]]`` table."""
     lower, upper = read_limits(section)
     joint = DrivenJoint(
         name=section.text("name"),
-        output=section.integer("output", 1, 8),
+        output=section.integer("output", servos.outputs[0], servos.outputs[-1]),
         lower_limit=lower,
         upper_limit=upper,
         part_radius=section.number("part_radius_mm", 1, 200) / 1000,
-        scale=read_scale(section),
+        scale=read_scale(section, servos.counts),
     )
     try:
         joint.check_zero()
@@ -73,65 +75,54 @@ def read_limits(section: Section) -> tuple[float, float]:
     return math.radians(lower), math.radians(upper)
 
 
-def read_scale(section: Section) -> JointScale:
-    """``calibration``, pairs of count and degrees."""
+def read_scale(section: Section, counts: range) -> JointScale:
+    """``calibration``, pairs of count and degrees; ``counts`` are those of the servo driver."""
     pairs = section.pairs("calibration")
+    least, most = slopes(counts)
     try:
-        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs))
+        scale = JointScale(tuple((count, math.radians(angle)) for count, angle in pairs), counts)
     except ValueError as error:
         raise section.refuse("calibration", f"{error}.") from error
     for (count, angle), (following, next_angle) in pairwise(sorted(pairs)):
         slope = abs((next_angle - angle) / (following - count))
-        if not SLOPES[0] <= slope <= SLOPES[1]:
+        if not least <= slope <= most:
             raise section.refuse(
                 "calibration",
                 f"has {slope:.3g} degrees a count from count {count:g} to {following:g}, and a "
-                f"servo has {SLOPES[0]:g} to {SLOPES[1]:g}; write [count, degrees].",
+                f"servo has {least:.3g} to {most:.3g}; write [count, degrees].",
             )
     return scale
 
 
-def read_accelerometer(section: Section) -> Accelerometer:
+def read_board(section: Section) -> BoardSettings:
+    """The ``[daq]`` table."""
+    board: BoardSettings = driver_class(section, SENSORS, "dmm32", kind="daq").read(section)
+    section.done()
+    return board
+
+
+def read_accelerometer(section: Section) -> SensorSettings:
     """The ``[accelerometer]`` table."""
-    channels = section.numbers("channels", 3, 0, 31)
-    if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
-        given = ", ".join(f"{channel:g}" for channel in channels)
-        raise section.refuse("channels", f"must be three different integers, not {given}.")
-    zero, gains = read_axes(section)
-    found = Accelerometer(
-        channels=tuple(int(channel) for channel in channels), zero=zero, volts_per_g=gains
+    driver: SensorSettings = driver_class(section, SENSORS, "analogue", kind="accelerometer").read(
+        section
     )
     section.done()
-    return found
+    return driver
 
 
-def read_axes(section: Section) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """``zero_v`` and ``volts_per_g``."""
-    gains = section.magnitudes("volts_per_g", 3, 0.02, 5)
-    return section.numbers("zero_v", 3, -10, 10), gains
-
-
-def read_gauge(section: Section) -> TouchGauge:
+def read_touch(section: Section) -> TouchPoint:
     """A ``[[touch]]`` table."""
-    tare, gain = read_bridge(section)
+    driver: SensorSettings = driver_class(section, SENSORS, "analogue", kind="touch").read(section)
     on, off = read_thresholds(section)
-    gauge = TouchGauge(
+    point = TouchPoint(
         name=section.text("name"),
-        channel=section.integer("channel", 0, 31),
-        tare=tare,
-        volts_per_newton=gain,
+        driver=driver,
         on=on,
         off=off,
         debounce=section.integer("debounce", 1, 100, 3),
     )
     section.done()
-    return gauge
-
-
-def read_bridge(section: Section) -> tuple[float, float]:
-    """``tare_v`` and ``volts_per_newton``."""
-    gain = section.magnitude("volts_per_newton", 1e-4, 50)
-    return section.number("tare_v", -10, 10), gain
+    return point
 
 
 def read_thresholds(section: Section) -> tuple[float, float]:
@@ -143,17 +134,15 @@ def read_thresholds(section: Section) -> tuple[float, float]:
     return on, off
 
 
-def read_distance(section: Section) -> I2CConfig:
+def read_distance(section: Section) -> DistanceConfig:
     """The ``[distance]`` table."""
-    zero, scale = read_ruler(section)
-    reach = section.number("range_mm", 20, 255) / 1000
-    found = I2CConfig(
-        bus=section.integer("bus", 0, 255),
-        address=section.integer("address", 0x08, 0x77, 0x29),
-        sensor=BellySensor(zero=zero, scale=scale, reach=reach),
+    driver: DistanceSettings = driver_class(section, SENSORS, "vl6180x", kind="distance").read(
+        section
     )
+    zero, scale = read_ruler(section)
+    reach = section.number("range_mm", 20, driver.reach * 1000) / 1000
     section.done()
-    return found
+    return DistanceConfig(driver=driver, sensor=BellySensor(zero=zero, scale=scale, reach=reach))
 
 
 def read_ruler(section: Section) -> tuple[float, float]:

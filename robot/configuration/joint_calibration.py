@@ -1,7 +1,7 @@
-"""Counts of the servo board ↔ joint angles.
+"""Counts of the servo driver ↔ joint angles.
 
-The board has 8 bits, so a joint can only take the angles of its 255 counts: what is commanded is
-always one of those, and it is what gets reported.
+A joint can only take the angles of its driver's counts (255 of them on a board with 8 bits): what
+is commanded is always one of those, and it is what gets reported.
 """
 
 from __future__ import annotations
@@ -12,22 +12,41 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Final
 
-MIN_COUNT = 1  # count 0 means "no pulses"
-MAX_COUNT = 255
-SLOPES = (0.25, 2.0)  # degrees a count of any servo; 0.7 is usual
+_SPANS: Final = (63.5, 508.0)
+"""Degrees from a driver's first count to its last that any servo could turn."""
+
+USUAL_SPAN: Final = 178.0
+"""The same for most servos."""
+
+
+def slopes(counts: range) -> tuple[float, float]:
+    """The least and the most degrees a count, for any servo on a driver with these counts."""
+    steps = len(counts) - 1
+    return _SPANS[0] / steps, _SPANS[1] / steps
+
+
+def middle(counts: range) -> int:
+    """The count at which a servo is in the middle of its range, as when it was switched on."""
+    return counts[len(counts) // 2]
 
 
 @dataclass(frozen=True)
 class JointScale:
     """A monotone table of (count, angle in rad), linear between and beyond its points.
 
+    Attributes:
+        points: At least two.
+        counts: What the servo driver can command.
+
     Raises:
-        ValueError: Fewer than two points, counts out of 1 to 255, or a table that is not strictly
-            monotone in both columns.
+        ValueError: Fewer than two points, counts that the driver does not have, or a table that is
+            not strictly monotone in both columns.
     """
 
     points: tuple[tuple[float, float], ...]
+    counts: range
 
     def __post_init__(self) -> None:
         ordered = tuple(sorted(self.points))
@@ -35,8 +54,8 @@ class JointScale:
         steps = [b - a for (_, a), (_, b) in pairwise(ordered)]
         if len(ordered) < 2:
             raise ValueError("needs at least two points [count, degrees]")
-        if any(not MIN_COUNT <= count <= MAX_COUNT for count in counts):
-            raise ValueError(f"counts must lie in {MIN_COUNT} to {MAX_COUNT}")
+        if counts[0] < self.counts[0] or counts[-1] > self.counts[-1]:
+            raise ValueError(f"counts must lie in {self.counts[0]} to {self.counts[-1]}")
         if len(set(counts)) < len(counts):
             raise ValueError("gives one count twice")
         if not (all(step > 0 for step in steps) or all(step < 0 for step in steps)):
@@ -48,10 +67,10 @@ class JointScale:
         return _interpolate(self.points, count)
 
     def count(self, angle: float) -> int:
-        """The nearest count to an angle, within 1 to 255."""
+        """The driver's nearest count to an angle."""
         swapped = sorted((value, count) for count, value in self.points)
         exact = _interpolate(swapped, angle)
-        return min(MAX_COUNT, max(MIN_COUNT, math.floor(exact + 0.5)))
+        return min(self.counts[-1], max(self.counts[0], math.floor(exact + 0.5)))
 
     @property
     def resolution(self) -> float:
@@ -80,7 +99,7 @@ class DrivenJoint:
     @cached_property
     def reachable(self) -> tuple[float, float]:
         """The angles that are both within the limits and within the counts, rad."""
-        angles = [self.scale.angle(count) for count in range(MIN_COUNT, MAX_COUNT + 1)]
+        angles = [self.scale.angle(count) for count in self.scale.counts]
         within = [a for a in angles if self.lower_limit - 1e-9 <= a <= self.upper_limit + 1e-9]
         if not within:
             raise ValueError("the calibration reaches no angle within the limits")

@@ -8,31 +8,32 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.configuration.device_tables import (
-    I2CConfig,
+    DistanceConfig,
     check_count,
     read_accelerometer,
+    read_board,
     read_distance,
-    read_gauge,
     read_joint,
     read_settling,
+    read_touch,
 )
 from robot.configuration.joint_calibration import DrivenJoint
-from robot.configuration.toml_sections import Section, numbered, read_toml
-from robot.drivers import ANALOGUE_DRIVERS
-from robot.drivers.dmm32 import BASES, RANGES
-from robot.drivers.sv203 import BAUDS
+from robot.drivers.analogue_sensors import AnalogueAxes, StrainGauge
+from robot.drivers.registry import SERVOS, driver_class
+from robot.drivers.sensor_drivers import BoardSettings, SensorSettings
+from robot.drivers.servo_bus import ServoSettings
 from robot.errors import ConfigError
 from robot.sensing.plausibility import Underside
-from robot.sensing.sensors import Accelerometer
 from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchGauge
+from robot.sensing.touch import TouchPoint
+from robot.toml_sections import Section, numbered, read_toml
 
 DENSITIES: Final = (10.0, 20_000.0)
 """Kilograms per cubic metre of whatever a body can be made of."""
@@ -44,26 +45,6 @@ class BodyConfig:
 
     size: tuple[float, ...]
     mass: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class ServoBoardConfig:
-    """The serial line to the servo board."""
-
-    port: str
-    baud: int
-    board: int
-    line_gap: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class DaqConfig:
-    """The data acquisition board: its driver, where it is (I/O base or device), input range."""
-
-    base: int
-    input_range: str
-    driver: str = "dmm32"
-    device: str = "/dev/comedi0"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,37 +61,57 @@ class RobotConfig:
 
     name: str
     body: BodyConfig
-    servo_board: ServoBoardConfig
+    servos: ServoSettings
     joints: tuple[DrivenJoint, ...]
     speed: float
-    daq: DaqConfig
-    accelerometer: Accelerometer
-    gauges: tuple[TouchGauge, ...]
-    distance: I2CConfig | None
+    daq: BoardSettings | None
+    accelerometer: SensorSettings
+    touch: tuple[TouchPoint, ...]
+    distance: DistanceConfig | None
     settling: RestCriterion
     samples: int
     noise: NoiseConfig
 
     def __post_init__(self) -> None:
         joints = [joint.name for joint in self.joints]
-        gauges = [gauge.name for gauge in self.gauges]
+        points = [point.name for point in self.touch]
         _all_different("joint", joints, "name", joints)
         _all_different("joint", joints, "output", [joint.output for joint in self.joints])
-        _all_different("touch", gauges, "name", gauges)
-        channels = [*self.accelerometer.channels, *(gauge.channel for gauge in self.gauges)]
-        for number, gauge in enumerate(self.gauges, 1):
-            key = numbered("touch", number, gauge.name)
-            if channels.count(gauge.channel) > 1:
+        _all_different("touch", points, "name", points)
+        channels = [*self.accelerometer.channels]
+        channels += [channel for point in self.touch for channel in point.driver.channels]
+        if self.distance is not None:
+            channels += self.distance.driver.channels
+        if channels and self.daq is None:
+            raise ConfigError("is missing: sensors are connected to its inputs.", key="daq")
+        for number, point in enumerate(self.touch, 1):
+            key = numbered("touch", number, point.name)
+            for channel in point.driver.channels:
+                if channels.count(channel) > 1:
+                    raise ConfigError(
+                        f"input {channel} is another sensor's, too: each has one of its own.",
+                        key=f"{key}.channel",
+                    )
+            if point.debounce > self.samples:
                 raise ConfigError(
-                    f"input {gauge.channel} is another sensor's, too: each has one of its own.",
-                    key=f"{key}.channel",
-                )
-            if gauge.debounce > self.samples:
-                raise ConfigError(
-                    f"a debounce of {gauge.debounce} can never set the bit: an observation has "
+                    f"a debounce of {point.debounce} can never set the bit: an observation has "
                     f"only {self.samples} samples.",
                     key=f"{key}.debounce",
                 )
+
+    @property
+    def axes(self) -> AnalogueAxes | None:
+        """The accelerometer, if it is on analogue inputs: only then can it be calibrated."""
+        return self.accelerometer if isinstance(self.accelerometer, AnalogueAxes) else None
+
+    @property
+    def gauges(self) -> Mapping[str, StrainGauge]:
+        """The touch sensors on analogue inputs, by name: only these can be calibrated."""
+        return {
+            point.name: point.driver
+            for point in self.touch
+            if isinstance(point.driver, StrainGauge)
+        }
 
     @property
     def underside(self) -> Underside:
@@ -121,12 +122,8 @@ class RobotConfig:
 
     @property
     def hash(self) -> str:
-        """Twelve hex digits that change whenever the configuration does.
-
-        The serial port's name does not count: a re-plugged adapter may have another one.
-        """
-        nameless = replace(self, servo_board=replace(self.servo_board, port=""))
-        return hashlib.sha256(repr(nameless).encode()).hexdigest()[:12]
+        """Twelve hex digits that change whenever the configuration does."""
+        return hashlib.sha256(repr(self).encode()).hexdigest()[:12]
 
 
 def _all_different(table: str, names: Sequence[str], key: str, values: Sequence[str | int]) -> None:
@@ -174,42 +171,55 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
             file=str(path),
             key="calibration.file",
         )
-    return apply_calibration(config, read_calibration(calibration), file=str(calibration))
+    return apply_calibration(
+        config, read_calibration(calibration, config.servos.counts), file=str(calibration)
+    )
 
 
-def apply_calibration(config: RobotConfig, found: Calibration, *, file: str) -> RobotConfig:
+def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: str) -> RobotConfig:
     """A configuration with the values of a calibration in the place of its own.
 
     Raises:
         ConfigError: It is another robot's, or does not fit this one; names ``file`` and key.
     """
-    if found.robot != config.name:
+    if calibration.robot != config.name:
         raise ConfigError(
-            f"was made for {found.robot!r}, and this robot is {config.name!r}.",
+            f"was made for {calibration.robot!r}, and this robot is {config.name!r}.",
             file=file,
             key="robot",
         )
-    _check_known("joint", found.joints, (joint.name for joint in config.joints), file)
-    _check_known("touch", found.gauges, (gauge.name for gauge in config.gauges), file)
-    joints = tuple(_calibrated(joint, found, file) for joint in config.joints)
-    gauges = tuple(
-        replace(gauge, **vars(found.gauges[gauge.name])) if gauge.name in found.gauges else gauge
-        for gauge in config.gauges
-    )
+    _check_known("joint", calibration.joints, (joint.name for joint in config.joints), file)
+    _check_known("touch", calibration.gauges, config.gauges, file)
+    joints = tuple(_calibrated(joint, calibration, file) for joint in config.joints)
+    touch = tuple(_calibrated_touch(point, calibration) for point in config.touch)
     accelerometer, distance = config.accelerometer, config.distance
-    if found.accelerometer is not None:
-        accelerometer = replace(accelerometer, **vars(found.accelerometer))
-    if found.distance is not None:
+    if calibration.accelerometer is not None:
+        if config.axes is None:
+            raise ConfigError(
+                f"calibrates volts, and this robot has the {accelerometer.name}. Remove it.",
+                file=file,
+                key="accelerometer",
+            )
+        accelerometer = replace(config.axes, **vars(calibration.accelerometer))
+    if calibration.distance is not None:
         if distance is None:
             raise ConfigError(
                 "calibrates a sensor that robot.toml does not have. Remove it, or add it there.",
                 file=file,
                 key="distance",
             )
-        distance = replace(distance, sensor=replace(distance.sensor, **vars(found.distance)))
+        distance = replace(distance, sensor=replace(distance.sensor, **vars(calibration.distance)))
     return replace(
-        config, joints=joints, gauges=gauges, accelerometer=accelerometer, distance=distance
+        config, joints=joints, touch=touch, accelerometer=accelerometer, distance=distance
     )
+
+
+def _calibrated_touch(point: TouchPoint, calibration: Calibration) -> TouchPoint:
+    gauge = calibration.gauges.get(point.name)
+    if gauge is None or not isinstance(point.driver, StrainGauge):
+        return point
+    driver = replace(point.driver, tare=gauge.tare, volts_per_newton=gauge.volts_per_newton)
+    return replace(point, driver=driver, on=gauge.on, off=gauge.off)
 
 
 def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str) -> None:
@@ -222,10 +232,10 @@ def _check_known(key: str, names: Iterable[str], known: Iterable[str], file: str
         )
 
 
-def _calibrated(joint: DrivenJoint, found: Calibration, file: str) -> DrivenJoint:
-    if joint.name not in found.joints:
+def _calibrated(joint: DrivenJoint, calibration: Calibration, file: str) -> DrivenJoint:
+    if joint.name not in calibration.joints:
         return joint
-    changed = replace(joint, **vars(found.joints[joint.name]))
+    changed = replace(joint, **vars(calibration.joints[joint.name]))
     try:
         changed.check_zero()
     except ValueError as error:
@@ -254,9 +264,9 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
         calibration = path.parent / table.text("file")
         table.done()
     body = root.table("body")
-    board = root.table("servo_board")
+    board = root.table("servos")
+    servos: ServoSettings = driver_class(board, SERVOS, "sv203").read(board)
     motion = root.table("motion")
-    daq = root.table("daq")
     settling = root.table("settling")
     noise = root.table("noise")
     try:
@@ -267,22 +277,12 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
                 size=size,
                 mass=_dense_enough(body, size, body.number("mass_kg", 0.01, 100)),
             ),
-            servo_board=ServoBoardConfig(
-                port=board.text("port"),
-                baud=board.one_of("baud", BAUDS, 9600),
-                board=board.integer("board", 0, 255, 1),
-                line_gap=board.number("line_gap_ms", 3, 100, 3) / 1000,
-            ),
-            joints=tuple(read_joint(section) for section in root.tables("joint")),
+            servos=servos,
+            joints=tuple(read_joint(section, servos) for section in root.tables("joint")),
             speed=math.radians(motion.number("speed_deg_s", 5, 60, 60)),
-            daq=DaqConfig(
-                base=daq.one_of("base", BASES, 0x300, written="{:#x}"),
-                input_range=daq.choice("input_range", tuple(RANGES), "±5V"),
-                driver=daq.choice("driver", tuple(ANALOGUE_DRIVERS), "dmm32"),
-                device=daq.text("device", "/dev/comedi0"),
-            ),
+            daq=read_board(root.table("daq")) if root.has("daq") else None,
             accelerometer=read_accelerometer(root.table("accelerometer")),
-            gauges=tuple(read_gauge(s) for s in root.tables("touch")) if root.has("touch") else (),
+            touch=tuple(read_touch(s) for s in root.tables("touch")) if root.has("touch") else (),
             distance=read_distance(root.table("distance")) if root.has("distance") else None,
             settling=read_settling(settling),
             samples=settling.integer("samples", 1, 1000, 10),
@@ -293,6 +293,6 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
         )
     except ConfigError as error:
         raise ConfigError(error.reason, file=str(path), key=error.key) from error
-    for section in (body, board, motion, daq, settling, noise, root):
+    for section in (body, board, motion, settling, noise, root):
         section.done()
     return config, calibration

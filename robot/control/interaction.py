@@ -26,7 +26,6 @@ from robot.host.trusted_clock import MAX_GAP, SteadyClock
 from robot.sensing.sensors import OnProgress, Reading, Senses
 from robot.sensing.settling import RestCriterion, RestDetector
 
-SERVOS_PER_LINE: Final = 2
 LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)
 FLAT_CLEARANCE: Final = 0.005
@@ -65,7 +64,8 @@ class MotorProgramRunner:
 
     Args:
         joints: The driven joints, in motor order.
-        servos: The servo board.
+        servos: The servo driver.
+        per_update: Outputs that one transmission of it commands.
         sensing: The sensors.
         clock: The robot clock.
         speed: Top speed of every joint, rad/s.
@@ -82,6 +82,7 @@ class MotorProgramRunner:
         *,
         joints: Sequence[DrivenJoint],
         servos: ServoBus,
+        per_update: int,
         sensing: Senses,
         clock: SteadyClock,
         speed: float,
@@ -92,6 +93,7 @@ class MotorProgramRunner:
     ):
         self._joints = tuple(joints)
         self._servos = servos
+        self._per_update = per_update
         self._sensing = sensing
         self._clock = clock
         self._speed = speed
@@ -266,7 +268,7 @@ class MotorProgramRunner:
             report(phase, slew.fraction)
             self._clock.check()
             now = self._clock.now()
-            counts = slew.due(now, at_most=SERVOS_PER_LINE)
+            counts = slew.due(now, at_most=self._per_update)
             if not counts:
                 self._clock.sleep(0.005)
                 continue
@@ -326,7 +328,7 @@ class MotorProgramRunner:
         counts = self._servos.read_counts(self._outputs)
         if self._servos.verify(counts):
             raise DeviceDataError(
-                "Two readings of the servo board's counts differ.",
+                f"Two readings of the servo counts ({self._servos.name}) differ.",
                 "Check the cable, the ground and the baud rate.",
             )
         return counts
@@ -341,7 +343,7 @@ class MotorProgramRunner:
         if lost:
             names = [joint.name for joint in self._joints if joint.output in lost]
             raise DeviceDataError(
-                f"The servo board does not have the commands for {', '.join(names)}: "
-                "it was reset, or bytes were lost on the line.",
+                f"The servo board ({self._servos.name}) does not have the commands for "
+                f"{', '.join(names)}: it was reset, or bytes were lost on the line.",
                 "Check the servo supply, then the serial cable.",
             )

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from typing import Any, Final
 
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, Severity, failed, look, ok
 from robot.diagnosis.sensors import (
+    Recording,
     check_accelerometer,
     check_distance,
-    check_gauge,
     check_inputs,
+    check_touch,
+    record,
 )
 from robot.diagnosis.servos import check_board, check_joints, move_joints
-from robot.drivers.sv203 import SV203
-from robot.drivers.vl6180x import VL6180X
+from robot.drivers.buses import Buses
+from robot.drivers.sensor_drivers import SensorSettings, attach_board
+from robot.drivers.servo_bus import ServoBus
 from robot.errors import DeviceError, DeviceMissingError
-from robot.host.clock import Clock
-from robot.sensing.sensors import AnalogueBoard
 
-
-@dataclass(frozen=True, kw_only=True)
-class DeviceOpeners:
-    """How to open and identify each device; each raises ``DeviceError`` by itself."""
-
-    servos: Callable[[], SV203]
-    adc: Callable[[], AnalogueBoard]
-    distance: Callable[[], VL6180X | None]
+_TILT: Final = "accelerometer"
+_DISTANCE: Final = "distance"
 
 
 class Doctor:
@@ -37,22 +32,21 @@ class Doctor:
 
     Args:
         config: The robot.
-        access: Its devices.
-        clock: The robot clock.
+        buses: What leads to its devices.
         move: Whether joints may be moved.
     """
 
-    def __init__(self, config: RobotConfig, access: DeviceOpeners, clock: Clock, *, move: bool):
+    def __init__(self, config: RobotConfig, buses: Buses, *, move: bool):
         self._config = config
-        self._access = access
-        self._clock = clock
+        self._buses = buses
+        self._clock = buses.clock
         self._move = move
 
     def examine(self) -> Iterator[Finding]:
         """Finding by finding, as they are made; closes what it opened."""
         with ExitStack() as stack:
             try:
-                servos: SV203 | None = self._access.servos()
+                servos: ServoBus | None = self._config.servos.open(self._buses)
             except DeviceError as error:
                 servos = None
                 yield failed("servo board", error)
@@ -68,47 +62,80 @@ class Doctor:
                 yield from self._servos(servos)
             yield from self._sensors(stack)
 
-    def _servos(self, servos: SV203) -> Iterator[Finding]:
+    def _servos(self, servos: ServoBus) -> Iterator[Finding]:
         joints = self._config.joints
-        found, counts = check_board(servos, [joint.output for joint in joints], self._clock)
-        yield from found
+        findings, counts = check_board(
+            servos, self._config.servos, [joint.output for joint in joints], self._clock
+        )
+        yield from findings
         if counts:
             yield from check_joints(joints, counts)
-            if self._move and any(one.verdict is Severity.BAD for one in found):
+            if self._move and any(one.verdict is Severity.BAD for one in findings):
                 yield look("moves", "none made over such a line.", "See the servo board.")
             elif self._move:
                 yield from move_joints(joints, counts, servos, self._clock)
 
     def _sensors(self, stack: ExitStack) -> Iterator[Finding]:
-        tilt = None
-        try:
-            adc = self._access.adc()
-        except DeviceError as error:
-            yield failed("analogue inputs", error)
-        else:
-            stack.callback(adc.close)
-            finding, inputs = check_inputs(self._config, adc, self._clock)
+        config, buses = self._config, self._buses
+        if config.daq is not None:
+            try:
+                buses = attach_board(buses, config.daq)
+            except DeviceError as error:
+                yield failed("analogue inputs", error)
+        inputs = buses.analogue
+        if inputs is not None:
+            stack.callback(inputs.board.close)
+        drivers: dict[str, Any] = {}
+        connected: set[str] = set()
+        for subject, called, settings in _sensors_of(config):
+            if settings.channels:
+                connected.add(subject)
+                if inputs is None:
+                    continue
+            try:
+                driver = settings.open(buses, called)
+                stack.callback(driver.close)
+                driver.start()
+            except DeviceError as error:
+                yield failed(subject, error)
+            else:
+                drivers[subject] = driver
+        if inputs is not None and config.daq is not None and connected:
+            finding, working = check_inputs(inputs, config.daq, config.settling.rate, self._clock)
             yield finding
-            if inputs is not None:
-                finding, tilt = check_accelerometer(self._config, inputs)
-                yield finding
-                for gauge in self._config.gauges:
-                    yield check_gauge(gauge, inputs)
-        yield from self._distance(stack, tilt)
+            for subject in set() if working else connected:
+                drivers.pop(subject, None)
+        yield from self._look_at(drivers)
 
-    def _distance(self, stack: ExitStack, tilt: tuple[float, float] | None) -> Iterator[Finding]:
-        if self._config.distance is None:
-            yield ok("distance", "no sensor is configured")
-            return
-        try:
-            finder = self._access.distance()
-        except DeviceError as error:
-            yield failed("distance", error)
-            return
-        if finder is not None:
-            stack.callback(finder.close)
-            sensor = self._config.distance.sensor
-            yield check_distance(self._config, sensor, finder, tilt, self._clock)
+    def _look_at(self, drivers: Mapping[str, Any]) -> Iterator[Finding]:
+        """The sensors that could be opened, by subject."""
+        config, tilt = self._config, None
+        recordings = {
+            subject: Recording(driver, driver.acceleration if subject == _TILT else driver.load)
+            for subject, driver in drivers.items()
+            if subject != _DISTANCE
+        }
+        record(list(recordings.values()), config.settling.rate, self._clock)
+        if _TILT in recordings:
+            finding, tilt = check_accelerometer(config, recordings[_TILT])
+            yield finding
+        for point in config.touch:
+            if (subject := f"touch {point.name}") in recordings:
+                yield check_touch(point, recordings[subject])
+        if config.distance is None:
+            yield ok(_DISTANCE, "no sensor is configured")
+        elif _DISTANCE in drivers:
+            sensor = config.distance.sensor
+            yield check_distance(config, sensor, drivers[_DISTANCE], tilt, self._clock)
+
+
+def _sensors_of(config: RobotConfig) -> Iterator[tuple[str, str, SensorSettings]]:
+    """Subject, name and driver of every sensor."""
+    yield _TILT, _TILT, config.accelerometer
+    for point in config.touch:
+        yield f"touch {point.name}", point.name, point.driver
+    if config.distance is not None:
+        yield _DISTANCE, _DISTANCE, config.distance.driver
 
 
 def _taken(error: DeviceError) -> bool:

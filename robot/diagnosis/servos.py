@@ -4,41 +4,37 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 from robot.calibration.joints import Mover
-from robot.configuration.joint_calibration import DrivenJoint
+from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.servo_bus import ServoBus, ServoSettings
 from robot.errors import DeviceError
 from robot.host.clock import Clock
 
 QUERIES: Final = 24
-NEUTRAL: Final = 128
 _HICCUP: Final = 1  # repeated query; a bad line has more
 MOVE: Final = math.radians(5)
 _REST: Final = 0.3  # s between there and back
 _BESIDE: Final = math.radians(1)  # a joint may stand this far outside its limits, by quantisation
-_USUAL: Final = (math.radians(0.3), math.radians(1.5))  # of one count
-
-
-class CountingServos(ServoBus, Protocol):
-    """A servo board that counts the queries that went wrong."""
-
-    repeats: int
+_USUAL: Final = (0.43, 2.14)  # times the usual size of a count
 
 
 def check_board(
-    servos: CountingServos, outputs: Sequence[int], clock: Clock
+    servos: ServoBus, settings: ServoSettings, outputs: Sequence[int], clock: Clock
 ) -> tuple[list[Finding], dict[int, int]]:
     """Asks the board for its counts, again and again.
 
     Returns:
-        What was found, and the counts by output; empty when the board did not answer.
+        What was observed, and the counts by output; empty when the board did not answer.
     """
     subject = "servo board"
     before, start = servos.repeats, clock.now()
     counts: dict[int, int] = {}
+    if not settings.reads_back:
+        unseen = "It cannot be read back: where the servos stand is not known."
+        return [look(subject, f"{servos.name}: {unseen}", "Watch them, with --move.")], {}
     try:
         for query in range(QUERIES):
             counts |= servos.read_counts([outputs[query % len(outputs)]])
@@ -46,30 +42,31 @@ def check_board(
         return [failed(subject, error)], {}
     took = (clock.now() - start) / QUERIES
     repeated = servos.repeats - before
-    text = f"{repeated} of {QUERIES + repeated} queries had to be repeated"
+    text = f"{servos.name}: {repeated} of {QUERIES + repeated} queries had to be repeated"
     check = "check cable, ground and baud rate; keep the line away from the motors' wires."
     if repeated > _HICCUP:
         return [
             bad(subject, f"{text}: bytes are lost or damaged on the line.", check.capitalize())
         ], counts
     if repeated:
-        found = [
+        findings = [
             look(
                 subject, f"{text}, which a busy computer can cause.", f"If it is so again: {check}"
             )
         ]
     else:
-        text = f"answers; {QUERIES} of {QUERIES} queries, {took * 1000:.0f} ms each"
-        found = [ok(subject, text)]
-    if set(counts.values()) == {NEUTRAL}:
-        found.append(
+        text = f"{servos.name} answers; {QUERIES} of {QUERIES} queries, {took * 1000:.0f} ms each"
+        findings = [ok(subject, text)]
+    neutral = middle(settings.counts)
+    if set(counts.values()) == {neutral}:
+        findings.append(
             look(
                 subject,
-                f"Every servo stands at count {NEUTRAL}, as after switching on.",
+                f"Every servo stands at count {neutral}, as after switching on.",
                 "Nothing, if it was just switched on; else its supply drops: check it under load.",
             )
         )
-    return found, counts
+    return findings, counts
 
 
 def check_joints(joints: Sequence[DrivenJoint], counts: Mapping[int, int]) -> Iterator[Finding]:
@@ -96,10 +93,11 @@ def _check_joint(joint: DrivenJoint, count: int) -> Finding:
             f"{here}. That is outside its limits, {limits[0]:.1f}° to {limits[1]:.1f}°.",
             f"Look where it really stands, then: robotd calibrate --only {joint.name}",
         )
-    if not _USUAL[0] <= joint.scale.resolution <= _USUAL[1]:
+    usual = USUAL_SPAN / (len(joint.scale.counts) - 1)
+    if not _USUAL[0] <= size / usual <= _USUAL[1]:
         return look(
             subject,
-            f"{here}. A servo usually turns by 0.7° a count.",
+            f"{here}. A servo usually turns by {usual:.2g}° a count.",
             f"If its range is not as it should be: robotd calibrate --only {joint.name}",
         )
     return ok(subject, here)
@@ -126,7 +124,7 @@ def move_joints(
             yield look(subject, "not moved: it is limp or outside its limits.", "See its joint.")
             continue
         try:
-            mover = Mover(servos, joint.output, clock)
+            mover = Mover(servos, joint, clock)
             mover.go(target)
             clock.sleep(_REST)
             mover.go(count)

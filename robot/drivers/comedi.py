@@ -11,11 +11,14 @@ import ctypes
 import errno
 import math
 from ctypes import POINTER, c_char_p, c_double, c_int, c_uint, c_void_p
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
+from robot.drivers.buses import Buses
 from robot.drivers.dmm32 import RANGES
 from robot.errors import CommandError, DeviceError, DeviceMissingError, DeviceTimeoutError
+from robot.toml_sections import Section
 
 LIBRARY: Final = "libcomedi.so.0"
 _ANALOGUE_INPUT: Final = 1  # COMEDI_SUBD_AI
@@ -63,6 +66,36 @@ def load_library(name: str = LIBRARY) -> ctypes.CDLL:
         raise DeviceMissingError(
             f"The library {name} cannot be loaded: {error}.", "Install it: apt install libcomedi0."
         ) from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComediSettings:
+    """The board's device file, and its input range."""
+
+    name: ClassVar = "comedi board"
+    device: str
+    input_range: str
+
+    @property
+    def rails(self) -> tuple[float, float]:
+        """The volts at the ends of the input range."""
+        return RANGES[self.input_range].low, RANGES[self.input_range].high
+
+    @classmethod
+    def read(cls, table: Section) -> ComediSettings:
+        """``device`` and ``input_range``."""
+        return cls(
+            device=table.text("device", "/dev/comedi0"),
+            input_range=table.choice("input_range", tuple(RANGES), "±5V"),
+        )
+
+    def open(self, buses: Buses) -> ComediInput:
+        """Loads the library; ``probe`` opens the board."""
+        del buses
+        return ComediInput(self.device, range_=self.input_range)
+
+    def __str__(self) -> str:
+        return f"{self.device}, {self.input_range}"
 
 
 class ComediInput:

@@ -15,11 +15,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import ClassVar, Final
 
+from robot.drivers.buses import Buses
 from robot.drivers.portio import PortIO
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
+from robot.toml_sections import Section
 
 CHANNELS: Final = range(32)
 BASES: Final = (0x100, 0x140, 0x180, 0x200, 0x280, 0x300, 0x340, 0x380)
@@ -91,6 +93,36 @@ RANGES: Final = MappingProxyType(
     }
 )
 """Input ranges by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DMM32Settings:
+    """Where the board is, and its input range."""
+
+    name: ClassVar = "DMM-32"
+    base: int
+    input_range: str
+
+    @property
+    def rails(self) -> tuple[float, float]:
+        """The volts at the ends of the input range."""
+        return RANGES[self.input_range].low, RANGES[self.input_range].high
+
+    @classmethod
+    def read(cls, table: Section) -> DMM32Settings:
+        """``base`` and ``input_range``."""
+        return cls(
+            base=table.one_of("base", BASES, 0x300, written="{:#x}"),
+            input_range=table.choice("input_range", tuple(RANGES), "±5V"),
+        )
+
+    def open(self, buses: Buses) -> DMM32:
+        """Opens the board's ports."""
+        ports = buses.open_ports(self.base)
+        return DMM32(ports, base=self.base, clock=buses.clock, range_=self.input_range)
+
+    def __str__(self) -> str:
+        return f"0x{self.base:x}, {self.input_range}"
 
 
 class DMM32:

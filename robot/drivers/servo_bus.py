@@ -1,28 +1,111 @@
-"""What moves the joints: the seam between the choreography and a servo board's driver."""
+"""The servo driver: what moves the joints, whatever the board or the bus.
+
+A *count* is the integer that a driver commands to an output; the calibration of a joint says which
+angle a count is. 0 is not a count: it means that an output is limp.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import ClassVar, Protocol
+
+from robot.drivers.buses import Buses
+from robot.toml_sections import Section
 
 
 class ServoBus(Protocol):
-    """What is needed of a servo board."""
+    """An open servo driver.
+
+    Attributes:
+        name: What the device is called in sentences, such as ``SV203``.
+        repeats: Queries that had to be asked again, because the answer was damaged or did not come.
+    """
+
+    @property
+    def name(self) -> str:
+        """See above."""
+
+    @property
+    def repeats(self) -> int:
+        """See above."""
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
-        """Commands outputs 1..8 to counts 1..255; a board that was reset ignores it."""
+        """Commands outputs to counts, and returns when they are sent.
+
+        A device that was reset since it was last read must not follow: its servos would leap.
+
+        Raises:
+            CommandError: An output or count out of range; nothing was sent.
+            DeviceError: The device failed.
+        """
 
     def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
-        """The counts that the board holds."""
+        """The counts that the device holds, 0 where an output is limp.
+
+        A driver whose device cannot be read back gives what it last sent, and 0 before that.
+        """
 
     def release(self, outputs: Sequence[int]) -> None:
         """Lets outputs go limp."""
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Outputs whose count on the board is not the expected one; raises after a reset."""
+        """Compares the device with what it should hold.
+
+        Returns:
+            The outputs that differ; none for a device that cannot be read back.
+
+        Raises:
+            DeviceError: The device was reset, or failed.
+        """
 
     def forget(self) -> None:
-        """Takes the board, reset or not, as the next ``read_counts`` finds it."""
+        """Takes the device, reset or not, as the next ``read_counts`` finds it."""
 
     def seconds_for(self, changed: int) -> float:
         """How long ``set_counts`` takes for so many outputs, s."""
+
+    def reopen(self) -> None:
+        """Closes the link, which may be dead, and opens it anew under the configured name.
+
+        Raises:
+            DeviceMissingError: It cannot be opened.
+        """
+
+    def close(self) -> None:
+        """Closes the link; the servos stay where they are if the device can hold them."""
+
+
+class ServoSettings(Protocol):
+    """The ``[servos]`` table of one kind of servo driver; what the registry names.
+
+    A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
+    device is, for the log.
+
+    Attributes:
+        name: As ``ServoBus.name``.
+        outputs: The numbers of its outputs.
+        counts: The counts that it can command, consecutive, from 1 or above: range and resolution.
+        per_update: Outputs that one transmission commands.
+        reads_back: Whether the device can be asked for the counts that it holds.
+    """
+
+    name: ClassVar[str]
+    outputs: ClassVar[range]
+    counts: ClassVar[range]
+    per_update: ClassVar[int]
+    reads_back: ClassVar[bool]
+
+    @classmethod
+    def read(cls, table: Section) -> ServoSettings:
+        """Reads the table's keys, ``driver`` aside.
+
+        Raises:
+            ConfigError: Names file, key and reason.
+        """
+
+    def open(self, buses: Buses) -> ServoBus:
+        """Opens the link to the device.
+
+        Raises:
+            DeviceMissingError: It cannot be opened; the sentence says why.
+        """

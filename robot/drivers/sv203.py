@@ -22,14 +22,15 @@ characters (lines here have at most 15 without it).
 
 from __future__ import annotations
 
-import errno
 import termios
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Final
+from dataclasses import dataclass, field
+from typing import ClassVar, Final
 
 import serial
 
+from robot.drivers.buses import Buses
 from robot.errors import (
     CommandError,
     DeviceDataError,
@@ -38,6 +39,7 @@ from robot.errors import (
     DeviceTimeoutError,
 )
 from robot.host.clock import Clock
+from robot.toml_sections import Section
 
 OUTPUTS: Final = range(1, 9)
 COUNTS: Final = range(1, 256)
@@ -49,46 +51,45 @@ _BITS_PER_BYTE: Final = 10  # 8N1
 _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
 _MAX_REPLY: Final = 16
 _ATTEMPTS: Final = 3
-_WRITE_TIMEOUT: Final = 1.0  # pyserial counts a moment without the processor as the line's delay
 _RESET: Final = "Check the servos' supply: it drops under load."
 _PLUG: Final = "Check that the adapter is plugged in and the board has power."
 
 
-def open_serial(port: str, baud: int = 9600) -> serial.Serial:
-    """Opens a serial line for the board, for this process alone.
+@dataclass(frozen=True, kw_only=True)
+class SV203Settings:
+    """The serial line to the board, and the board's number on it."""
 
-    Args:
-        port: Device file; prefer a link that survives re-plugging, as in ``/dev/serial/by-id``.
-        baud: 2400, 4800, 9600 (as the board leaves the factory) or 19200.
+    name: ClassVar = "SV203"
+    outputs: ClassVar = OUTPUTS
+    counts: ClassVar = COUNTS
+    per_update: ClassVar = _SERVOS_PER_LINE
+    reads_back: ClassVar = True
+    port: str = field(repr=False)  # a re-plugged adapter may have another name
+    baud: int
+    board: int
+    line_gap: float
 
-    Raises:
-        CommandError: The board knows no such baud rate.
-        DeviceMissingError: The port cannot be opened; the sentence says why.
-    """
-    if baud not in BAUDS:
-        raise CommandError(
-            f"the servo board knows no {baud} baud; write one of {', '.join(map(str, BAUDS))}"
+    @classmethod
+    def read(cls, table: Section) -> SV203Settings:
+        """``port``, ``baud``, ``board`` and ``line_gap_ms``."""
+        return cls(
+            port=table.text("port"),
+            baud=table.one_of("baud", BAUDS, 9600),
+            board=table.integer("board", 0, 255, 1),
+            line_gap=table.number("line_gap_ms", 3, 100, 3) / 1000,
         )
-    try:
-        return serial.Serial(
-            port, baud, timeout=_WRITE_TIMEOUT, write_timeout=_WRITE_TIMEOUT, exclusive=True
+
+    def open(self, buses: Buses) -> SV203:
+        """Opens the line; the board is first heard of at the first query."""
+        return SV203(
+            lambda: buses.open_serial(self.port, self.baud),
+            board=self.board,
+            clock=buses.clock,
+            line_gap=self.line_gap,
         )
-    except (OSError, termios.error) as error:
-        raise DeviceMissingError(
-            f"The serial port {port} cannot be opened: {error}.", _why_closed(error)
-        ) from error
 
-
-def _why_closed(error: Exception) -> str:
-    match getattr(error, "errno", None):
-        case errno.ENOENT | errno.ENXIO | errno.ENODEV:
-            return "Plug the adapter in, or name its link in /dev/serial/by-id."
-        case errno.EACCES | errno.EPERM:
-            return "Add the user to the group dialout, then log in again."
-        case errno.EAGAIN | errno.EBUSY:
-            return "End the other program that has it open."
-        case _:
-            return "Name the device file of a serial port, such as /dev/ttyS0."
+    def __str__(self) -> str:
+        return f"board {self.board} on {self.port}, {self.baud} baud"
 
 
 class SV203:
@@ -97,21 +98,24 @@ class SV203:
     The driver remembers what it sent and sends only what changes. It is not thread-safe.
 
     Args:
-        serial_port: From ``open_serial``; the driver closes it.
+        open_port: Opens the line, which the driver closes.
         board: The board's number, 0 to 255; factory setting 1, and 0 addresses every board.
         clock: Paces the lines.
         line_gap: Pause after each line, s; the manual asks for about 3 ms.
         reply_timeout: Longest wait for the answer to a query, s.
 
     Attributes:
+        name: What it is called in sentences.
         bytes_written: Bytes handed to the serial line by this object, for a clock that must
             know when an emulated board has seen them all.
         repeats: Queries that had to be asked again, because the answer was damaged or did not come.
     """
 
+    name: Final = SV203Settings.name
+
     def __init__(
         self,
-        serial_port: serial.Serial,
+        open_port: Callable[[], serial.Serial],
         *,
         board: int = 1,
         clock: Clock,
@@ -128,7 +132,8 @@ class SV203:
         self._sent: dict[int, int] = {}
         self._selected = False
         self.repeats = 0
-        self._take(serial_port)
+        self._open_port = open_port
+        self._open()
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Sends the counts that differ from the last ones sent, and waits out the line.
@@ -217,18 +222,15 @@ class SV203:
         self._sent.clear()
         self._selected = False
 
-    def reopen(self, open_port: Callable[[], serial.Serial]) -> None:
-        """Gives the line up and takes a new one: an adapter that was re-plugged is another device.
-
-        Args:
-            open_port: Opens the new line.
+    def reopen(self) -> None:
+        """Closes the line and opens it anew: an adapter that was re-plugged is another device.
 
         Raises:
             DeviceMissingError: It cannot be opened.
         """
         self.close()
         self.forget()
-        self._take(open_port())
+        self._open()
 
     def seconds_for(self, changed: int) -> float:
         """How long ``set_counts`` takes at most when so many counts changed, s."""
@@ -241,11 +243,11 @@ class SV203:
         with suppress(OSError, termios.error):  # the adapter may be gone, and with it the line
             self._port.close()
 
-    def _take(self, port: serial.Serial) -> None:
-        self._port = port
-        self._byte_time = _BITS_PER_BYTE / port.baudrate
+    def _open(self) -> None:
+        self._port = self._open_port()
+        self._byte_time = _BITS_PER_BYTE / self._port.baudrate
         with self._link("setting it up"):
-            port.timeout = self._reply_timeout
+            self._port.timeout = self._reply_timeout
 
     def _send(self, counts: Mapping[int, int], *, select: str = "") -> None:
         changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
@@ -297,8 +299,8 @@ class SV203:
             return
         self.forget()
         raise DeviceDataError(
-            "The servo board is not selected any more: it was reset, and its servos went to "
-            "neutral.",
+            "The servo board (SV203) is not selected any more: it was reset, and its servos went "
+            "to neutral.",
             _RESET,
         )
 
@@ -313,7 +315,7 @@ class SV203:
         if not reply.endswith(b"\r") and len(reply) < _MAX_REPLY:
             self._clock.charge(self._reply_timeout)
             raise DeviceTimeoutError(
-                f"The servo board did not answer {command} within {self._reply_timeout:g} s"
+                f"The servo board (SV203) did not answer {command} within {self._reply_timeout:g} s"
                 f"{f' (only {reply!r})' if reply else ''}.",
                 "Check its power, the cable, the baud rate and the board number.",
             )
@@ -321,7 +323,8 @@ class SV203:
         digits = reply.strip(b"\r\n ")
         if not (digits.isdigit() and int(digits) <= 255):
             raise DeviceDataError(
-                f"The servo board answered {reply!r} to {command} instead of a number 0 to 255.",
+                f"The servo board (SV203) answered {reply!r} to {command} instead of a number 0 "
+                "to 255.",
                 "Check the cable, the ground and the baud rate.",
             )
         return int(digits)

@@ -10,14 +10,17 @@ with.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import ClassVar, Final
 
 from smbus2 import i2c_msg
 
+from robot.drivers.buses import Buses
 from robot.drivers.i2c import I2CBus
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
+from robot.toml_sections import Section
 
 _MODEL_ID: Final = 0x000
 _INTERRUPT_CLEAR: Final = 0x015
@@ -72,6 +75,33 @@ _ERRORS: Final = MappingProxyType(
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class VL6180XSettings:
+    """Where the sensor sits."""
+
+    name: ClassVar[str] = "VL6180X"
+    channels: ClassVar[tuple[int, ...]] = ()
+    reach: ClassVar[float] = 0.255
+    bus: int
+    address: int
+
+    @classmethod
+    def read(cls, table: Section) -> VL6180XSettings:
+        """``bus`` and ``address``."""
+        return cls(
+            bus=table.integer("bus", 0, 255), address=table.integer("address", 0x08, 0x77, 0x29)
+        )
+
+    def open(self, buses: Buses, called: str) -> VL6180X:
+        """Opens the bus."""
+        del called
+        bus = buses.open_i2c(f"/dev/i2c-{self.bus}")
+        return VL6180X(bus, address=self.address, clock=buses.clock)
+
+    def __str__(self) -> str:
+        return f"0x{self.address:x} on I²C bus {self.bus}"
+
+
 class VL6180X:
     """One sensor; call ``start`` before the first measurement.
 
@@ -80,6 +110,8 @@ class VL6180X:
         address: 0x29 after every power-up.
         clock: Paces the polls.
     """
+
+    name = VL6180XSettings.name
 
     def __init__(self, bus: I2CBus, *, address: int = 0x29, clock: Clock):
         if not 0x08 <= address <= 0x77:
@@ -144,6 +176,14 @@ class VL6180X:
             f"(error {error}).",
             "Shade it if it is in bright light; else switch it off and on.",
         )
+
+    def distance(self) -> float | None:
+        """Measures once, as ``range_mm``; m."""
+        millimetres = self.range_mm()
+        return None if millimetres is None else millimetres / 1000.0
+
+    def check(self) -> None:
+        """Does nothing: each measurement is looked at when it is made."""
 
     def close(self) -> None:
         """Closes the bus."""

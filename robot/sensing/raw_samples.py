@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.sensor_drivers import DistanceSensor
 from robot.host.clock import Clock
-from robot.sensing.sensors import AnalogueInput, RangeFinder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,7 @@ def spread(values: Sequence[float]) -> Spread:
 
 
 def sample_channels(
-    adc: AnalogueInput, channels: Sequence[int], *, count: int, rate: float, clock: Clock
+    board: AnalogueBoard, channels: Sequence[int], *, count: int, rate: float, clock: Clock
 ) -> list[Spread]:
     """Volts at some channels, ``count`` scans at ``rate`` per second.
 
@@ -45,13 +46,13 @@ def sample_channels(
     low, high = min(channels), max(channels)
     scans = []
     for _ in range(count):
-        scans.append(adc.scan(low, high))
+        scans.append(board.scan(low, high))
         clock.sleep(1.0 / rate)
     return [spread([scan[channel - low] for scan in scans]) for channel in channels]
 
 
-def sample_distance(finder: RangeFinder, *, count: int) -> Spread | None:
-    """Millimetres, ``count`` measurements one after another.
+def sample_distance(sensor: DistanceSensor, *, count: int) -> Spread | None:
+    """Metres, ``count`` measurements one after another.
 
     Returns:
         Those that saw a target, or ``None`` when more than half saw none.
@@ -59,5 +60,5 @@ def sample_distance(finder: RangeFinder, *, count: int) -> Spread | None:
     Raises:
         DeviceError: The sensor failed.
     """
-    seen = [value for value in (finder.range_mm() for _ in range(count)) if value is not None]
+    seen = [value for value in (sensor.distance() for _ in range(count)) if value is not None]
     return spread(seen) if 2 * len(seen) >= count else None

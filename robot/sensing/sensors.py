@@ -1,4 +1,4 @@
-"""Volts and millimetres become tilt, touch and clearance.
+"""What the sensors say becomes tilt, touch and clearance.
 
 A resting accelerometer measures the world's up direction in the body frame times 1 g, so a reading
 whose length is far from 1 g is no rest, or no accelerometer.
@@ -12,53 +12,14 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from protocol.wire.readings import tilt_of
+from robot.drivers.sensor_drivers import Accelerometer, DistanceSensor, TouchSensor
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
-from robot.sensing.plausibility import ChannelWatch, Underside
-from robot.sensing.touch import TouchDetector, TouchGauge
+from robot.sensing.plausibility import Underside
+from robot.sensing.touch import TouchDetector, TouchPoint
 
 OnProgress: TypeAlias = Callable[[float], None]
 PLAUSIBLE_G = (0.9, 1.1)
-
-_AXES = tuple(f"the accelerometer's {axis} axis" for axis in "xyz")
-
-
-class AnalogueInput(Protocol):
-    """Reads a block of analogue channels."""
-
-    def scan(self, low: int, high: int) -> list[float]:
-        """Volts of the channels ``low`` to ``high``."""
-
-
-class AnalogueBoard(AnalogueInput, Protocol):
-    """A data acquisition board, found."""
-
-    def probe(self) -> None:
-        """Makes sure that it is there, and as it should be."""
-
-    def close(self) -> None:
-        """Gives it back."""
-
-
-class RangeFinder(Protocol):
-    """Measures a distance once."""
-
-    def range_mm(self) -> int | None:
-        """Millimetres, or ``None`` where there is no target in range."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Accelerometer:
-    """Three analogue axes, x forward, y left, z up: volts at 0 g and volts per g."""
-
-    channels: tuple[int, ...]
-    zero: tuple[float, ...]
-    volts_per_g: tuple[float, ...]
-
-    def acceleration(self, volts: Sequence[float]) -> tuple[float, ...]:
-        """Acceleration along x, y, z in g."""
-        triples = zip(volts, self.zero, self.volts_per_g, strict=True)
-        return tuple((value - zero) / gain for value, zero, gain in triples)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +36,9 @@ class BellySensor:
     reach: float
     scale: float = 1.0
 
-    def clearance(self, millimetres: float) -> float:
+    def clearance(self, distance: float) -> float:
         """The clearance that a reading stands for, m."""
-        return (millimetres / 1000.0 - self.zero) * self.scale
+        return (distance - self.zero) * self.scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +54,7 @@ class Reading:
 
 
 def ignore(fraction: float) -> None:
-    """What becomes of progress that nobody wants to hear of."""
+    """An ``OnProgress`` that does nothing."""
 
 
 def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
@@ -117,46 +78,37 @@ class Senses(Protocol):
 
 
 class Sensing:
-    """All sensors of the robot behind one door.
+    """All sensors of the robot.
 
     Args:
-        adc: The data acquisition board.
-        belly: The distance sensor with its calibration, or ``None``.
-        accelerometer: Channels and calibration.
-        gauges: One per touch sensor, may be empty.
+        accelerometer: Its driver.
+        touch: The parts that feel touch, each with its driver; may be empty.
+        belly: The distance sensor's driver and calibration, or ``None``.
         clock: The robot clock.
         rate: Samples per second.
-        rails: The volts at the ends of the input range, or ``None`` not to look for railed inputs.
         underside: The belly, or ``None`` not to hold the distance against the tilt.
     """
 
     def __init__(
         self,
-        adc: AnalogueInput,
         *,
-        belly: tuple[RangeFinder, BellySensor] | None,
         accelerometer: Accelerometer,
-        gauges: Sequence[TouchGauge],
+        touch: Sequence[tuple[TouchPoint, TouchSensor]],
+        belly: tuple[DistanceSensor, BellySensor] | None,
         clock: Clock,
         rate: float,
-        rails: tuple[float, float] | None = None,
         underside: Underside | None = None,
     ):
-        self._adc = adc
-        self._belly = belly
         self._accelerometer = accelerometer
-        self._touch = [TouchDetector(gauge) for gauge in gauges]
+        self._touch = [(TouchDetector(point), sensor) for point, sensor in touch]
+        self._belly = belly
         self._clock = clock
         self._period = 1.0 / rate
         self._underside = underside
-        names = dict(zip(accelerometer.channels, _AXES, strict=True))
-        names |= {gauge.channel: f"the gauge of {gauge.name}" for gauge in gauges}
-        self._low, self._high = min(names), max(names)
-        self._watch = ChannelWatch(names, first=self._low, rails=rails)
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""
-        return tilt_at_rest(self._acceleration(self._volts()))
+        return tilt_at_rest(self._accelerometer.acceleration())
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
         """Averages ``samples`` samples of everything.
@@ -168,63 +120,55 @@ class Sensing:
 
         Raises:
             DeviceDataError: The readings cannot be: what the accelerometer feels is not gravity, a
-                channel is stuck or at an end of its range, the distance contradicts the tilt.
+                sensor is stuck or disconnected, the distance contradicts the tilt.
             DeviceError: A device failed.
         """
         total = [0.0] * 3
         distances: list[float | None] = []
-        for detector in self._touch:
+        for detector, _ in self._touch:
             detector.reset()
         for done in range(samples):
             report(done / samples)
-            volts = self._volts()
-            self._watch.check(volts)
-            total = [a + b for a, b in zip(total, self._acceleration(volts), strict=True)]
-            for detector in self._touch:
-                detector.feed(volts[detector.gauge.channel - self._low])
+            acceleration = self._accelerometer.acceleration()
+            self._accelerometer.check()
+            total = [a + b for a, b in zip(total, acceleration, strict=True)]
+            for detector, sensor in self._touch:
+                detector.feed(sensor.load())
+                sensor.check()
             if self._belly is not None:
-                distances.append(self._distance(*self._belly))
+                distances.append(self._belly[0].distance())
+                self._belly[0].check()
             self._clock.sleep(self._period)
         report(1.0)
         mean = [value / samples for value in total]
         length = math.hypot(*mean)
         if not PLAUSIBLE_G[0] <= length <= PLAUSIBLE_G[1]:
             raise DeviceDataError(
-                f"The accelerometer reads {length:.2f} g at rest instead of 1 g.",
+                f"The accelerometer ({self._accelerometer.name}) reads {length:.2f} g at rest "
+                "instead of 1 g.",
                 "Check its wiring, supply and calibration.",
             )
         tilt = tilt_at_rest(mean)
-        clearance, saturated = self._clearance(distances)
-        if self._underside is not None and clearance is not None and mean[2] > 0 and not saturated:
-            self._underside.check(clearance, tilt)
+        clearance, saturated = None, False
+        if self._belly is not None:
+            finder, belly = self._belly
+            clearance, saturated = _clearance(belly, distances)
+            if self._underside is not None and mean[2] > 0 and not saturated:
+                self._underside.check(clearance, tilt, sensor=finder.name)
         return Reading(
             tilt=tilt,
-            touch=tuple(detector.touching for detector in self._touch) or None,
+            touch=tuple(detector.touching for detector, _ in self._touch) or None,
             clearance=clearance,
             clearance_saturated=saturated,
             samples=samples,
             time=self._clock.now(),
         )
 
-    def _volts(self) -> list[float]:
-        volts = self._adc.scan(self._low, self._high)
-        self._watch.feed(volts)
-        return volts
 
-    def _acceleration(self, volts: Sequence[float]) -> tuple[float, ...]:
-        picked = [volts[channel - self._low] for channel in self._accelerometer.channels]
-        return self._accelerometer.acceleration(picked)
-
-    @staticmethod
-    def _distance(finder: RangeFinder, sensor: BellySensor) -> float | None:
-        millimetres = finder.range_mm()
-        return None if millimetres is None else sensor.clearance(millimetres)
-
-    def _clearance(self, distances: Sequence[float | None]) -> tuple[float | None, bool]:
-        if self._belly is None:
-            return None, False
-        reach = self._belly[1].reach
-        seen = [value for value in distances if value is not None and value < reach]
-        if 2 * len(seen) < len(distances):
-            return reach, True
-        return sum(seen) / len(seen), False
+def _clearance(belly: BellySensor, distances: Sequence[float | None]) -> tuple[float, bool]:
+    """The mean clearance, m, or the reach and true where most samples lie beyond it."""
+    clearances = (belly.clearance(one) for one in distances if one is not None)
+    seen = [clearance for clearance in clearances if clearance < belly.reach]
+    if 2 * len(seen) < len(distances):
+        return belly.reach, True
+    return sum(seen) / len(seen), False

@@ -1,42 +1,36 @@
-"""A strain gauge's force becomes one bit: hysteresis against dithering, debounce against spikes."""
+"""A touch sensor's load becomes one bit: hysteresis against dithering, debounce against spikes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot.drivers.sensor_drivers import SensorSettings
+
 
 @dataclass(frozen=True, kw_only=True)
-class TouchGauge:
-    """Calibration of one strain gauge.
+class TouchPoint:
+    """A part that feels touch.
 
     Attributes:
-        name: The part that carries it.
-        channel: Analogue input.
-        tare: Volts of the free foot.
-        volts_per_newton: Sensitivity; its sign is the direction of mounting.
-        on: Load above which the foot touches, N.
+        name: The part.
+        driver: Its sensor.
+        on: Load above which the part touches, N; a switch needs none.
         off: Load below which it no longer does, N.
         debounce: Consecutive samples that must agree before the bit changes.
     """
 
     name: str
-    channel: int
-    tare: float
-    volts_per_newton: float
+    driver: SensorSettings
     on: float
     off: float
     debounce: int
 
-    def force(self, volts: float) -> float:
-        """Load on the foot, N."""
-        return (volts - self.tare) / self.volts_per_newton
-
 
 class TouchDetector:
-    """The bit of one gauge, sample by sample."""
+    """The bit of one part, sample by sample."""
 
-    def __init__(self, gauge: TouchGauge):
-        self.gauge = gauge
+    def __init__(self, point: TouchPoint):
+        self._point = point
         self.reset()
 
     def reset(self) -> None:
@@ -44,12 +38,14 @@ class TouchDetector:
         self.touching = False
         self._against = 0
 
-    def feed(self, volts: float) -> bool:
-        """Takes one sample and returns the bit."""
-        force = self.gauge.force(volts)
-        wanted = force > self.gauge.off if self.touching else force > self.gauge.on
+    def feed(self, load: float | bool) -> bool:
+        """Takes one sample of a ``TouchSensor`` and returns the bit."""
+        if isinstance(load, bool):
+            wanted = load
+        else:
+            wanted = load > (self._point.off if self.touching else self._point.on)
         self._against = self._against + 1 if wanted != self.touching else 0
-        if self._against >= self.gauge.debounce:
+        if self._against >= self._point.debounce:
             self.touching = wanted
             self._against = 0
         return self.touching

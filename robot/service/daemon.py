@@ -17,7 +17,6 @@ from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.control.interaction import Attendant, MotorProgramRunner
-from robot.drivers.dmm32 import RANGES
 from robot.drivers.servo_bus import ServoBus
 from robot.host.clock import Clock
 from robot.host.service_manager import ServiceManager
@@ -51,18 +50,15 @@ def build_controller(
         manager: Who is told that the control loop turns.
     """
     steady = SteadyClock(clock)
-    inputs = RANGES[config.daq.input_range]
     belly = None
     if config.distance is not None and devices.distance is not None:
         belly = (devices.distance, config.distance.sensor)
     sensing = Sensing(
-        devices.adc,
+        accelerometer=devices.accelerometer,
+        touch=list(zip(config.touch, devices.touch, strict=True)),
         belly=belly,
-        accelerometer=config.accelerometer,
-        gauges=config.gauges,
         clock=steady,
         rate=config.settling.rate,
-        rails=(inputs.low, inputs.high),
         underside=config.underside,
     )
     return assemble(
@@ -101,6 +97,7 @@ def assemble(
         servos=servos,
         sensing=sensing,
         clock=clock,
+        per_update=config.servos.per_update,
         speed=config.speed,
         rest=config.settling,
         samples=config.samples,
@@ -122,9 +119,9 @@ def describe(config: RobotConfig) -> Capabilities:
     sensors = [
         Sensor(modality="tilt", unit="rad", count=2, noise=config.noise.tilt, rate=rate),
     ]
-    if config.gauges:
+    if config.touch:
         sensors.insert(
-            0, Sensor(modality="touch", unit="bool", count=len(config.gauges), noise=0.0, rate=rate)
+            0, Sensor(modality="touch", unit="bool", count=len(config.touch), noise=0.0, rate=rate)
         )
     if config.distance is not None:
         sensors.append(

@@ -1,138 +1,92 @@
-"""A robot's devices: opened, found and identified, and made to work again after a fault.
-
-``Electronics`` holds the three seams to the outside: an open serial line, I/O ports, an I²C bus. A
-simulated robot brings emulated ones, and everything above them is this same code.
-"""
+"""A robot's devices: opened, found and identified, and made to work again after a fault."""
 
 from __future__ import annotations
 
-import importlib
 import logging
+from contextlib import ExitStack
 from dataclasses import dataclass
-
-import serial
+from typing import TypeVar
 
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers import ANALOGUE_DRIVERS
-from robot.drivers.i2c import I2CBus, open_i2c
-from robot.drivers.portio import PortIO, open_dev_port
-from robot.drivers.sv203 import SV203, open_serial
-from robot.drivers.vl6180x import VL6180X
+from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.buses import Buses
+from robot.drivers.sensor_drivers import (
+    Accelerometer,
+    DistanceSensor,
+    SensorDriver,
+    TouchSensor,
+    attach_board,
+)
+from robot.drivers.servo_bus import ServoBus
 from robot.errors import DeviceError
-from robot.host.clock import Clock
-from robot.sensing.sensors import AnalogueBoard
 
-
-@dataclass(frozen=True, kw_only=True)
-class Electronics:
-    """The seams between drivers and devices.
-
-    ``ports`` is ``None`` where the analogue inputs are not reached by I/O ports, ``i2c`` where
-    there is no distance sensor.
-    """
-
-    serial: serial.Serial
-    ports: PortIO | None
-    i2c: I2CBus | None
+Driver = TypeVar("Driver", bound=SensorDriver)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Devices:
-    """The drivers of one robot, found and identified."""
+    """The drivers of one robot; ``touch`` in the order of the configuration."""
 
-    servos: SV203
-    adc: AnalogueBoard
-    distance: VL6180X | None
+    servos: ServoBus
+    board: AnalogueBoard | None
+    accelerometer: Accelerometer
+    touch: tuple[TouchSensor, ...]
+    distance: DistanceSensor | None
+
+    @property
+    def sensors(self) -> tuple[SensorDriver, ...]:
+        """All sensors."""
+        distance = () if self.distance is None else (self.distance,)
+        return (self.accelerometer, *self.touch, *distance)
 
     def close(self) -> None:
         """Closes all of them."""
         self.servos.close()
-        self.adc.close()
-        if self.distance is not None:
-            self.distance.close()
+        for sensor in self.sensors:
+            sensor.close()
+        if self.board is not None:
+            self.board.close()
 
 
-def open_electronics(config: RobotConfig) -> Electronics:
-    """Opens the real devices that a configuration names.
-
-    Raises:
-        DeviceMissingError: One of them cannot be opened; the sentence says which and why.
-    """
-    line = open_line(config)
-    try:
-        return Electronics(serial=line, ports=open_ports(config), i2c=open_bus(config))
-    except BaseException:
-        line.close()
-        raise
-
-
-def open_line(config: RobotConfig) -> serial.Serial:
-    """Opens the serial line to the servo board."""
-    return open_serial(config.servo_board.port, config.servo_board.baud)
-
-
-def open_ports(config: RobotConfig) -> PortIO | None:
-    """Opens the I/O ports of the data acquisition board, if its driver needs them."""
-    return open_dev_port(config.daq.base) if config.daq.driver == "dmm32" else None
-
-
-def open_bus(config: RobotConfig) -> I2CBus | None:
-    """Opens the distance sensor's bus, if there is such a sensor."""
-    return open_i2c(f"/dev/i2c-{config.distance.bus}") if config.distance else None
-
-
-def start_devices(config: RobotConfig, electronics: Electronics, clock: Clock) -> Devices:
-    """Finds and identifies each device.
+def open_devices(config: RobotConfig, buses: Buses) -> Devices:
+    """Opens, finds and identifies each device that a configuration names.
 
     Raises:
-        DeviceError: One of them is not what it should be.
+        DeviceError: One of them cannot be opened or is not what it should be; the sentence says
+            which and why.
     """
-    return Devices(
-        servos=start_servos(config, electronics.serial, clock),
-        adc=start_adc(config, electronics.ports, clock),
-        distance=start_distance(config, electronics.i2c, clock),
-    )
+    with ExitStack() as opened:
+        servos = config.servos.open(buses)
+        opened.callback(servos.close)
+        board = None
+        if config.daq is not None:
+            buses = attach_board(buses, config.daq)
+            assert buses.analogue is not None
+            board = buses.analogue.board
+            opened.callback(board.close)
 
+        def start(driver: Driver) -> Driver:
+            opened.callback(driver.close)
+            driver.start()
+            return driver
 
-def start_servos(config: RobotConfig, line: serial.Serial, clock: Clock) -> SV203:
-    """The servo board's driver; the board is first heard of at the first query."""
-    board = config.servo_board
-    return SV203(line, board=board.board, clock=clock, line_gap=board.line_gap)
-
-
-def start_adc(config: RobotConfig, ports: PortIO | None, clock: Clock) -> AnalogueBoard:
-    """The data acquisition board's driver, once the board was found.
-
-    Args:
-        config: What is connected where.
-        ports: Access to the I/O ports, or ``None`` for a driver that needs none.
-        clock: Measures deadlines.
-    """
-    daq = config.daq
-    module, name = ANALOGUE_DRIVERS[daq.driver]
-    driver = getattr(importlib.import_module(module), name)
-    if ports is None:
-        adc = driver(daq.device, range_=daq.input_range)
-    else:
-        adc = driver(ports, base=daq.base, clock=clock, range_=daq.input_range)
-    adc.probe()
-    found: AnalogueBoard = adc
-    return found
-
-
-def start_distance(config: RobotConfig, bus: I2CBus | None, clock: Clock) -> VL6180X | None:
-    """The distance sensor's driver, once the sensor was identified and set up."""
-    if config.distance is None or bus is None:
-        return None
-    sensor = VL6180X(bus, address=config.distance.address, clock=clock)
-    sensor.start()
-    return sensor
+        distance = config.distance
+        devices = Devices(
+            servos=servos,
+            board=board,
+            accelerometer=start(config.accelerometer.open(buses, "accelerometer")),
+            touch=tuple(start(point.driver.open(buses, point.name)) for point in config.touch),
+            distance=start(distance.driver.open(buses, "distance")) if distance else None,
+        )
+        opened.pop_all()
+    return devices
 
 
 def revive(config: RobotConfig, devices: Devices) -> None:
     """Makes devices that failed work again, as far as that takes no person.
 
-    A serial line that no longer works is opened anew, under the name in the configuration.
+    The link to servos that do not answer, or cannot, is opened anew, under the name in the
+    configuration.
 
     Raises:
         DeviceError: One of them still fails.
@@ -140,17 +94,27 @@ def revive(config: RobotConfig, devices: Devices) -> None:
     try:
         devices.servos.read_counts([config.joints[0].output])
     except DeviceError:
-        devices.servos.reopen(lambda: open_line(config))
-    devices.adc.probe()
-    if devices.distance is not None:
-        devices.distance.start()
+        devices.servos.reopen()
+    else:
+        if not config.servos.reads_back:
+            devices.servos.reopen()
+    if devices.board is not None:
+        devices.board.probe()
+    for sensor in devices.sensors:
+        sensor.start()
 
 
 def report_devices(config: RobotConfig, log: logging.Logger) -> None:
-    """Logs what was found and identified where."""
-    board, daq, distance = config.servo_board, config.daq, config.distance
-    where = daq.device if daq.driver == "comedi" else f"0x{daq.base:x}"
-    log.info("found: servo board %d on %s, %d baud", board.board, board.port, board.baud)
-    log.info("found: analogue inputs (%s) at %s, %s", daq.driver, where, daq.input_range)
-    if distance is not None:
-        log.info("found: distance sensor at 0x%x on I²C bus %d", distance.address, distance.bus)
+    """Logs which driver was found where; a sensor on the inputs of a board with that board."""
+    log.info("found: servos (%s): %s", config.servos.name, config.servos)
+    if not config.servos.reads_back:
+        log.warning("the %s cannot be read back: a reset goes unnoticed", config.servos.name)
+    if config.daq is not None:
+        log.info("found: analogue inputs (%s): %s", config.daq.name, config.daq)
+    sensors = {"accelerometer": config.accelerometer}
+    sensors |= {f"touch {point.name}": point.driver for point in config.touch}
+    if config.distance is not None:
+        sensors["distance"] = config.distance.driver
+    for subject, driver in sensors.items():
+        if not driver.channels:
+            log.info("found: %s (%s): %s", subject, driver.name, driver)

@@ -27,7 +27,10 @@ _NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
 
 
 class NullServos:
-    """A servo board that is not there; it remembers what it was sent."""
+    """A servo driver without a device; it remembers what it was sent."""
+
+    name = "dry run"
+    repeats = 0
 
     def __init__(self, counts: Mapping[int, int]):
         self._counts = dict(counts)
@@ -54,6 +57,12 @@ class NullServos:
     def seconds_for(self, changed: int) -> float:
         """As long as over the usual line."""
         return changed * _SECONDS_PER_SERVO
+
+    def reopen(self) -> None:
+        """Does nothing: there is no link."""
+
+    def close(self) -> None:
+        """Does nothing: there is no link."""
 
 
 class NoSensors:

@@ -48,9 +48,12 @@ def calibrate_simulated(
         wrong=wrong,
         calibration=known,
     ) as parts:
+        before = Calibration(robot=parts.config.name)
+        if known:
+            before = read_calibration(known, parts.config.servos.counts)
         calibrate(
             parts.config,
-            read_calibration(known) if known else Calibration(robot=parts.config.name),
+            before,
             parts.devices,
             clock=parts.clock,
             terminal=SimulatedPerson(

@@ -11,9 +11,10 @@ from pathlib import Path
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.control.controller import Controller
-from robot.drivers.sv203 import open_serial
+from robot.drivers.buses import Buses
+from robot.drivers.sv203 import SV203
 from robot.service.daemon import HOUSEKEEPING, build_controller
-from robot.service.devices import Devices, Electronics, start_devices
+from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import Follower, HostClock, RealTimeClock, VirtualClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.servos import Servos
@@ -34,6 +35,7 @@ class Emulation:
     Attributes:
         config: What the daemon believes about its robot.
         truth: How the electronics are really calibrated.
+        buses: What leads the drivers to the emulators.
         devices: The drivers.
         clock: The robot clock.
         noise: Of the sensors.
@@ -46,6 +48,7 @@ class Emulation:
 
     config: RobotConfig
     truth: RobotConfig
+    buses: Buses
     devices: Devices
     clock: HostClock
     noise: Noise
@@ -134,8 +137,8 @@ def emulation(
         config = configure(body, port=board.port, levels=levels)
         truth = config if wrong is None else miscalibrated(config, wrong)
         if calibration is not None:
-            found = read_calibration(calibration)
-            config = apply_calibration(config, found, file=str(calibration))
+            calibrated = read_calibration(calibration, config.servos.counts)
+            config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 
         servos = Servos()
@@ -160,18 +163,17 @@ def emulation(
             host.now,
         )
         stack.callback(panel.close)
-        devices = start_devices(
-            config,
-            Electronics(serial=open_serial(board.port), ports=daq, i2c=distance),
-            host,
-        )
+        buses = Buses(clock=host, open_ports=lambda base: daq, open_i2c=lambda path: distance)
+        devices = open_devices(config, buses)
         stack.callback(devices.close)
+        assert isinstance(devices.servos, SV203)
         clock.synchronise = Follower(board, devices.servos)
         wiring.drive(board.pulses())
         world.lay_down()
         yield Emulation(
             config=config,
             truth=truth,
+            buses=buses,
             devices=devices,
             clock=host,
             noise=noise,

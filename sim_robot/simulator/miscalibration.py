@@ -12,8 +12,10 @@ from typing import Final
 
 import numpy as np
 
-from robot.configuration.joint_calibration import MAX_COUNT, MIN_COUNT, DrivenJoint, JointScale
+from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig
+from robot.drivers.analogue_sensors import StrainGauge
+from robot.sensing.touch import TouchPoint
 
 COUNTS_OFF: Final = 15.0  # at most, either way
 JOINT_GAIN: Final = 0.1  # share of the true one, at most, either way; and so on
@@ -28,39 +30,43 @@ RULER_GAIN: Final = 0.04
 def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
     """The electronics as they really are, where ``config`` is what the daemon believes."""
     rng = np.random.default_rng(seed)
-    axes, distance = config.accelerometer, config.distance
+    axes, distance = config.axes, config.distance
+    assert axes is not None
     joints = tuple(_joint(joint, rng) for joint in config.joints)
     axes = replace(
         axes,
         zero=tuple(zero + _off(rng, AXIS_VOLTS_OFF) for zero in axes.zero),
         volts_per_g=tuple(gain * _gain(rng, AXIS_GAIN) * _sign(rng) for gain in axes.volts_per_g),
     )
-    gauges = tuple(
-        replace(
-            gauge,
-            tare=gauge.tare + _off(rng, TARE_VOLTS_OFF),
-            volts_per_newton=gauge.volts_per_newton * _gain(rng, BRIDGE_GAIN) * _sign(rng),
-        )
-        for gauge in config.gauges
-    )
+    touch = tuple(replace(point, driver=_gauge(config, point, rng)) for point in config.touch)
     if distance is not None:
         sensor = distance.sensor
         zero = max(0.0, sensor.zero + _off(rng, ZERO_OFF))
         scale = sensor.scale * _gain(rng, RULER_GAIN)
         distance = replace(distance, sensor=replace(sensor, zero=zero, scale=scale))
-    return replace(config, joints=joints, accelerometer=axes, gauges=gauges, distance=distance)
+    return replace(config, joints=joints, accelerometer=axes, touch=touch, distance=distance)
+
+
+def _gauge(config: RobotConfig, point: TouchPoint, rng: np.random.Generator) -> StrainGauge:
+    gauge = config.gauges[point.name]
+    return replace(
+        gauge,
+        tare=gauge.tare + _off(rng, TARE_VOLTS_OFF),
+        volts_per_newton=gauge.volts_per_newton * _gain(rng, BRIDGE_GAIN) * _sign(rng),
+    )
 
 
 def _joint(joint: DrivenJoint, rng: np.random.Generator) -> DrivenJoint:
     """The same joint with its line of counts shifted, stretched and perhaps turned round."""
     (low, start), (high, end) = joint.scale.points[0], joint.scale.points[-1]
+    counts = joint.scale.counts
     middle = (low + high) / 2 + _off(rng, COUNTS_OFF)
     slope = (end - start) / (high - low) * _gain(rng, JOINT_GAIN) * _sign(rng)
     points = tuple(
         (float(count), (start + end) / 2 + slope * (count - middle))
-        for count in (MIN_COUNT, MAX_COUNT)
+        for count in (counts[0], counts[-1])
     )
-    return replace(joint, scale=JointScale(points))
+    return replace(joint, scale=JointScale(points, counts))
 
 
 def _off(rng: np.random.Generator, most: float) -> float:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robot.calibration.joints import MAX_STEP
-from robot.configuration.joint_calibration import MAX_COUNT, MIN_COUNT
+from robot.drivers.sv203 import COUNTS
 from robot.errors import CommandError
 from robot.host.clock import Clock
 from sim_robot.world.body import Body
@@ -215,7 +215,7 @@ class _Joint:
         else:
             rises = (points[-1][1] > points[0][1]) == (self._way > 0)
             left = room[0] if rises else room[1]
-        counts = MAX_COUNT - count if self._way > 0 else count - MIN_COUNT
+        counts = COUNTS[-1] - count if self._way > 0 else count - COUNTS[0]
         return max(0, min(MAX_STEP, counts, int(left / _STEEPEST)))
 
     @staticmethod

@@ -15,11 +15,12 @@ from pathlib import Path
 
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
-from robot.drivers.sv203 import SV203, open_serial
+from robot.drivers.buses import Buses
+from robot.drivers.sv203 import SV203, SV203Settings
 from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller
-from robot.service.devices import Electronics, start_devices
+from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
@@ -44,9 +45,10 @@ class StillWorld:
     @classmethod
     def around(cls, config: RobotConfig) -> StillWorld:
         """What a robot feels that lies flat on its belly with its feet in the air."""
-        rest = [*config.accelerometer.zero[:2], config.accelerometer.zero[2] + 1.0]
+        assert config.axes is not None
+        rest = [*config.axes.zero[:2], config.axes.zero[2] + 1.0]
         return cls(
-            volts=rest + [gauge.tare for gauge in config.gauges],
+            volts=rest + [gauge.tare for gauge in config.gauges.values()],
             distance_mm=config.distance.sensor.zero * 1000 if config.distance else None,
         )
 
@@ -62,6 +64,8 @@ class StillRobot:
     """The robot, and the parts behind it."""
 
     config: RobotConfig
+    buses: Buses
+    devices: Devices
     controller: Controller
     servos: SV203
     world: StillWorld
@@ -87,7 +91,8 @@ class Bystander:
 def example_config(port: str) -> RobotConfig:
     """The documented ``robot.toml``, on another serial port."""
     config = load_config(Path(str(resources.files("robot") / "robot.toml")))
-    return replace(config, servo_board=replace(config.servo_board, port=port))
+    assert isinstance(config.servos, SV203Settings)
+    return replace(config, servos=replace(config.servos, port=port))
 
 
 @contextmanager
@@ -116,12 +121,10 @@ def still_robot(
             {"servo_board": board, "daq": daq, "distance": distance, "clock": host}, host.now
         )
         stack.callback(panel.close)
-        devices = start_devices(
-            config,
-            Electronics(serial=open_serial(board.port), ports=daq, i2c=distance),
-            host,
-        )
+        buses = Buses(clock=host, open_ports=lambda base: daq, open_i2c=lambda path: distance)
+        devices = open_devices(config, buses)
         stack.callback(devices.close)
+        assert isinstance(devices.servos, SV203)
         controller = build_controller(
             config,
             devices,
@@ -133,6 +136,8 @@ def still_robot(
         )
         yield StillRobot(
             config=config,
+            buses=buses,
+            devices=devices,
             controller=controller,
             servos=devices.servos,
             world=world,

@@ -10,18 +10,16 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from robot.configuration.device_tables import I2CConfig
+from robot.configuration.device_tables import DistanceConfig
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
-from robot.configuration.robot_config import (
-    BodyConfig,
-    DaqConfig,
-    NoiseConfig,
-    RobotConfig,
-    ServoBoardConfig,
-)
-from robot.sensing.sensors import Accelerometer, BellySensor
+from robot.configuration.robot_config import BodyConfig, NoiseConfig, RobotConfig
+from robot.drivers.analogue_sensors import AnalogueAxes, StrainGauge
+from robot.drivers.dmm32 import DMM32Settings
+from robot.drivers.sv203 import SV203Settings
+from robot.drivers.vl6180x import VL6180XSettings
+from robot.sensing.sensors import BellySensor
 from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchGauge
+from robot.sensing.touch import TouchPoint
 from sim_robot.world.body import Body
 from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import GRAVITY, SERVO_SPEED, World
@@ -48,7 +46,7 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
     return RobotConfig(
         name=body.name[:64],
         body=BodyConfig(size=body.base_size, mass=body.base_mass),
-        servo_board=ServoBoardConfig(port=port, baud=9600, board=1, line_gap=0.003),
+        servos=SV203Settings(port=port, baud=9600, board=1, line_gap=0.003),
         joints=tuple(
             DrivenJoint(
                 name=motor.name,
@@ -56,28 +54,31 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
                 lower_limit=motor.lower,
                 upper_limit=motor.upper,
                 part_radius=motor.radius,
-                scale=JointScale(((3, motor.lower), (253, motor.upper))),
+                scale=JointScale(((3, motor.lower), (253, motor.upper)), SV203Settings.counts),
             )
             for number, motor in enumerate(body.motors, start=1)
         ),
         speed=SERVO_SPEED,
-        daq=DaqConfig(base=0x300, input_range="±5V"),
-        accelerometer=Accelerometer(
+        daq=DMM32Settings(base=0x300, input_range="±5V"),
+        accelerometer=AnalogueAxes(
             channels=(0, 1, 2), zero=(ZERO_VOLTS,) * 3, volts_per_g=(VOLTS_PER_G,) * 3
         ),
-        gauges=tuple(
-            TouchGauge(
+        touch=tuple(
+            TouchPoint(
                 name=name,
-                channel=FIRST_GAUGE + index,
-                tare=TARE_VOLTS,
-                volts_per_newton=sensitivity,
+                driver=StrainGauge(
+                    channel=FIRST_GAUGE + index, tare=TARE_VOLTS, volts_per_newton=sensitivity
+                ),
                 on=0.1,
                 off=0.05,
                 debounce=3,
             )
             for index, name in enumerate(body.touch)
         ),
-        distance=I2CConfig(bus=1, address=0x29, sensor=BellySensor(zero=RECESS, reach=REACH)),
+        distance=DistanceConfig(
+            driver=VL6180XSettings(bus=1, address=0x29),
+            sensor=BellySensor(zero=RECESS, reach=REACH),
+        ),
         settling=RestCriterion(
             window=0.3,
             swing=math.radians(0.5),
@@ -101,11 +102,12 @@ class Wiring:
 
     def __init__(self, truth: RobotConfig, world: World, noise: Noise):
         assert truth.distance is not None
+        assert truth.axes is not None
         self._world = world
         self._noise = noise
         self._scales = [joint.scale for joint in truth.joints]
-        self._axes = truth.accelerometer
-        self._bridges = truth.gauges
+        self._axes = truth.axes
+        self._bridges = list(truth.gauges.values())
         self._belly = truth.distance.sensor
         self._seen = -1
         self._volts: list[float] = []

@@ -16,6 +16,8 @@ import pytest
 from robot.cli.command_line import main
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import load_config
+from robot.drivers.buses import Buses
+from robot.drivers.sv203 import COUNTS
 from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
@@ -53,11 +55,10 @@ def newcomer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Newcom
     daq = DMM32Emulator(world.input, clock)
     distance = VL6180XEmulator(lambda: world.distance_mm, clock)
     found = Newcomer(world)
+    buses = Buses(clock=clock, open_ports=lambda base: daq, open_i2c=lambda path: distance)
     for module in ("calibrate", "doctor"):
         monkeypatch.setattr(f"robot.cli.{module}.WallClock", lambda: clock)
-    for module in ("robot.service.devices", "robot.cli.doctor"):
-        monkeypatch.setattr(f"{module}.open_ports", lambda config: daq)
-        monkeypatch.setattr(f"{module}.open_bus", lambda config: distance)
+        monkeypatch.setattr(f"robot.cli.{module}.Buses", lambda clock: buses)
     monkeypatch.setattr("builtins.input", found)
     Path("robot.toml").write_text(EXAMPLE.replace("/dev/ttyS0", board.port), encoding="utf-8")
     yield found
@@ -81,7 +82,7 @@ def test_the_page_can_be_followed(newcomer: Newcomer, capsys: pytest.CaptureFixt
     newcomer.lines = ["", *HIP, "q"]
     assert main(shlex.split(calibrate)) == 1
     assert "calibration.toml has hip_left." in capsys.readouterr().err
-    assert list(read_calibration(Path("calibration.toml")).joints) == ["hip_left"]
+    assert list(read_calibration(Path("calibration.toml"), COUNTS).joints) == ["hip_left"]
 
     newcomer.lines = ["", "skip", "", *GROUND, *PLATE, "yes"]
     assert main(shlex.split(go_on)) == 0

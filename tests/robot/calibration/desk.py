@@ -46,6 +46,8 @@ class Board:
     """A servo board in memory that writes down what it was sent, and when."""
 
     clock: SteppedClock = field(default_factory=SteppedClock)
+    name = "desk"
+    repeats = 0
     counts: dict[int, int] = field(default_factory=lambda: dict.fromkeys(range(1, 9), 128))
     sent: list[tuple[float, int, int]] = field(default_factory=list)
     failures: int = 0
@@ -74,6 +76,12 @@ class Board:
     def seconds_for(self, changed: int) -> float:
         return 0.01 * changed
 
+    def reopen(self) -> None:
+        """There is no link."""
+
+    def close(self) -> None:
+        """There is no link."""
+
 
 class Inputs:
     """Analogue inputs with some noise; a test sets the volts."""
@@ -82,6 +90,12 @@ class Inputs:
         self.volts = list(volts)
         self.noise = noise
         self._random = random.Random(1)
+
+    def probe(self) -> None:
+        """They are there."""
+
+    def close(self) -> None:
+        """There is no link."""
 
     def scan(self, low: int, high: int) -> list[float]:
         return [volts + self._random.gauss(0, self.noise) for volts in self.volts[low : high + 1]]

@@ -10,12 +10,12 @@ import pytest
 from robot.calibration.accelerometer import POSITIONS, AccelerometerSession
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
+from robot.drivers.analogue_sensors import AnalogueAxes
 from robot.errors import AbandonedError
 from robot.host.clock import SteppedClock
-from robot.sensing.sensors import Accelerometer
 from tests.robot.calibration.desk import Answer, Inputs, Script
 
-BELIEVED = Accelerometer(channels=(1, 2, 3), zero=(2.5, 2.5, 2.5), volts_per_g=(1.0, 1.0, 1.0))
+BELIEVED = AnalogueAxes(channels=(1, 2, 3), zero=(2.5, 2.5, 2.5), volts_per_g=(1.0, 1.0, 1.0))
 ZERO, GAIN = (2.3, 2.6, 2.5), (-0.9, 1.2, 0.8)
 
 

@@ -19,6 +19,8 @@ BELIEVED = BellySensor(zero=0.010, reach=0.2)
 class Ruler:
     """Reads whole millimetres, with its own zero and scale, and an error at each placement."""
 
+    name = "ruler"
+
     def __init__(self, rms: float = 1.0):
         self.rms = rms
         self.height: float | None = None
@@ -29,10 +31,19 @@ class Ruler:
         self.height = height
         self.offset = self._random.gauss(0, self.rms)
 
-    def range_mm(self) -> int | None:
+    def start(self) -> None:
+        """It is there."""
+
+    def check(self) -> None:
+        """It works."""
+
+    def close(self) -> None:
+        """There is no link."""
+
+    def distance(self) -> float | None:
         if self.height is None:
             return None
-        return round(14.2 + self.height / 0.97 + self.offset + self._random.gauss(0, 0.3))
+        return round(14.2 + self.height / 0.97 + self.offset + self._random.gauss(0, 0.3)) / 1000
 
 
 def run(ruler: Ruler, script: Script, noise: float = 1e-3) -> RulerCalibration | None:
@@ -52,7 +63,9 @@ def test_many_placements_find_zero_and_scale() -> None:
     assert found is not None
     sensor = BellySensor(zero=found.zero, scale=found.scale, reach=0.2)
     for height in (0, 75, 150):  # four standard errors
-        assert sensor.clearance(14.2 + height / 0.97) == pytest.approx(height / 1000, abs=1e-3)
+        assert sensor.clearance((14.2 + height / 0.97) / 1000) == pytest.approx(
+            height / 1000, abs=1e-3
+        )
 
 
 @pytest.mark.parametrize(("noise", "placements"), [(0.1e-3, 3), (1e-3, 16), (1.0, 25)])

@@ -18,9 +18,10 @@ from robot.configuration.calibration_file import (
     read_calibration,
     save_calibration,
 )
+from robot.drivers.sv203 import COUNTS
 from robot.errors import AbandonedError, CommandError
 from robot.host.clock import SteppedClock
-from robot.service.devices import Devices, start_adc, start_distance
+from robot.service.devices import Devices
 from sim_robot.simulator.still_robot import StillRobot, still_robot
 from tests.robot.calibration.desk import Answer, Script
 
@@ -81,12 +82,7 @@ class Desk:
 def desk() -> Iterator[Desk]:
     clock = SteppedClock()
     with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
-        devices = Devices(
-            servos=robot.servos,
-            adc=start_adc(robot.config, robot.daq, clock),
-            distance=start_distance(robot.config, robot.distance, clock),
-        )
-        yield Desk(robot, clock, devices)
+        yield Desk(robot, clock, robot.devices)
 
 
 def test_it_measures_what_is_asked_for_and_keeps_the_rest(desk: Desk) -> None:
@@ -160,7 +156,7 @@ def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) 
         with pytest.raises(AbandonedError, match=rf"holds; .*calibration.toml {kept}\."):
             calibrate(
                 desk.robot.config,
-                read_calibration(file),
+                read_calibration(file, COUNTS),
                 desk.devices,
                 clock=desk.clock,
                 terminal=script,
@@ -170,7 +166,7 @@ def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) 
         assert script.prompts == whole.prompts[: length + 1]
         names = ["calibration.toml"]
         if written:  # and so no measurement is lost but that of the part at which it was left
-            found = read_calibration(file)
+            found = read_calibration(file, COUNTS)
             assert found.revision == 2
             parts_now = (found.joints, found.accelerometer, found.gauges, found.distance)
             assert [bool(part) for part in parts_now] == [n < len(written) for n in range(4)]

@@ -11,6 +11,7 @@ from robot.calibration.joints import Mover, calibrate_joint
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
+from robot.drivers.sv203 import COUNTS
 from robot.errors import AbandonedError, DeviceDataError
 from tests.robot.calibration.desk import Answer, Board, Script
 
@@ -20,14 +21,14 @@ JOINT = DrivenJoint(
     lower_limit=math.radians(-96),
     upper_limit=math.radians(74),
     part_radius=0.01,
-    scale=JointScale(((3, math.radians(-96)), (253, math.radians(74)))),
+    scale=JointScale(((3, math.radians(-96)), (253, math.radians(74))), COUNTS),
 )
 # A servo that turns the other way, 0.75° a count, with its zero at count 108.
 GOOD: tuple[Answer, ...] = ("-15", "u 20", "u 20", "-45", "d 20", "d 20", "d 20", "d 20", "15")
 
 
 def run(board: Board, script: Script) -> JointCalibration | None:
-    return calibrate_joint(JOINT, Mover(board, 2, board.clock), Questions(script))
+    return calibrate_joint(JOINT, Mover(board, JOINT, board.clock), Questions(script))
 
 
 def test_a_swapped_shifted_and_stretched_joint_is_put_right() -> None:
@@ -166,7 +167,7 @@ def test_a_limp_joint_is_only_driven_with_notice() -> None:
 
 def test_a_board_that_was_reset_is_noticed_and_does_not_jump() -> None:
     board = Board()
-    mover = Mover(board, 2, board.clock)
+    mover = Mover(board, JOINT, board.clock)
     mover.go(160)
     board.counts[2] = 128  # brown-out: the servo is at neutral now
     board.sent.clear()

@@ -7,13 +7,13 @@ import pytest
 from robot.calibration.questions import Questions
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import GaugeCalibration
+from robot.drivers.analogue_sensors import StrainGauge
 from robot.host.clock import SteppedClock
-from robot.sensing.touch import TouchGauge
+from robot.sensing.touch import TouchPoint
 from tests.robot.calibration.desk import Inputs, Script
 
-BELIEVED = TouchGauge(
-    name="foot", channel=2, tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05, debounce=3
-)
+GAUGE = StrainGauge(channel=2, tare=0.2, volts_per_newton=0.2)
+BELIEVED = TouchPoint(name="foot", driver=GAUGE, on=0.1, off=0.05, debounce=3)
 
 
 class Foot:
@@ -29,7 +29,12 @@ class Foot:
 
 def run(foot: Foot, script: Script) -> GaugeCalibration | None:
     return GaugeSession(
-        BELIEVED, foot.inputs, rate=50, clock=SteppedClock(), dialogue=Questions(script)
+        BELIEVED,
+        GAUGE.channel,
+        foot.inputs,
+        rate=50,
+        clock=SteppedClock(),
+        dialogue=Questions(script),
     ).run()
 
 

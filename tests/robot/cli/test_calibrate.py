@@ -13,9 +13,9 @@ import pytest
 from robot.cli.calibrate import calibrate
 from robot.cli.command_line import main
 from robot.configuration.calibration_file import Calibration, read_calibration
+from robot.drivers.sv203 import COUNTS
 from robot.errors import AbandonedError
 from robot.host.clock import SteppedClock
-from robot.service.devices import Devices, start_adc
 from sim_robot.simulator.still_robot import still_robot
 from tests.robot.calibration.desk import Script
 
@@ -26,11 +26,10 @@ LEVEL = ("level", "", "", "", "", "yes")
 def level(file: Path, before: Calibration, script: Script) -> None:
     clock = SteppedClock()
     with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
-        adc = start_adc(robot.config, robot.daq, clock)
         calibrate(
             robot.config,
             before,
-            Devices(servos=robot.servos, adc=adc, distance=None),
+            robot.devices,
             clock=clock,
             terminal=script,
             file=file,
@@ -41,14 +40,14 @@ def level(file: Path, before: Calibration, script: Script) -> None:
 def test_the_revision_grows_and_the_one_before_is_named(tmp_path: Path) -> None:
     file = tmp_path / "calibration.toml"
     level(file, Calibration(robot="quadruped"), Script(*LEVEL))
-    first = read_calibration(file)
+    first = read_calibration(file, COUNTS)
     assert first.revision == 1
     assert first.made.endswith("Z")
     script = Script(*LEVEL)
     level(file, first, script)
-    assert read_calibration(file).revision == 2
+    assert read_calibration(file, COUNTS).revision == 2
     assert script.heard("calibration.toml.1")
-    assert read_calibration(tmp_path / "calibration.toml.1") == first
+    assert read_calibration(tmp_path / "calibration.toml.1", COUNTS) == first
 
 
 def test_a_full_disk_does_not_cost_the_measurements(
@@ -67,7 +66,7 @@ def test_a_full_disk_does_not_cost_the_measurements(
     script = Script(*LEVEL, "")
     level(file, Calibration(robot="quadruped"), script)
     assert script.heard("No space left")
-    assert read_calibration(file).accelerometer is not None
+    assert read_calibration(file, COUNTS).accelerometer is not None
 
 
 def test_a_disk_that_stays_full_leaves_the_file_as_it_was(

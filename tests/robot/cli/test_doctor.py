@@ -63,8 +63,8 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
         },
         accelerometer=AxesCalibration(zero=(2.5,) * 3, volts_per_g=(1.0,) * 3),
         gauges={
-            gauge.name: GaugeCalibration(tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05)
-            for gauge in config.gauges
+            name: GaugeCalibration(tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05)
+            for name in config.gauges
         },
         distance=RulerCalibration(zero=0.01, scale=1.0),
     )

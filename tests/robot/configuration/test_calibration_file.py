@@ -25,13 +25,14 @@ from robot.configuration.calibration_file import (
 )
 from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import load_config
+from robot.drivers.sv203 import COUNTS
 from robot.errors import ConfigError
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 HIP = JointCalibration(
     lower_limit=math.radians(-90),
     upper_limit=math.radians(70),
-    scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85)))),
+    scale=JointScale(((10, math.radians(72)), (131, 0.0), (250, math.radians(-85))), COUNTS),
 )
 WHOLE = Calibration(
     robot="quadruped",
@@ -63,15 +64,16 @@ def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> Non
     assert [math.degrees(hip.lower_limit), math.degrees(hip.upper_limit)] == pytest.approx(
         [-90, 70]
     )
-    assert after.accelerometer.zero == (2.4, 2.5, 2.6)
-    assert after.accelerometer.channels == before.accelerometer.channels
-    assert (after.gauges[0].tare, after.gauges[0].on) == (-0.1, 0.12)
-    assert after.gauges[0].debounce == before.gauges[0].debounce
+    assert after.axes is not None
+    assert after.axes.zero == (2.4, 2.5, 2.6)
+    assert after.axes.channels == before.accelerometer.channels
+    assert (after.gauges["lower_left"].tare, after.touch[0].on) == (-0.1, 0.12)
+    assert after.touch[0].debounce == before.touch[0].debounce
     assert after.distance is not None
     # 12.5 mm is the belly on the ground; 100 mm more are 98 mm of clearance.
-    assert after.distance.sensor.clearance(112.5) == pytest.approx(0.098)
+    assert after.distance.sensor.clearance(0.1125) == pytest.approx(0.098)
     assert after.joints[1:] == before.joints[1:]
-    assert after.gauges[1:] == before.gauges[1:]
+    assert after.touch[1:] == before.touch[1:]
     assert after.hash != before.hash
 
 
@@ -85,7 +87,9 @@ names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=8)
 def scales(draw: st.DrawFn) -> JointScale:
     counts = draw(st.lists(st.integers(1, 255), min_size=2, max_size=9, unique=True))
     sign = draw(st.sampled_from((-1, 1)))
-    return JointScale(tuple((count, sign * math.radians(count * 0.7 - 90)) for count in counts))
+    return JointScale(
+        tuple((count, sign * math.radians(count * 0.7 - 90)) for count in counts), COUNTS
+    )
 
 
 calibrations = st.builds(
@@ -126,7 +130,7 @@ calibrations = st.builds(
 def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) -> None:
     file = tmp_path / "calibration.toml"
     file.write_text(to_toml(calibration), encoding="utf-8")
-    found = read_calibration(file)
+    found = read_calibration(file, COUNTS)
     assert (found.robot, found.revision, found.made) == (
         calibration.robot,
         calibration.revision,
@@ -213,7 +217,7 @@ def test_the_files_before_are_kept_under_numbers(tmp_path: Path) -> None:
     save_calibration(file, WHOLE)
     assert (tmp_path / "calibration.toml.1").read_bytes() == first
     assert (tmp_path / "calibration.toml.2").read_bytes() == second
-    assert read_calibration(file).revision == 3
+    assert read_calibration(file, COUNTS).revision == 3
 
 
 def test_a_daemon_of_another_user_can_read_it(tmp_path: Path) -> None:
@@ -255,4 +259,6 @@ def test_a_link_stays_a_link(tmp_path: Path) -> None:
     link.symlink_to(tmp_path / "there" / "real.toml")
     save_calibration(link, WHOLE)
     assert link.is_symlink()
-    assert read_calibration(tmp_path / "there" / "real.toml") == read_calibration(link)
+    assert read_calibration(tmp_path / "there" / "real.toml", COUNTS) == read_calibration(
+        link, COUNTS
+    )

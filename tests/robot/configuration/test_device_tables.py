@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from robot.configuration import device_tables
-from robot.configuration.toml_sections import Section, read_toml
+from robot.drivers.analogue_sensors import read_axes, read_bridge
+from robot.drivers.sv203 import COUNTS
 from robot.errors import ConfigError
+from robot.toml_sections import Section, read_toml
 
 
 def section(folder: Path, text: str) -> Section:
@@ -27,7 +30,7 @@ def test_degrees_and_millimetres_become_radians_and_metres(tmp_path: Path) -> No
 
 def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> None:
     found = device_tables.read_distance(section(tmp_path, "bus = 1\nzero_mm = 10\nrange_mm = 200"))
-    assert found.sensor.clearance(110) == pytest.approx(0.1)
+    assert found.sensor.clearance(0.110) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(
@@ -35,18 +38,22 @@ def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> N
     [
         (device_tables.read_limits, "limits_deg = [5, 5]", "part.limits_deg: must rise"),
         (
-            device_tables.read_axes,
+            read_axes,
             "zero_v = [1, 2, 3]\nvolts_per_g = [1, 0, 1]",
             "0.02 to 5 volts, not 0",
         ),
-        (device_tables.read_bridge, "tare_v = 0\nvolts_per_newton = 0", "to 50 volts, not 0"),
+        (read_bridge, "tare_v = 0\nvolts_per_newton = 0", "to 50 volts, not 0"),
         (device_tables.read_thresholds, "on_n = 0.1\noff_n = 0.2", "part.off_n: must not exceed"),
         (
             device_tables.read_ruler,
             "zero_mm = 10\nscale = 3",
             "part.scale: must be a number from 0.5",
         ),
-        (device_tables.read_scale, "calibration = [[1, 5], [1, 6]]", "one count twice"),
+        (
+            partial(device_tables.read_scale, counts=COUNTS),
+            "calibration = [[1, 5], [1, 6]]",
+            "one count twice",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused_by_key(

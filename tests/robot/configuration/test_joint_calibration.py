@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
+from robot.drivers.sv203 import COUNTS
 
-HIP = JointScale(((3, math.radians(-96)), (253, math.radians(74))))
+HIP = JointScale(((3, math.radians(-96)), (253, math.radians(74))), COUNTS)
 
 
 def joint(scale: JointScale, lower: float = -96, upper: float = 74) -> DrivenJoint:
@@ -40,7 +41,7 @@ def test_no_angle_is_further_than_half_a_count(angle: float) -> None:
 
 
 def test_a_table_may_bend_and_fall() -> None:
-    scale = JointScale(((10, 1.0), (100, 0.0), (200, -3.0)))
+    scale = JointScale(((10, 1.0), (100, 0.0), (200, -3.0)), COUNTS)
     assert scale.angle(55) == pytest.approx(0.5)
     assert scale.angle(150) == pytest.approx(-1.5)
     assert scale.count(-1.5) == 150
@@ -71,4 +72,4 @@ def test_a_joint_stays_within_limits_and_says_when_it_is_at_the_end() -> None:
 )
 def test_an_impossible_table_is_refused(points: tuple[tuple[float, float], ...]) -> None:
     with pytest.raises(ValueError, match=r"point|count|angles"):
-        JointScale(points)
+        JointScale(points, COUNTS)

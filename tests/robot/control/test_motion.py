@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.control.motion import Slew
+from robot.drivers.sv203 import COUNTS
 
 SPEED = math.radians(60)
-COUNTS = st.integers(1, 255)
+NUMBERS = st.integers(1, 255)
 
 
 def joints(number: int) -> list[DrivenJoint]:
@@ -22,14 +23,14 @@ def joints(number: int) -> list[DrivenJoint]:
             lower_limit=-2.0,
             upper_limit=2.0,
             part_radius=0.01,
-            scale=JointScale(((1, -1.6), (255, 1.6 if output % 2 else 1.2))),
+            scale=JointScale(((1, -1.6), (255, 1.6 if output % 2 else 1.2)), COUNTS),
         )
         for output in range(1, number + 1)
     ]
 
 
 @given(
-    st.lists(st.tuples(COUNTS, COUNTS), min_size=1, max_size=8),
+    st.lists(st.tuples(NUMBERS, NUMBERS), min_size=1, max_size=8),
     st.lists(st.floats(0.001, 0.3), min_size=1, max_size=5),
 )
 def test_every_joint_arrives_and_none_is_faster_than_its_servo(

@@ -211,7 +211,7 @@ def test_axes_with_exchanged_wires_do_not_lie_flat(bench: Bench) -> None:
 
 def test_a_foot_does_not_remember_an_earlier_pose(bench: Bench) -> None:
     """Between the thresholds of 0.05 and 0.1 N, a bit would stay as it was."""
-    gauge = bench.robot.config.gauges[0]
+    gauge = bench.robot.config.gauges["lower_left"]
     bench.robot.world.volts[gauge.channel] = gauge.tare + 1.0 * gauge.volts_per_newton
     assert bench.perform().touch == (True, False, False, False)
     bench.robot.world.volts[gauge.channel] = gauge.tare + 0.07 * gauge.volts_per_newton

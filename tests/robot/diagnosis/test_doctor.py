@@ -8,9 +8,9 @@ import re
 import pytest
 import serial
 
-from robot.diagnosis.doctor import DeviceOpeners, Doctor
+from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Severity
-from robot.service.devices import open_line
+from robot.drivers.serial_line import open_serial
 from sim_robot.simulator.daemon import emulation
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
@@ -44,8 +44,8 @@ def test_a_sound_robot_is_found_sound_part_by_part(clinic: Clinic) -> None:
         (("daq", "stuck_busy", 0), "analogue inputs", "DMM-32"),
         (("daq", "overflow", 0), "analogue inputs", "overflow"),
         (("daq", "lost_sample", 0), "analogue inputs", "fewer samples"),
-        (("daq", "stuck_channel", 1), "accelerometer", "axis y, is stuck"),
-        (("daq", "railed_channel", 2), "accelerometer", "axis z, is at the end"),
+        (("daq", "stuck_channel", 1), "accelerometer", "y axis, is stuck"),
+        (("daq", "railed_channel", 2), "accelerometer", "z axis, is at the end"),
         (("daq", "stuck_channel", 5), "touch lower_right", "is stuck"),
         (("daq", "railed_channel", 3), "touch lower_left", "at the end"),
         (("distance", "nak", 0), "distance", "acknowledges"),
@@ -84,7 +84,7 @@ def test_an_unplugged_adapter_is_found(clinic: Clinic) -> None:
 
 def test_a_robot_that_another_program_drives_is_left_alone(clinic: Clinic) -> None:
     before = clinic.clock.now()
-    with open_line(clinic.config):
+    with open_serial(clinic.robot.servo_board.port, 9600):
         found = clinic.examine(move=True)
     assert [one.verdict for one in found] == [Severity.BAD, Severity.LOOK]
     assert "other program" in found[0].advice
@@ -121,12 +121,8 @@ def test_a_noisy_simulated_robot_is_sound_and_a_miscalibrated_one_is_not() -> No
             log=logging.getLogger("test"),
             wrong=wrong,
         ) as parts:
-            access = DeviceOpeners(
-                servos=lambda: parts.devices.servos,
-                adc=lambda: parts.devices.adc,
-                distance=lambda: parts.devices.distance,
-            )
-            doctor = Doctor(parts.config, access, parts.clock, move=True)
+            parts.devices.servos.close()  # one program at a time has the line
+            doctor = Doctor(parts.config, parts.buses, move=True)
             worst[wrong] = [one for one in doctor.examine() if one.verdict is Severity.BAD]
     assert not worst[None]
     assert any("calibrate" in one.advice for one in worst[2])

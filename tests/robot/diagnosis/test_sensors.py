@@ -87,8 +87,10 @@ def test_the_ground_pushes_and_does_not_pull(
     clinic: Clinic, force: float, verdict: Severity
 ) -> None:
     clinic.robot.world.volts[4] = 0.2 + 0.05 * force
-    gauges = tuple(replace(gauge, volts_per_newton=0.05) for gauge in clinic.config.gauges)
-    clinic.robot = replace(clinic.robot, config=replace(clinic.config, gauges=gauges))
+    point = clinic.config.touch[1]
+    gauge = replace(clinic.config.gauges[point.name], volts_per_newton=0.05)
+    config = replace(clinic.config, touch=(replace(point, driver=gauge),))
+    clinic.robot = replace(clinic.robot, config=config)
     found = of(clinic, "touch lower_front")
     assert found.verdict is verdict
     assert f"{force:+.1f}" in found.text

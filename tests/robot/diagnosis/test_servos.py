@@ -8,7 +8,8 @@ import pytest
 
 from robot.configuration.joint_calibration import JointScale
 from robot.diagnosis.findings import Finding, Severity
-from robot.diagnosis.servos import QUERIES, check_joints, move_joints
+from robot.diagnosis.servos import QUERIES, check_board, check_joints, move_joints
+from robot.drivers.sv203 import COUNTS, SV203Settings
 from tests.robot.calibration.desk import Board
 from tests.robot.diagnosis.clinic import Clinic
 
@@ -37,7 +38,7 @@ def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:
 
 
 def test_an_unusual_scale_is_mentioned(clinic: Clinic) -> None:
-    flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5))))
+    flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5)), COUNTS))
     (found,) = check_joints([flat], {1: 128})
     assert found.verdict is Severity.LOOK
 
@@ -48,11 +49,23 @@ def test_a_board_at_neutral_was_just_switched_on(clinic: Clinic) -> None:
 
     assert any("switching on" in text for text in boards())
     clinic.robot.servo_board.power_cycle()
-    port = clinic.access().servos()
+    port = clinic.config.servos.open(clinic.robot.buses)
     port.read_counts([1])
     port.set_counts({1: 100})
     port.close()
     assert not any("switching on" in text for text in boards())
+
+
+def test_servos_that_cannot_be_read_back_are_worth_a_look(clinic: Clinic) -> None:
+    class Mute(SV203Settings):
+        reads_back = False
+
+    (finding,), counts = check_board(
+        Board(), Mute(port="", baud=9600, board=1, line_gap=0.003), [1], clinic.clock
+    )
+    assert finding.verdict is Severity.LOOK
+    assert "cannot be read back" in finding.text
+    assert not counts
 
 
 def test_one_repeated_query_is_worth_a_look_and_does_not_keep_the_joints_still(

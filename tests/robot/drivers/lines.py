@@ -65,4 +65,4 @@ class Line:
 
 
 def on_line(line: Line, clock: SteppedClock) -> SV203:
-    return SV203(cast(serial.Serial, line), clock=clock)
+    return SV203(lambda: cast(serial.Serial, line), clock=clock)

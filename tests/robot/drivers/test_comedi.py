@@ -10,16 +10,17 @@ import ctypes
 import errno
 from collections.abc import Callable
 from ctypes import POINTER, c_char_p, c_int, c_uint, c_void_p
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
+from robot.configuration.device_tables import read_board
+from robot.drivers.buses import Buses
 from robot.drivers.comedi import ComediInput, ComediRange, load_library
+from robot.drivers.sensor_drivers import attach_board
 from robot.errors import CommandError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import WallClock
-from robot.service.devices import open_ports, start_adc
-from sim_robot.simulator.still_robot import example_config
+from robot.toml_sections import toml_section
 
 POINTER_BITS = 8 * ctypes.sizeof(c_void_p)
 DEVICE = (1 << (POINTER_BITS - 2)) + 4096
@@ -178,10 +179,10 @@ def test_a_board_that_fails_later(
 
 def test_a_configuration_names_it(fake: FakeComedi, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("robot.drivers.comedi.load_library", lambda: fake)
-    config = example_config("/dev/null")
-    daq = replace(config.daq, driver="comedi", device="/dev/comedi3")
-    config = replace(config, daq=daq)
-    board = start_adc(config, open_ports(config), WallClock())
+    table = toml_section('[daq]\ndriver = "comedi"\ndevice = "/dev/comedi3"', "").table("daq")
+    analogue = attach_board(Buses(clock=WallClock()), read_board(table)).analogue
+    assert analogue is not None
+    board = analogue.board
     assert board.scan(0, 6) == pytest.approx([0.0] * 7, abs=154e-6)
     assert fake.opened == [b"/dev/comedi3"]
 

@@ -10,7 +10,8 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.drivers.sv203 import OUTPUTS, SV203, open_serial
+from robot.drivers.serial_line import open_serial
+from robot.drivers.sv203 import OUTPUTS, SV203
 from robot.errors import CommandError, DeviceDataError
 from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
@@ -22,7 +23,7 @@ COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
 def written_by(board: int, act: Callable[[SV203], object]) -> list[bytes]:
     """The lines that follow the first query."""
     line = Line(lambda: b"128\r")
-    driver = SV203(cast(serial.Serial, line), board=board, clock=SteppedClock())
+    driver = SV203(lambda: cast(serial.Serial, line), board=board, clock=SteppedClock())
     driver.read_counts([1])
     act(driver)
     assert len(line.written) == driver.bytes_written
@@ -92,7 +93,6 @@ def test_other_arguments_out_of_range_are_refused(
         lambda: servos.release([0]),
         lambda: servos.read_counts([9]),
         lambda: servos.read_analogue(6),
-        lambda: open_serial(servo_board.port, 38400),
         lambda: on_line_with_board(256, clock),
     ):
         with pytest.raises(CommandError):
@@ -100,14 +100,14 @@ def test_other_arguments_out_of_range_are_refused(
 
 
 def on_line_with_board(board: int, clock: SteppedClock) -> SV203:
-    return SV203(cast(serial.Serial, Line(lambda: b"")), board=board, clock=clock)
+    return SV203(lambda: cast(serial.Serial, Line(lambda: b"")), board=board, clock=clock)
 
 
 @settings(max_examples=40)
 @given(st.lists(COUNTS, max_size=4))
 def test_the_servos_get_what_was_commanded(history: list[dict[int, int]]) -> None:
     emulator = SV203Emulator()
-    driver = SV203(open_serial(emulator.port), clock=SteppedClock())
+    driver = SV203(lambda: open_serial(emulator.port, 9600), clock=SteppedClock())
     expected = driver.read_counts()
     for counts in history:
         driver.set_counts(counts)

@@ -12,7 +12,8 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.drivers.sv203 import OUTPUTS, SV203, open_serial
+from robot.drivers.serial_line import open_serial
+from robot.drivers.sv203 import OUTPUTS, SV203
 from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
@@ -27,7 +28,7 @@ def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emul
 def test_an_answer_that_waited_for_the_processor_is_not_late(
     servo_board: SV203Emulator, clock: SteppedClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    driver = SV203(open_serial(servo_board.port), clock=clock, reply_timeout=5.0)
+    driver = SV203(lambda: open_serial(servo_board.port, 9600), clock=clock, reply_timeout=5.0)
     read, lost = serial.Serial.read, [0.0]
 
     def read_and_lose_the_processor(port: serial.Serial, size: int = 1) -> bytes:
@@ -69,14 +70,16 @@ def test_a_silent_board_is_an_error_in_time(
 def test_another_board_number_gets_no_answer(
     servo_board: SV203Emulator, clock: SteppedClock
 ) -> None:
-    driver = SV203(open_serial(servo_board.port), board=2, clock=clock, reply_timeout=0.02)
+    driver = SV203(
+        lambda: open_serial(servo_board.port, 9600), board=2, clock=clock, reply_timeout=0.02
+    )
     with pytest.raises(DeviceTimeoutError, match="board number"):
         driver.read_counts([1])
     driver.close()
 
 
 def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
-    driver = SV203(open_serial(wire.name), clock=SteppedClock())
+    driver = SV203(lambda: open_serial(wire.name, 9600), clock=SteppedClock())
     start = time.monotonic()
 
     def write_on() -> None:
@@ -106,10 +109,10 @@ def test_unplugged_while_moving_and_back(
         with pytest.raises(DeviceMissingError, match="plugged in"):
             act()
     with pytest.raises(DeviceMissingError, match="by-id"):
-        open_serial(servo_board.port)
+        open_serial(servo_board.port, 9600)
     servos.close()
     servo_board.replug()
-    again = SV203(open_serial(servo_board.port), clock=clock)
+    again = SV203(lambda: open_serial(servo_board.port, 9600), clock=clock)
     assert again.read_counts([1]) == {1: 90}  # the board held by itself
     again.close()
 
@@ -178,11 +181,11 @@ def test_garbage_is_never_taken_for_a_count(chunks: list[bytes]) -> None:
 
 def test_open_serial_says_why_it_cannot(tmp_path: Path, servo_board: SV203Emulator) -> None:
     with pytest.raises(DeviceMissingError, match="by-id"):
-        open_serial(str(tmp_path / "ttyUSB0"))
+        open_serial(str(tmp_path / "ttyUSB0"), 9600)
     plain = tmp_path / "plain"
     plain.touch()
     with pytest.raises(DeviceMissingError, match="Name the device file of a serial port"):
-        open_serial(str(plain))
+        open_serial(str(plain), 9600)
 
 
 def test_a_second_program_is_told_that_the_port_is_taken(
@@ -190,7 +193,7 @@ def test_a_second_program_is_told_that_the_port_is_taken(
 ) -> None:
     assert servos.bytes_written == 0
     with pytest.raises(DeviceMissingError, match="other program"):
-        open_serial(servo_board.port)
+        open_serial(servo_board.port, 9600)
 
 
 def test_a_line_that_is_another_device_now_is_opened_anew(
@@ -202,11 +205,11 @@ def test_a_line_that_is_another_device_now_is_opened_anew(
     assert servo_board.wait_until_read(before, 5.0)
     servo_board.unplug()
     with pytest.raises(DeviceMissingError, match="by-id"):
-        servos.reopen(lambda: open_serial(servo_board.port))
+        servos.reopen()
     with pytest.raises(DeviceMissingError, match="plugged in"):
         servos.read_counts([1])
     servo_board.replug()
-    servos.reopen(lambda: open_serial(servo_board.port))
+    servos.reopen()
     assert servos.read_counts([1]) == {1: 90}
     servos.set_counts({1: 90})  # what the old line carried is not taken for granted
     assert servos.bytes_written == before + len("BD1RR51\r" + "SV1M90\r")

@@ -6,6 +6,8 @@ import pytest
 
 from robot.host.clock import SteppedClock
 from robot.sensing.raw_samples import sample_channels, sample_distance, spread
+from tests.robot.calibration.desk import Inputs
+from tests.robot.sensing.test_sensors import Leaning
 
 
 def test_a_spread_by_hand() -> None:
@@ -16,7 +18,7 @@ def test_a_spread_by_hand() -> None:
 
 
 def test_channels_are_sampled_at_the_rate_and_picked_out() -> None:
-    class Counting:
+    class Counting(Inputs):
         scans = 0
 
         def scan(self, low: int, high: int) -> list[float]:
@@ -30,11 +32,11 @@ def test_channels_are_sampled_at_the_rate_and_picked_out() -> None:
     assert clock.now() == pytest.approx(4 / 50)
 
 
-class Finder:
-    def __init__(self, *values: int | None):
+class Finder(Leaning):
+    def __init__(self, *values: float | None):
         self._values = list(values)
 
-    def range_mm(self) -> int | None:
+    def distance(self) -> float | None:
         return self._values.pop(0)
 
 

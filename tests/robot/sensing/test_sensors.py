@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 
 import pytest
@@ -13,40 +12,50 @@ from protocol.wire.readings import clearance_of, tilt_of
 from robot.errors import DeviceDataError
 from robot.host.clock import SteppedClock
 from robot.sensing.plausibility import Underside
-from robot.sensing.sensors import Accelerometer, BellySensor, Sensing
+from robot.sensing.sensors import BellySensor, Sensing
 
 WIDE = Underside(length=1.0, width=1.0)  # its middle is 0.18 m up when it leans by 20°
 
 
 class Leaning:
-    """Inputs of a body that leans to the left by 20°, and dithers."""
+    """An accelerometer on a resting body that leans to the left by 20°, or as it is told."""
 
-    def __init__(self) -> None:
-        self._dither = itertools.cycle((0.0, 1e-4))
+    name = "plumb line"
 
-    def scan(self, low: int, high: int) -> list[float]:
-        error, lean = next(self._dither), math.radians(20)
-        return [2.5 + error, 2.5 - math.sin(lean) + error, 2.5 + math.cos(lean) + error]
+    def __init__(self, up: tuple[float, float, float] | None = None):
+        lean = math.radians(20)
+        self._up = up or (0.0, -math.sin(lean), math.cos(lean))
+
+    def start(self) -> None:
+        """It is there."""
+
+    def check(self) -> None:
+        """It works."""
+
+    def close(self) -> None:
+        """There is no link."""
+
+    def acceleration(self) -> tuple[float, float, float]:
+        return self._up
 
 
-class Ruler:
+class Ruler(Leaning):
     """A distance sensor that always says the same."""
 
-    def __init__(self, millimetres: int | None):
-        self._millimetres = millimetres
+    name = "ruler"
 
-    def range_mm(self) -> int | None:
-        return self._millimetres
+    def __init__(self, metres: float | None):
+        self._metres = metres
+
+    def distance(self) -> float | None:
+        return self._metres
 
 
-def sensing(millimetres: int | None) -> Sensing:
+def sensing(metres: float | None) -> Sensing:
     return Sensing(
-        Leaning(),
-        belly=(Ruler(millimetres), BellySensor(zero=0.0, reach=0.15)),
-        accelerometer=Accelerometer(
-            channels=(0, 1, 2), zero=(2.5, 2.5, 2.5), volts_per_g=(1.0, 1.0, 1.0)
-        ),
-        gauges=(),
+        accelerometer=Leaning(),
+        touch=(),
+        belly=(Ruler(metres), BellySensor(zero=0.0, reach=0.15)),
         clock=SteppedClock(),
         rate=50.0,
         underside=WIDE,
@@ -54,31 +63,23 @@ def sensing(millimetres: int | None) -> Sensing:
 
 
 def test_a_distance_beyond_reach_contradicts_no_tilt() -> None:
-    for millimetres in (None, 180):
-        reading = sensing(millimetres).average(10)
+    for metres in (None, 0.18):
+        reading = sensing(metres).average(10)
         assert reading.clearance == 0.15
         assert reading.clearance_saturated
 
 
 def test_a_distance_within_reach_may_contradict_the_tilt() -> None:
-    with pytest.raises(DeviceDataError, match=r"says 100 mm.*leans by 20° is at least 182 mm up"):
-        sensing(100).average(10)
+    with pytest.raises(
+        DeviceDataError, match=r"\(ruler\) says 100 mm.*leans by 20° is at least 182 mm up"
+    ):
+        sensing(0.1).average(10)
 
 
 def test_the_share_that_is_done_is_told() -> None:
     told: list[float] = []
     sensing(None).average(4, told.append)
     assert told == [0.0, 0.25, 0.5, 0.75, 1.0]
-
-
-class Resting:
-    """Inputs of a body at rest in some attitude."""
-
-    def __init__(self, up: tuple[float, float, float]):
-        self._up = up
-
-    def scan(self, low: int, high: int) -> list[float]:
-        return [2.5 + value for value in self._up]
 
 
 @given(
@@ -92,16 +93,13 @@ def test_the_robot_reads_what_the_protocol_defines(
     x, y, z = (part / length for part in components)
     sensor = BellySensor(zero=0.0, reach=0.15)
     reading = Sensing(
-        Resting((x, y, z)),
-        belly=(Ruler(millimetres), sensor),
-        accelerometer=Accelerometer(
-            channels=(0, 1, 2), zero=(2.5, 2.5, 2.5), volts_per_g=(1.0, 1.0, 1.0)
-        ),
-        gauges=(),
+        accelerometer=Leaning((x, y, z)),
+        touch=(),
+        belly=(Ruler(millimetres / 1000), sensor),
         clock=SteppedClock(),
         rate=50.0,
     ).average(1)
     assert reading.tilt == pytest.approx(tilt_of((x, y, z)), abs=1e-7)  # asin is steep at its ends
     assert (reading.clearance, reading.clearance_saturated) == clearance_of(
-        sensor.clearance(millimetres), sensor.reach
+        sensor.clearance(millimetres / 1000), sensor.reach
     )

@@ -17,8 +17,8 @@ import pytest
 
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
-from robot.host.clock import SteppedClock
-from robot.sensing.sensors import Sensing
+from robot.drivers.sv203 import COUNTS
+from robot.sensing.sensors import tilt_at_rest
 from sim_robot.cli.calibrate import calibrate_simulated
 from sim_robot.simulator.daemon import simulated_robot
 from sim_robot.simulator.miscalibration import miscalibrated
@@ -54,10 +54,9 @@ def errors(config: RobotConfig, truth: RobotConfig) -> Errors:
     sensor, real = config.distance.sensor, truth.distance.sensor
     heights = [millimetres / 1000 for millimetres in range(151)]
     clearance = max(
-        abs(sensor.clearance((real.zero + height / real.scale) * 1000) - height)
-        for height in heights
+        abs(sensor.clearance(real.zero + height / real.scale) - height) for height in heights
     )
-    gauges = zip(config.gauges, truth.gauges, strict=True)
+    gauges = zip(config.gauges.values(), truth.gauges.values(), strict=True)
     force = max(
         abs(ours.force(true.tare + true.volts_per_newton * load) - load)
         for ours, true in gauges
@@ -74,31 +73,15 @@ def _leans() -> Iterator[tuple[float, float]]:
                 yield math.radians(across), math.radians(along)
 
 
-class _Leaning:
-    def __init__(self, volts: list[float]):
-        self._volts = volts
-
-    def scan(self, low: int, high: int) -> list[float]:
-        return self._volts[low : high + 1]
-
-
 def _tilt_error(config: RobotConfig, truth: RobotConfig, across: float, along: float) -> float:
     x, y = math.sin(along), math.sin(across)
-    axes = zip(
-        truth.accelerometer.zero,
-        truth.accelerometer.volts_per_g,
-        (x, y, math.sqrt(1 - x * x - y * y)),
-        strict=True,
-    )
-    sensing = Sensing(
-        _Leaning([zero + gain * value for zero, gain, value in axes]),
-        belly=None,
-        accelerometer=config.accelerometer,
-        gauges=(),
-        clock=SteppedClock(),
-        rate=50,
-    )
-    return max(abs(a - b) for a, b in zip(sensing.tilt(), (across, along), strict=True))
+    assert config.axes is not None
+    assert truth.axes is not None
+    up = (x, y, math.sqrt(1 - x * x - y * y))
+    axes = zip(truth.axes.zero, truth.axes.volts_per_g, up, strict=True)
+    volts = [zero + gain * value for zero, gain, value in axes]
+    tilt = tilt_at_rest(config.axes.acceleration(volts))
+    return max(abs(a - b) for a, b in zip(tilt, (across, along), strict=True))
 
 
 def calibrated(seed: int, file: Path, shown: list[str]) -> RobotConfig:
@@ -111,7 +94,7 @@ def calibrated(seed: int, file: Path, shown: list[str]) -> RobotConfig:
         echo=shown.append,
         log=logging.getLogger("test"),
     )
-    return apply_calibration(BELIEVED, read_calibration(file), file=str(file))
+    return apply_calibration(BELIEVED, read_calibration(file, COUNTS), file=str(file))
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -139,7 +122,7 @@ def test_a_second_session_begins_with_the_first(file: Path, tmp_path: Path) -> N
     copy.write_bytes(file.read_bytes())
     shown: list[str] = []
     calibrated(5, copy, shown)
-    assert read_calibration(copy).revision == 2
+    assert read_calibration(copy, COUNTS).revision == 2
     assert (tmp_path / "calibration.toml.1").read_bytes() == file.read_bytes()
     assert not any("other way" in text for text in shown)
 

@@ -32,8 +32,9 @@ def test_signs_offsets_and_gains_are_wrong_somewhere() -> None:
             turned += slope(ours) * slope(true) < 0
             shifted += abs(ours.scale.count(0.0) - true.scale.count(0.0)) > 5
             stretched += abs(abs(slope(true) / slope(ours)) - 1) > 0.05
-        upside_down += sum(gain < 0 for gain in truth.accelerometer.volts_per_g)
-        pulled += sum(gauge.volts_per_newton < 0 for gauge in truth.gauges)
+        assert truth.axes is not None
+        upside_down += sum(gain < 0 for gain in truth.axes.volts_per_g)
+        pulled += sum(gauge.volts_per_newton < 0 for gauge in truth.gauges.values())
         assert BELIEVED.distance is not None
         assert truth.distance is not None
         deeper += truth.distance.sensor.zero > BELIEVED.distance.sensor.zero + 0.002
@@ -50,5 +51,6 @@ def test_every_joint_can_still_lie_flat_and_volts_stay_within_the_range(seed: in
     truth = miscalibrated(BELIEVED, seed)
     for joint in truth.joints:
         joint.check_zero()
-    axes = zip(truth.accelerometer.zero, truth.accelerometer.volts_per_g, strict=True)
+    assert truth.axes is not None
+    axes = zip(truth.axes.zero, truth.axes.volts_per_g, strict=True)
     assert all(abs(zero) + abs(gain) < 5 for zero, gain in axes)

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import pytest
 
-from robot.drivers.dmm32 import RANGES
 from sim_robot.simulator.wiring import VOLTS_PER_NEWTON, configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
@@ -17,11 +16,12 @@ BODY = load_body(default_body_path())
 @pytest.mark.parametrize("mass", [BODY.mass, 5.0, 20.0, 100.0])
 def test_a_foot_that_carries_the_whole_body_is_within_its_range(mass: float) -> None:
     config = configure(replace(BODY, mass=mass), port="nowhere", levels=NoiseLevels())
-    for gauge in config.gauges:
+    assert config.daq is not None
+    for gauge in config.gauges.values():
         carried = gauge.tare + 2 * mass * 9.81 * gauge.volts_per_newton
-        assert carried < RANGES[config.daq.input_range].high
+        assert carried < config.daq.rails[1]
 
 
 def test_the_default_body_has_the_documented_gauges() -> None:
     config = configure(BODY, port="nowhere", levels=NoiseLevels())
-    assert {gauge.volts_per_newton for gauge in config.gauges} == {VOLTS_PER_NEWTON}
+    assert {gauge.volts_per_newton for gauge in config.gauges.values()} == {VOLTS_PER_NEWTON}

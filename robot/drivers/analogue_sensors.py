@@ -1,0 +1,146 @@
+"""Sensors on the analogue inputs of the ``[daq]`` board, with their calibration in volts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from robot.drivers.analogue_inputs import AnalogueInputs
+from robot.drivers.buses import Buses
+from robot.toml_sections import Section
+
+
+class _OnInputs:
+    """A sensor on some inputs of a board, which others open, find and close."""
+
+    def __init__(self, inputs: AnalogueInputs, channels: tuple[int, ...]):
+        self._inputs = inputs
+        self._channels = channels
+
+    def start(self) -> None:
+        """Does nothing: the board was found."""
+
+    def check(self) -> None:
+        """Looks for inputs that are stuck or at an end of the range."""
+        self._inputs.check(self._channels)
+
+    def close(self) -> None:
+        """Does nothing: the board is closed by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnalogueAxes:
+    """An accelerometer's three axes, x forward, y left, z up: volts at 0 g and volts per g."""
+
+    name: ClassVar[str] = "analogue"
+    channels: tuple[int, ...]
+    zero: tuple[float, ...]
+    volts_per_g: tuple[float, ...]
+
+    @classmethod
+    def read(cls, table: Section) -> AnalogueAxes:
+        """``channels``, ``zero_v`` and ``volts_per_g``."""
+        channels = table.numbers("channels", 3, 0, 31)
+        if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
+            given = ", ".join(f"{channel:g}" for channel in channels)
+            raise table.refuse("channels", f"must be three different integers, not {given}.")
+        zero, gains = read_axes(table)
+        return cls(channels=tuple(int(one) for one in channels), zero=zero, volts_per_g=gains)
+
+    def open(self, buses: Buses, called: str) -> AnalogueAccelerometer:
+        """Connects the axes to the board's inputs."""
+        assert buses.analogue is not None
+        names = (f"the {called}'s {axis} axis" for axis in "xyz")
+        buses.analogue.connect(dict(zip(self.channels, names, strict=True)))
+        return AnalogueAccelerometer(self, buses.analogue)
+
+    def acceleration(self, volts: Sequence[float]) -> tuple[float, float, float]:
+        """Acceleration along x, y, z in g."""
+        triples = zip(volts, self.zero, self.volts_per_g, strict=True)
+        x, y, z = ((value - zero) / gain for value, zero, gain in triples)
+        return x, y, z
+
+    def __str__(self) -> str:
+        return f"analogue inputs {', '.join(map(str, self.channels))}"
+
+
+class AnalogueAccelerometer(_OnInputs):
+    """Three analogue inputs."""
+
+    name = AnalogueAxes.name
+
+    def __init__(self, axes: AnalogueAxes, inputs: AnalogueInputs):
+        super().__init__(inputs, axes.channels)
+        self._axes = axes
+
+    def acceleration(self) -> tuple[float, float, float]:
+        """Scans the inputs; g."""
+        volts = self._inputs.scan()
+        return self._axes.acceleration([volts[channel] for channel in self._axes.channels])
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrainGauge:
+    """An amplified strain gauge.
+
+    Attributes:
+        channel: Analogue input.
+        tare: Volts of the free foot.
+        volts_per_newton: Sensitivity; its sign is the direction of mounting.
+    """
+
+    name: ClassVar[str] = "analogue"
+    channel: int
+    tare: float
+    volts_per_newton: float
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """Its one input."""
+        return (self.channel,)
+
+    @classmethod
+    def read(cls, table: Section) -> StrainGauge:
+        """``channel``, ``tare_v`` and ``volts_per_newton``."""
+        tare, gain = read_bridge(table)
+        return cls(channel=table.integer("channel", 0, 31), tare=tare, volts_per_newton=gain)
+
+    def open(self, buses: Buses, called: str) -> AnalogueGauge:
+        """Connects the gauge to the board's input."""
+        assert buses.analogue is not None
+        buses.analogue.connect({self.channel: f"the gauge of {called}"})
+        return AnalogueGauge(self, buses.analogue)
+
+    def force(self, volts: float) -> float:
+        """Load on the foot, N."""
+        return (volts - self.tare) / self.volts_per_newton
+
+    def __str__(self) -> str:
+        return f"analogue input {self.channel}"
+
+
+class AnalogueGauge(_OnInputs):
+    """One analogue input."""
+
+    name = StrainGauge.name
+
+    def __init__(self, gauge: StrainGauge, inputs: AnalogueInputs):
+        super().__init__(inputs, gauge.channels)
+        self._gauge = gauge
+
+    def load(self) -> float:
+        """The load, N, at the moment at which the other analogue sensors were read."""
+        return self._gauge.force(self._inputs.same_moment()[self._gauge.channel])
+
+
+def read_axes(table: Section) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """``zero_v`` and ``volts_per_g``."""
+    gains = table.magnitudes("volts_per_g", 3, 0.02, 5)
+    return table.numbers("zero_v", 3, -10, 10), gains
+
+
+def read_bridge(table: Section) -> tuple[float, float]:
+    """``tare_v`` and ``volts_per_newton``."""
+    gain = table.magnitude("volts_per_newton", 1e-4, 50)
+    return table.number("tare_v", -10, 10), gain

@@ -1,0 +1,37 @@
+"""How drivers reach their devices: the buses of a computer.
+
+This is the seam to the outside. A simulated robot brings openers that lead to emulated devices, and
+everything above them is the same code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import serial
+
+from robot.drivers.analogue_inputs import AnalogueInputs
+from robot.drivers.i2c import I2CBus, open_i2c
+from robot.drivers.portio import PortIO, open_dev_port
+from robot.drivers.serial_line import open_serial
+from robot.host.clock import Clock
+
+
+@dataclass(frozen=True, kw_only=True)
+class Buses:
+    """What a driver opens its link with; each opener raises ``DeviceMissingError``.
+
+    Attributes:
+        clock: The robot clock: paces a driver and measures its deadlines.
+        open_serial: Opens a serial line, given its device file and baud rate.
+        open_ports: Opens the I/O ports of a board, given its base address.
+        open_i2c: Opens an I²C bus, given its device file.
+        analogue: The inputs of the ``[daq]`` board, or ``None`` where there is none.
+    """
+
+    clock: Clock
+    open_serial: Callable[[str, int], serial.Serial] = open_serial
+    open_ports: Callable[[int], PortIO] = open_dev_port
+    open_i2c: Callable[[str], I2CBus] = open_i2c
+    analogue: AnalogueInputs | None = None

@@ -1,0 +1,65 @@
+"""Which drivers there are: ours, and those that other distributions bring.
+
+A distribution offers a driver by an entry point, whose name is what ``robot.toml`` calls it:
+
+    [project.entry-points."bodyschema.servos"]
+    pca9685 = "my_robot.pca9685:PCA9685Settings"
+
+    [project.entry-points."bodyschema.sensors"]
+    "accelerometer.adxl345" = "my_robot.adxl345:ADXL345Settings"
+
+A sensor's name begins with its table: ``accelerometer``, ``touch``, ``distance`` or ``daq``. A
+module is imported only when a configuration names its driver.
+"""
+
+from __future__ import annotations
+
+import importlib
+from importlib import metadata
+from types import MappingProxyType
+from typing import Any, Final
+
+from robot.toml_sections import Section
+
+SERVOS: Final = "bodyschema.servos"
+SENSORS: Final = "bodyschema.sensors"
+
+OURS: Final = MappingProxyType(
+    {
+        SERVOS: MappingProxyType({"sv203": "robot.drivers.sv203:SV203Settings"}),
+        SENSORS: MappingProxyType(
+            {
+                "daq.dmm32": "robot.drivers.dmm32:DMM32Settings",
+                "daq.comedi": "robot.drivers.comedi:ComediSettings",
+                "accelerometer.analogue": "robot.drivers.analogue_sensors:AnalogueAxes",
+                "touch.analogue": "robot.drivers.analogue_sensors:StrainGauge",
+                "distance.vl6180x": "robot.drivers.vl6180x:VL6180XSettings",
+            }
+        ),
+    }
+)
+"""Entry-point group → name → module and class."""
+
+
+def driver_class(table: Section, group: str, default: str, *, kind: str = "") -> Any:
+    """The settings class of the driver that a table's key ``driver`` names.
+
+    Args:
+        table: The table.
+        group: ``SERVOS`` or ``SENSORS``.
+        default: The driver of a table that names none.
+        kind: For a sensor, the name of its table.
+
+    Raises:
+        ConfigError: There is no such driver, or it cannot be imported; names file, key and reason.
+    """
+    prefix = f"{kind}." if kind else ""
+    places = {point.name: point.value for point in metadata.entry_points(group=group)}
+    places |= OURS[group]
+    names = sorted(name.removeprefix(prefix) for name in places if name.startswith(prefix))
+    place = places[prefix + table.choice("driver", names, default)]
+    module, _, name = place.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise table.refuse("driver", f"is {place}, which cannot be imported: {error}.") from error

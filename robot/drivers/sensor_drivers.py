@@ -1,0 +1,167 @@
+"""Sensor drivers: an accelerometer gives g, a touch sensor newtons or one bit, a distance metres.
+
+What is peculiar to a technique (volts, rails, registers) stays within its driver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, ClassVar, Protocol
+
+from robot.drivers.analogue_inputs import AnalogueBoard, AnalogueInputs
+from robot.drivers.buses import Buses
+from robot.toml_sections import Section
+
+
+class SensorDriver(Protocol):
+    """An open sensor.
+
+    Attributes:
+        name: As ``SensorSettings.name``.
+    """
+
+    name: str
+
+    def start(self) -> None:
+        """Finds, identifies and sets up the device; also after a fault.
+
+        Raises:
+            DeviceError: It is not what it should be.
+        """
+
+    def check(self) -> None:
+        """Whether the latest readings of the resting robot can be believed.
+
+        Raises:
+            DeviceDataError: They cannot: the device answers, and is stuck or disconnected.
+        """
+
+    def close(self) -> None:
+        """Closes the link."""
+
+
+class Accelerometer(SensorDriver, Protocol):
+    """Three axes: x forward, y left, z up."""
+
+    def acceleration(self) -> tuple[float, float, float]:
+        """One sample, g; at rest it is (0, 0, 1) on level ground.
+
+        Raises:
+            DeviceError: The device failed.
+        """
+        ...
+
+
+class TouchSensor(SensorDriver, Protocol):
+    """What one part feels of the ground."""
+
+    def load(self) -> float | bool:
+        """One sample: the load on the part, N; or, of a switch, whether it is pressed.
+
+        Raises:
+            DeviceError: The device failed.
+        """
+        ...
+
+
+class DistanceSensor(SensorDriver, Protocol):
+    """Looks down from the belly."""
+
+    def distance(self) -> float | None:
+        """One sample: from the sensor to what is in front of it, m; ``None`` beyond its sight.
+
+        Raises:
+            DeviceError: The device failed.
+        """
+        ...
+
+
+class SensorSettings(Protocol):
+    """The keys in ``robot.toml`` of one kind of sensor driver; what the registry names.
+
+    A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
+    device is, for the log.
+
+    Attributes:
+        name: What the device is called in sentences, such as ``VL6180X``.
+    """
+
+    name: ClassVar[str]
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """The inputs of the ``[daq]`` board that it occupies; none for a sensor on another bus."""
+
+    @classmethod
+    def read(cls, table: Section) -> SensorSettings:
+        """Reads the driver's own keys; those that all drivers of the table share are not its own.
+
+        Raises:
+            ConfigError: Names file, key and reason.
+        """
+
+    def open(self, buses: Buses, called: str) -> Any:
+        """Opens the link: to an accelerometer, a touch or a distance sensor, by its table.
+
+        Args:
+            buses: What leads there. Where ``channels`` names any, it has analogue inputs.
+            called: What ``robot.toml`` calls the sensor: a touch sensor's name, or the table.
+
+        Raises:
+            DeviceMissingError: It cannot be opened; the sentence says why.
+        """
+
+
+class DistanceSettings(SensorSettings, Protocol):
+    """The settings of a distance sensor.
+
+    Attributes:
+        reach: The furthest that it tells, m.
+    """
+
+    reach: ClassVar[float]
+
+
+class BoardSettings(Protocol):
+    """The ``[daq]`` table of one kind of data acquisition board; what the registry names.
+
+    Attributes:
+        name: What the board is called in sentences, such as ``DMM-32``.
+    """
+
+    name: ClassVar[str]
+
+    @property
+    def rails(self) -> tuple[float, float]:
+        """The volts at the ends of the input range."""
+
+    @classmethod
+    def read(cls, table: Section) -> BoardSettings:
+        """Reads the table's keys, ``driver`` aside.
+
+        Raises:
+            ConfigError: Names file, key and reason.
+        """
+
+    def open(self, buses: Buses) -> AnalogueBoard:
+        """Opens the link to the board.
+
+        Raises:
+            DeviceMissingError: It cannot be opened; the sentence says why.
+        """
+
+
+def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
+    """The buses with the inputs of a board, opened and found.
+
+    Raises:
+        DeviceError: It cannot be opened, or is not what it should be.
+    """
+    board = settings.open(buses)
+    try:
+        board.probe()
+    except BaseException:
+        board.close()
+        raise
+    inputs = AnalogueInputs(board, name=settings.name, rails=settings.rails, clock=buses.clock)
+    return replace(buses, analogue=inputs)

@@ -1,0 +1,60 @@
+"""Drivers by name: ours, those of other distributions, and those that cannot be had."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from robot.drivers.registry import SENSORS, SERVOS, driver_class
+from robot.drivers.sv203 import SV203Settings
+from robot.errors import ConfigError
+from robot.toml_sections import Section, toml_section
+
+
+def servos(driver: str) -> Section:
+    return toml_section(f'[servos]\ndriver = "{driver}"', "robot.toml").table("servos")
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder on the path with a distribution that offers drivers, some of them broken."""
+    folder = tmp_path / "outside-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: outside\n")
+    (folder / "entry_points.txt").write_text(
+        f"[{SERVOS}]\nsound = outside_servos:Settings\nnameless = outside_servos:Missing\n"
+        "broken = outside_broken:Settings\nsv203 = outside_servos:Settings\n"
+        f"[{SENSORS}]\ntouch.outside = outside_servos:Settings\n"
+    )
+    (tmp_path / "outside_servos.py").write_text("class Settings: ...\n")
+    (tmp_path / "outside_broken.py").write_text("import no_such_library\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    return tmp_path
+
+
+def test_the_drivers_of_other_distributions_are_found_and_ours_stay(site: Path) -> None:
+    outside = driver_class(servos("sound"), SERVOS, "sv203")
+    assert outside.__module__ == "outside_servos"
+    assert driver_class(servos("sv203"), SERVOS, "sv203") is SV203Settings
+
+
+@pytest.mark.parametrize(
+    ("driver", "words"),
+    [
+        ("none", "servos.driver: must be one of broken, nameless, sound, sv203, not 'none'"),
+        ("broken", "outside_broken:Settings, which cannot be imported: No module named 'no_such"),
+        ("nameless", "outside_servos:Missing, which cannot be imported: module 'outside_servos'"),
+    ],
+)
+def test_a_driver_that_cannot_be_had_is_a_sentence(site: Path, driver: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        driver_class(servos(driver), SERVOS, "sv203")
+    assert str(caught.value).startswith("robot.toml: servos.driver: ")
+    assert words in str(caught.value)
+
+
+def test_a_sensor_is_offered_only_for_its_own_table(site: Path) -> None:
+    table = toml_section('[distance]\ndriver = "outside"', "robot.toml").table("distance")
+    with pytest.raises(ConfigError, match="must be one of vl6180x, not 'outside'"):
+        driver_class(table, SENSORS, "vl6180x", kind="distance")
