@@ -27,7 +27,7 @@ Attack = Callable[[str, str], Iterator[None]]
 
 
 def identities(uri: str, telemetry: str) -> Iterator[None]:
-    """Claims what ZeroMQ would call the next peers, and then lets it name some."""
+    """Claims the routing ids that ZeroMQ would give the next peers, then has it name some."""
     del telemetry
     named = 0
     while True:
@@ -97,19 +97,19 @@ def empty_maps(uri: str, telemetry: str) -> Iterator[None]:
 
 
 def garbage(uri: str, telemetry: str) -> Iterator[None]:
-    """The smallest frames that are none, as many as are taken, on ten connections."""
+    """The smallest frames that are no message, as many as are taken, on ten connections."""
     del telemetry
     yield from _on_ten(uri, 1000 * frame(b"\xc1"))
 
 
 def unread(uri: str, telemetry: str) -> Iterator[None]:
-    """Says hello without end, on ten connections, and never reads an answer."""
+    """Sends hello endlessly, on ten connections, and never reads an answer."""
     del telemetry
     yield from _on_ten(uri, 1000 * frame(HELLO), reads=False)
 
 
 def connections(uri: str, telemetry: str) -> Iterator[None]:
-    """Connections that say nothing, as fast as they are made."""
+    """Opens connections that send nothing, as fast as possible."""
     del telemetry
     place = Endpoint.parse(uri)
     held: deque[socket.socket] = deque()

@@ -35,7 +35,7 @@ print(json.dumps(stops(sys.argv[1], float(sys.argv[2]))))
 
 @dataclass
 class Outcome:
-    """What an attack did.
+    """Measurements of one attack.
 
     Attributes:
         name: Which.
@@ -70,7 +70,7 @@ def stops(uri: str, seconds: float) -> list[float]:
 
 
 def measure(name: str, seconds: float) -> Outcome:
-    """One attack."""
+    """Measures one attack."""
     outcome = Outcome(name)
     robot = _started("bench.still_robotd", "tcp://127.0.0.1:*")
     assert robot.stdout is not None
@@ -132,7 +132,7 @@ def _watch(victim: psutil.Process, done: threading.Event, outcome: Outcome) -> N
 
 
 def row(outcome: Outcome) -> str:
-    """One line of a table in Markdown."""
+    """Formats one line of the table in Markdown."""
     stops = outcome.stops
     waits = [f"{percentile(stops, share):.1f}" if stops else "–" for share in (0.5, 0.99, 1.0)]
     cells = [

@@ -1,4 +1,4 @@
-"""Starts daemons as processes, for benchmarks to look at from outside."""
+"""Starts daemons as processes, to be measured from outside."""
 
 from __future__ import annotations
 

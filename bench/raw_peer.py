@@ -1,4 +1,4 @@
-"""A ZMTP 3 peer made of bytes, which does what ZeroMQ's own sockets would not.
+"""A ZMTP 3 peer on a plain socket, which does what ZeroMQ's own sockets would not.
 
 The NULL mechanism only: without keys anybody can do what is done here; with keys it takes a known
 one.
@@ -46,7 +46,7 @@ class RawPeer:
         return self._take(size)
 
     def close(self) -> None:
-        """Hangs up."""
+        """Closes the connection."""
         self.socket.close()
 
     def _take(self, size: int) -> bytes:

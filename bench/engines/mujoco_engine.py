@@ -1,6 +1,6 @@
-"""Bodies simulated in MuJoCo: an engine that nobody here wrote, told the same as PyBullet.
+"""Bodies simulated in MuJoCo, an independent engine, in the same world as in PyBullet.
 
-What it is told, and why:
+Settings of MuJoCo that matter:
 
 * Joints are position actuators whose targets move at the slew speed. They are stiff enough to hold
   a tenth of a degree; what misses its target is no valid reading, as for PyBullet. Their damping
@@ -61,7 +61,7 @@ class MuJoCoPhysics(BackEnd):
             ) from error
 
     def close(self) -> None:
-        """Nothing is kept between batches."""
+        """Does nothing: no engine is kept between batches."""
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
         """Simulates one interaction per pair; see ``Physics.read``."""

@@ -94,7 +94,7 @@ def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
 
 
 def load(finished: Sequence[Piece], bodies: int) -> Simulated:
-    """What was simulated of the first bodies."""
+    """Loads the simulated readings of the first bodies."""
     parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
     for piece in finished:
         with np.load(piece.path) as arrays:

@@ -1,4 +1,4 @@
-"""How quickly ``robotd`` answers while it moves, and what that costs: ``make latency``.
+"""Response times of ``robotd`` while it moves, and what they cost: ``make latency``.
 
 ======================= =========================================================================
 Module                  What is in it

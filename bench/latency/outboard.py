@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def watch_writes(line: serial.Serial) -> list[tuple[float, str]]:
-    """When each line is handed to the kernel, s, and what it says; grows as it goes."""
+    """Records what is written to a line: a growing list of times, s, and texts."""
     writes: list[tuple[float, str]] = []
     write = line.write
 

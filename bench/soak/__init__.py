@@ -4,7 +4,7 @@
 Module                  What is in it
 ======================= =========================================================================
 ``__main__``            the command
-``crowd``               everybody who is at the robot, and what must never come of it
+``crowd``               the clients of the robot, and the invariants that are checked
 ``vitals``              memory, threads and files of a daemon at one moment
 ======================= =========================================================================
 """

@@ -28,14 +28,14 @@ def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:
 
 @contextmanager
 def soak(seed: int) -> Iterator[Crowd]:
-    """A crowd that has not begun, at a robot of its own."""
+    """Starts a robot and yields a crowd for it."""
     options = ("--seed", str(seed), "--control", "tcp://127.0.0.1:*")
     with daemon("sim_robot", *options) as robot:
         yield Crowd(robot, seed)
 
 
 def main() -> int:
-    """Runs the soak and prints what was measured; 1 if anything was wrong."""
+    """Runs the soak and prints measurements; returns the exit status, 1 if a check failed."""
     parser = argparse.ArgumentParser(prog="python -m bench.soak", description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (default 24)")
     parser.add_argument("--seed", type=int, default=0)

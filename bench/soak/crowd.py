@@ -1,4 +1,4 @@
-"""Everybody who is at the robot in a soak: what they do, and what must never come of it."""
+"""The clients of the robot in a soak: what they do, and the invariants that are checked."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ FAULTS = (
 
 
 class InvariantBroken(Exception):  # noqa: N818 - a finding
-    """Something that must never happen has happened."""
+    """Something happened that must never happen."""
 
 
 class Crowd:
-    """Everybody who is at the robot.
+    """All clients of one robot.
 
     Args:
         robot: The daemon.
@@ -76,16 +76,16 @@ class Crowd:
     def run(
         self, hours: float, *, every: float, deaths: int, tell: Callable[[Sample], None]
     ) -> None:
-        """Goes on for a while.
+        """Does random things for a while, and checks each.
 
         Args:
             hours: How long, in virtual time.
             every: Virtual hours from one sample to the next.
             deaths: How often a controller is lost, which takes 30 s of real time each.
-            tell: Hears of each sample.
+            tell: Called with a sentence about each sample.
 
         Raises:
-            Broken: A check failed.
+            InvariantBroken: A check failed.
         """
         with ExitStack() as stack:
             self._faults = FaultClient(self._robot.control)

@@ -1,4 +1,4 @@
-"""How a daemon is, at one moment of a long life."""
+"""Resource use of a daemon at one moment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PROBES = 100  # round trips in one measurement of latency
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """The daemon at one moment.
+    """Resource use of the daemon at one moment.
 
     Attributes:
         hours: Virtual time.

@@ -11,7 +11,7 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import BACKENDS, OpenPhysics, in_processes, on_cluster
+from estimator.physics.backends import BACKENDS, OpenPhysics, on_cluster, on_this_computer
 
 CORES: Final = len(os.sched_getaffinity(0))
 """Processor cores that this process may use: the default of ``--jobs``."""
@@ -56,7 +56,7 @@ def open_physics(jobs: int, dask: str | None) -> Iterator[OpenPhysics]:
         dask: Address of a cluster's scheduler.
     """
     if dask is None:
-        yield in_processes(jobs)
+        yield on_this_computer(jobs)
     else:
         with Cluster(dask) as cluster:
             yield on_cluster(cluster)

@@ -1,10 +1,10 @@
-"""More than one process: children on this computer, workers on others.
+"""Parallel work: processes on this computer, workers of a cluster.
 
 ======================= =========================================================================
 Module                  What is in it
 ======================= =========================================================================
-``worker_processes``    processes that do one task after the other for this one
+``worker_processes``    processes that do tasks for this one
 ``child_process``       a child process that ends when its parent does
-``cluster``             a Dask cluster that works for this process
+``cluster``             the workers of a Dask cluster
 ======================= =========================================================================
 """

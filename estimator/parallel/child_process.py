@@ -11,7 +11,9 @@ _LIBC: Final = ctypes.CDLL(None)
 
 
 def die_with(parent: int, signal_number: int) -> None:
-    """Called in a child: it gets a signal as soon as its parent dies, however that happens.
+    """Has the kernel send the calling process a signal when its parent dies; Linux only.
+
+    Ends the process at once if the parent is dead already.
 
     Args:
         parent: Its parent's process id.

@@ -1,8 +1,8 @@
-"""A Dask cluster that works for this process.
+"""A connection to a Dask cluster.
 
-Its scheduler and its workers are started by hand, with Dask's own commands. Everything on it must
-be what it is here, to the version and to the line of our code, or results would not be those of a
-run without it; so whoever joins is held to that, also in the middle of the work.
+The scheduler and the workers are started by hand, with Dask's own commands. They must have the same
+versions of everything that computes, and the same code of ours, or results would differ from those
+of a run without them. This is checked of all when connecting, and of each worker before its work.
 
 Dask is imported only where a cluster is asked for.
 """
@@ -48,8 +48,8 @@ class Cluster:
             seconds to be replaced.
 
     Raises:
-        ClusterError: Dask is not installed, no scheduler answers, there is no worker, or somebody
-            there is not what we need.
+        ClusterError: Dask is not installed, no scheduler answers, there is no worker, or the
+            scheduler or a worker differs from this computer.
     """
 
     def __init__(self, address: str, *, patience: float = 60.0):
@@ -77,16 +77,16 @@ class Cluster:
         self.close()
 
     def close(self) -> None:
-        """Lets go of the cluster, which drops what was not finished; may be called twice."""
+        """Closes the connection; the cluster drops unfinished work. May be called twice."""
         self._client.close()
 
     @property
     def workers(self) -> int:
-        """How many workers there are now."""
+        """Number of workers at present."""
         return len(self._ask(self._client.nthreads))
 
     def submit(self, name: str, function: Callable[..., Any], *arguments: Any) -> Future:
-        """Has a function called on some worker; on another one, should that worker die.
+        """Has a function called on some worker, and on another one if that worker dies.
 
         Args:
             name: What the work is called on Dask's dashboard.
@@ -101,7 +101,7 @@ class Cluster:
         )
 
     def wait(self, futures: Collection[Future]) -> list[Future]:
-        """Those of some futures that are over, once there is one.
+        """Waits until some of the futures are done, and returns those.
 
         Raises:
             ClusterError: The scheduler is lost, or there was no worker for too long.
@@ -116,11 +116,11 @@ class Cluster:
                 self._check_peopled()
 
     def result(self, future: Future) -> Any:
-        """What a function returned; waits for it.
+        """Waits for a future and returns its result.
 
         Raises:
-            ClusterError: The scheduler is lost, there was no worker for too long, or one is not
-                what we need.
+            ClusterError: The scheduler is lost, there was no worker for too long, or one differs
+                from this computer.
             WorkerError: Several workers died of this work.
             BodyschemaError: Whatever the function raised.
         """
@@ -134,7 +134,7 @@ class Cluster:
                 self._check_peopled()  # its worker has just died, and it is computed again
 
     def cancel(self, futures: Collection[Future]) -> None:
-        """Has work dropped that nobody needs any more."""
+        """Cancels work whose results are no longer needed."""
         if futures and self._client.status == "running":
             self._client.cancel(list(futures))
 
@@ -222,7 +222,7 @@ class Cluster:
 
 
 def still_wanted() -> Callable[[], bool]:
-    """Called in work on a worker: a function that says whether anybody waits for its result."""
+    """Returns a function that says whether the result of the calling task is still wanted."""
     worker = _dask().get_worker()
     key = worker.get_current_task()
 

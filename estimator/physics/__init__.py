@@ -1,9 +1,9 @@
 """Physics back-ends: bodies and motor programs in, readings out.
 
 ==================================== ==========================================================
-``base.Physics``                     what every back-end can do; the search knows no more
-``base.Abilities``                   what a back-end declares that it can do beyond that
-``base.Readings``                    what the bodies feel at rest, as arrays
+``base.Physics``                     the interface of every back-end; the search knows no more
+``base.Abilities``                   what a back-end declares that it can do beyond it
+``base.Readings``                    sensor readings of bodies at rest, as arrays
 ``base.WorldSettings``               the world that bodies are simulated in
 ``backends``                         the back-ends by name, and the ways to run them
 ``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process

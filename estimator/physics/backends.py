@@ -1,7 +1,7 @@
-"""The physics back-ends by name, and where each is run.
+"""Physics back-ends by name, and where each of them runs.
 
-A back-end of another package belongs to the entry-point group ``bodyschema.physics``: a class whose
-objects are a ``Physics`` and whose attribute ``abilities`` says what they can.
+Another package adds a back-end by an entry point in the group ``bodyschema.physics``: a class that
+implements ``Physics`` and declares in its attribute ``abilities`` what else it can do.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _METHODS: Final = (("arrays", "read_bodies"), ("path_margins", "path_margins"))
 
 
 def abilities_of(name: str) -> Abilities:
-    """What the back-end of a name says that it can.
+    """Returns what the back-end of a name declares that it can do.
 
     Raises:
         EstimatorError: There is no such back-end, or it cannot be used.
@@ -50,7 +50,7 @@ def abilities_of(name: str) -> Abilities:
 
 
 def maker(name: str, settings: WorldSettings) -> partial[Physics]:
-    """Makes a back-end when called, in whatever process it is called; picklable.
+    """Returns a picklable function that makes a back-end in the process that calls it.
 
     Raises:
         EstimatorError: There is no such back-end, or it cannot be used.
@@ -59,7 +59,7 @@ def maker(name: str, settings: WorldSettings) -> partial[Physics]:
 
 
 def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
-    """What guesses the readings of a back-end; ``None`` for one that is as fast as the guess.
+    """Returns a fast approximation of a back-end; ``None`` if the back-end is as fast itself.
 
     Raises:
         EstimatorError: There is no such back-end, or it cannot be used.
@@ -67,8 +67,8 @@ def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     return None if abilities_of(name).arrays else StaticsPhysics(settings)
 
 
-def in_processes(jobs: int) -> OpenPhysics:
-    """Back-ends on ``jobs`` cores: in worker processes, or in threads where they can use them."""
+def on_this_computer(jobs: int) -> OpenPhysics:
+    """Opens back-ends on ``jobs`` cores: in threads if they can, else in worker processes."""
 
     def opened(name: str, settings: WorldSettings) -> Physics:
         make = maker(name, settings)
@@ -80,7 +80,7 @@ def in_processes(jobs: int) -> OpenPhysics:
 
 
 def on_cluster(cluster: Cluster) -> OpenPhysics:
-    """Back-ends on the workers of a cluster."""
+    """Opens back-ends on the workers of a cluster."""
 
     def opened(name: str, settings: WorldSettings) -> Physics:
         make = maker(name, settings)
@@ -90,7 +90,7 @@ def on_cluster(cluster: Cluster) -> OpenPhysics:
 
 
 def in_this_process(name: str, settings: WorldSettings) -> Physics:
-    """A back-end in the calling process, for those that have processes of their own."""
+    """Opens a back-end in the calling process, for callers that are one of many processes."""
     return maker(name, settings)()
 
 

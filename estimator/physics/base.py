@@ -1,4 +1,4 @@
-"""What a physics back-end is: bodies and motor programs in, readings out.
+"""The interface of physics back-ends: bodies and motor programs in, readings out.
 
 An interaction starts planar: the body upright, all angles 0, its lowest point on the ground. Each
 joint then turns at the slew speed to its own target, the body comes to rest, and is read.
@@ -81,7 +81,7 @@ class WorldSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Readings:
-    """What n bodies feel at rest.
+    """Sensor readings of n bodies at rest.
 
     Attributes:
         touch: Shape (n, s): whether each touch sensor's part, or one rigidly joined to it, meets
@@ -114,7 +114,7 @@ class Readings:
         return len(self.clearance)
 
     def __getitem__(self, rows: slice | NDArray[np.intp]) -> Readings:
-        """The readings of some of the bodies."""
+        """Selects the readings of some of the bodies."""
         return Readings(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
 
     @classmethod
@@ -200,8 +200,8 @@ class Physics(Protocol):
     A reading depends on its own pair only, never on the others in the batch, their order, earlier
     batches or the number of processes.
 
-    What is found by name (``backends``) is a class. It is constructed with the ``WorldSettings``,
-    in this process or in others, so it has to be picklable: a class at the top of its module.
+    ``backends`` loads the class of a back-end by name and calls it with the ``WorldSettings``, in
+    this process or in others; so it has to be picklable, a class at the top level of its module.
     """
 
     @property
@@ -282,7 +282,7 @@ def takes_arrays(physics: Physics) -> TypeGuard[ArrayPhysics]:
 
 
 class BackEnd(ABC):
-    """What back-ends have in common: they count their work, and are context managers.
+    """Base class of back-ends, which counts their work and makes them context managers.
 
     Attributes:
         abilities: What the back-end can do beyond ``read``; nothing, unless a subclass declares it.
@@ -308,7 +308,7 @@ class BackEnd(ABC):
 
 
 def sensor_count(pairs: Sequence[Pair]) -> int:
-    """Touch sensors of the bodies of a batch.
+    """Returns how many touch sensors each body of a batch has.
 
     Raises:
         PhysicsError: They have different numbers of touch sensors.

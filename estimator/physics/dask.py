@@ -18,7 +18,7 @@ _TASK: Final = "simulate"
 
 
 class DaskPhysics(BackEnd):
-    """Runs a back-end on the workers of a cluster, each with an engine that it keeps.
+    """Runs a back-end on the workers of a cluster, each of which keeps its engine.
 
     Args:
         make: Makes the back-end, on the worker; must be picklable, such as
@@ -40,7 +40,7 @@ class DaskPhysics(BackEnd):
         """Simulates one interaction per pair; see ``Physics.read``.
 
         Raises:
-            ClusterError: The cluster failed; what a worker that died was doing is another's.
+            ClusterError: The cluster failed. A chunk whose worker died is given to another one.
         """
         sensor_count(pairs)
         if not pairs:
@@ -62,7 +62,7 @@ _engine: tuple[bytes, Physics] | None = None  # the worker's own, and how it was
 
 
 def _simulate(make: bytes, pairs: Sequence[Pair]) -> Chunk:
-    """What a worker does; it has one thread, so nobody else is using the engine."""
+    """Reads a chunk on a worker, which has one thread, so that nothing else uses the engine."""
     global _engine  # noqa: PLW0603  a worker process is one engine
     if _engine is None or _engine[0] != make:
         if _engine is not None:

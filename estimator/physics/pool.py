@@ -23,13 +23,13 @@ Chunk: TypeAlias = tuple[Readings, int, int]
 
 
 def cut(pairs: Sequence[Pair], workers: int) -> list[Sequence[Pair]]:
-    """Chunks of a batch, small enough for so many workers to share it evenly."""
+    """Cuts a batch into chunks, small enough for so many workers to share it evenly."""
     size = max(1, min(CHUNK, len(pairs) // (4 * max(1, workers))))
     return [pairs[start : start + size] for start in range(0, len(pairs), size)]
 
 
 def read_chunk(physics: Physics, pairs: Sequence[Pair]) -> Chunk:
-    """Has a back-end read a chunk, and counts what that took."""
+    """Reads a chunk and counts its simulations and steps."""
     simulations, steps = physics.simulations, physics.steps
     readings = physics.read(pairs)
     return readings, physics.simulations - simulations, physics.steps - steps
@@ -48,7 +48,7 @@ class PhysicsPool(BackEnd):
         undecided: Whether the back-end tells undecided poses.
 
     Raises:
-        PhysicsError: There are no workers to be.
+        PhysicsError: ``jobs`` is less than 1.
     """
 
     def __init__(self, make: MakePhysics, jobs: int, *, undecided: bool = False) -> None:

@@ -1,6 +1,6 @@
-"""The paper's way: bodies simulated in PyBullet, in this process.
+"""Bodies simulated in PyBullet, as in the paper, in this process.
 
-What PyBullet needs to be told, and why:
+Settings of PyBullet that matter:
 
 * ``URDF_MAINTAIN_LINK_ORDER``, or ``createMultiBody`` reorders links and joint j is no longer
   part j.

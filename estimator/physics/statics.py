@@ -49,12 +49,11 @@ class StaticsPhysics(BackEnd):
 
     Args:
         settings: The world.
-        jobs: Number of threads; what is read does not depend on it.
+        jobs: Number of threads; results do not depend on it.
         pace: Turn of a joint in one step, rad; finer steps cost more and see narrower forks.
 
     Raises:
-        PhysicsError: There are no threads to be, ``pace`` is 0 or too far, or Numba is not
-            installed.
+        PhysicsError: ``jobs`` is less than 1, ``pace`` is out of range, or Numba is not installed.
     """
 
     abilities = Abilities(arrays=True, path_margins=True, undecided=True, threads=True)

@@ -39,7 +39,7 @@ class Gene:
 
 
 class Genome:
-    """The code between gene arrays and bodies, for one problem on one robot.
+    """Decodes gene arrays into bodies, for one problem on one robot.
 
     Args:
         problem: What is known and what is to be found.
@@ -62,7 +62,7 @@ class Genome:
         return len(self.genes)
 
     def decode(self, genes: Array) -> Morphology:
-        """The body that a genome encodes.
+        """Returns the body that a genome encodes.
 
         Args:
             genes: Shape (size,), each in [0, 1].
@@ -97,7 +97,7 @@ class Genome:
         return self.assemble(parts)
 
     def assemble(self, parts: Sequence[Part]) -> Morphology:
-        """The body that parts make up on this robot, its touch sensors where the problem has them.
+        """Returns the body that parts make up on this robot, with its touch sensors.
 
         Args:
             parts: In the order of the problem's rows.
@@ -107,11 +107,11 @@ class Genome:
         return Morphology(base=self._base, parts=tuple(parts), density=self._problem.density)
 
     def decode_all(self, genes: Array) -> list[Morphology]:
-        """The bodies that the rows of an array of shape (n, size) encode."""
+        """Returns the bodies that the rows of an array of shape (n, size) encode."""
         return [self.decode(row) for row in genes]
 
     def bodies(self, genes: Array) -> Bodies:
-        """The same bodies as arrays, made without an object per body.
+        """Returns the same bodies as arrays, without making an object per body.
 
         Args:
             genes: Shape (n, size), each in [0, 1].

@@ -109,10 +109,10 @@ class Problem(Strict):
         return problem
 
     def for_robot(self, capabilities: Capabilities) -> Problem:
-        """The same problem, written out for a robot.
+        """Returns the problem written out for a particular robot.
 
         Raises:
-            ProblemError: The file says nothing of such a robot.
+            ProblemError: The file does not describe robots of this kind.
         """
         touch = capabilities.sensor("touch")
         robot = Inventory(
@@ -164,13 +164,13 @@ class Problem(Strict):
 
     @property
     def sensors(self) -> int:
-        """How many touch sensors the parts carry."""
+        """Number of touch sensors that the parts carry."""
         if self.touch == "outermost":
             return min(self._robot.touch_sensors, len(self.parts))
         return sum(part.sensor is not None for part in self.parts)
 
     def base(self, capabilities: Capabilities) -> Base:
-        """The main body, which the robot makes public."""
+        """Returns the main body, which the robot's capabilities describe."""
         x, y, z = capabilities.base_size
         return Base(size=(x, y, z), mass=capabilities.base_mass)
 
@@ -232,7 +232,7 @@ class Problem(Strict):
             Sentences that a person should see: what differs, but does not prevent a run.
 
         Raises:
-            ProblemError: This robot cannot serve this problem.
+            ProblemError: The robot does not fit the problem.
         """
         if not capabilities.sensors:
             raise ProblemError(

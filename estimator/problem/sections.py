@@ -30,7 +30,7 @@ from estimator.search.operators import (
 
 
 class Strict(BaseModel):
-    """Unknown keys are refused: a misspelt one would silently leave its default in force."""
+    """Refuses unknown keys: a misspelt one would silently leave its default in force."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

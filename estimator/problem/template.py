@@ -35,7 +35,7 @@ PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)
 
 
 def supposed_robot(raw: Mapping[str, Any]) -> Inventory:
-    """A robot that a file can be written out for before any is known: the paper's if it can be.
+    """Returns a robot to write a file out for before any is known: the paper's if the file allows.
 
     Where all joints are driven and each part names its own, it has as many joints as they name.
     """

@@ -111,7 +111,7 @@ Hinge: TypeAlias = Annotated[int | None, _choice(HINGES)]
 
 
 def complaint(error: ValidationError, origin: str, parts: Sequence[int] = ()) -> str:
-    """All of a validation's complaints: file, key (counted from 1) and reason.
+    """Returns all complaints of a validation as text: file, key (counted from 1) and reason.
 
     Args:
         error: The validation's.

@@ -31,7 +31,7 @@ def open_robot(
     first_id: int,
     keys: Path | None = None,
 ) -> RobotLink:
-    """Reaches a robot, or opens a record of one.
+    """Connects to a robot, or opens a record of one.
 
     Args:
         uri: See the module's table.

@@ -1,4 +1,4 @@
-"""What the estimator needs of a robot, wherever its readings come from."""
+"""The interface to a robot, or to readings recorded earlier."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ OnProgress = Callable[[str, float], None]
 
 
 class RobotLink(Protocol):
-    """A robot, or a record of one.
+    """A connection to a robot, or a record of its readings.
 
     Attributes:
         capabilities: What the robot is.
@@ -43,7 +43,7 @@ class RobotLink(Protocol):
             number: Number of the interaction, by which a record finds its row.
             program: Targets, rad, one per joint in motor order.
             ticket: From ``ticket``.
-            on_progress: Hears how far the motion is.
+            on_progress: Called with the progress of the motion.
 
         Raises:
             RobotError: The robot refused, broke off or reported what cannot be; a fresh ticket is
@@ -55,7 +55,7 @@ class RobotLink(Protocol):
     def outcome(
         self, program: Program, ticket: Ticket, on_progress: OnProgress
     ) -> Observation | None:
-        """What became of a request of an earlier connection; waits when it is under way.
+        """Asks for the result of a request of an earlier connection; waits if it is under way.
 
         Returns:
             The observation, or ``None`` when the request was certainly not carried out.
@@ -66,4 +66,4 @@ class RobotLink(Protocol):
         """
 
     def close(self) -> None:
-        """Gives the robot back."""
+        """Releases the robot and closes the connection."""

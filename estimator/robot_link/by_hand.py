@@ -99,7 +99,7 @@ def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
 
 
 def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
-    """What a table implies about the robot, and what no one needs to know of a robot by hand."""
+    """Returns capabilities that the table implies, and defaults for those that do not matter."""
     joints = description.get("joints")
     count = len(joints) if isinstance(joints, list) else len(table.joints)
     sensors = []

@@ -1,4 +1,4 @@
-"""A recorded run as a robot: it can perform what it performed then, and feels the same again."""
+"""A recorded run as a robot, which repeats the observations it made then."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from protocol.wire.capabilities import Capabilities
 
 
 class Record:
-    """Observations made before, as a robot link. There is nothing to ask, so nothing to lose."""
+    """Observations made earlier, as a robot link."""
 
     client_id = "record"
 
@@ -28,23 +28,23 @@ class Record:
         self._observations = observations
 
     def ticket(self) -> Ticket | None:
-        """A record needs none."""
+        """Returns ``None``: a record needs no ticket."""
         return None
 
     def perform(
         self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
     ) -> Observation:
-        """The observation that was recorded under this number."""
+        """Returns the observation that was recorded under this number."""
         return self._observations[number]
 
     def outcome(
         self, program: Program, ticket: Ticket, on_progress: OnProgress
     ) -> Observation | None:
-        """A record was never asked for anything."""
+        """Returns ``None``: no request to a record can be pending."""
         return None
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Does nothing: a record holds no robot."""
 
 
 def open_replay(directory: Path) -> Record:

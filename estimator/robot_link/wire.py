@@ -26,12 +26,12 @@ class WireLink:
 
     Args:
         uri: ``tcp://host:port``.
-        client_id: The name under which requests reach the robot, the same for the whole run.
+        client_id: The client id of requests, the same for the whole run.
         first_id: The first request id of this connection; above all that were used before.
         keys: The key directory, where the robot asks for keys.
 
     Raises:
-        BodyschemaError: Nothing answers there, or what answers speaks no version of ours.
+        BodyschemaError: Nothing answers there, or not in a version of the protocol that we know.
     """
 
     def __init__(self, uri: str, *, client_id: str, first_id: int, keys: Path | None = None):
@@ -49,10 +49,10 @@ class WireLink:
         self.recorded: tuple[Program, ...] | None = None
 
     def ticket(self) -> Ticket | None:
-        """Makes sure of the robot's control, then reserves an id.
+        """Makes sure of control over the robot, then reserves an id.
 
-        A daemon that restarted between two requests took nothing with it, so the session is opened
-        anew without a word.
+        If the daemon restarted between two requests nothing is lost, so a new session is opened
+        without an error.
         """
         try:
             self._client.acquire()
@@ -91,7 +91,7 @@ class WireLink:
             raise
 
     def close(self) -> None:
-        """Gives the robot back; a motion that is still under way ends where it is."""
+        """Releases the robot; a motion that is still under way ends where it is."""
         self._client.close()
 
     def _observation(self, reply: messages.ObservationReply) -> Observation:
@@ -112,7 +112,7 @@ class WireLink:
         return observation
 
     def _disbelief(self, what: str) -> RobotError:
-        """The error of a robot that answers what cannot be: nothing of the answer is used."""
+        """Returns the error of an answer that cannot be true, of which nothing is used."""
         return RobotError(
             "fault",
             f"The robot at {self._uri} reported {what}.",

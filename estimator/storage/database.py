@@ -41,7 +41,7 @@ _DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, Arithmetic
 
 
 def holds_run(directory: Path) -> bool:
-    """Whether there is a run in a directory; a process may have died before it had made one.
+    """Whether there is a run in a directory, which a process may have died before making.
 
     A damaged database counts as a run: whoever opens it says what is wrong with it.
     """
@@ -56,7 +56,7 @@ def holds_run(directory: Path) -> bool:
 
 
 def connect(directory: Path) -> sqlite3.Connection:
-    """Opens the database in a directory; makes an empty one if there is none."""
+    """Opens the database in a directory; creates an empty one if there is none."""
     database = sqlite3.connect(directory / DATABASE, isolation_level=None, timeout=10.0)
     database.execute("PRAGMA journal_mode = DELETE")
     database.execute("PRAGMA synchronous = EXTRA")
@@ -76,7 +76,7 @@ def make_tables(database: sqlite3.Connection) -> None:
 
 @contextmanager
 def reading(directory: Path) -> Iterator[None]:
-    """Makes a sentence of whatever a damaged database ends in.
+    """Turns errors that come of a damaged database into one with a sentence.
 
     Raises:
         RunDirectoryError: What is there cannot be read, or is not what this program wrote.
@@ -95,7 +95,7 @@ def reading(directory: Path) -> Iterator[None]:
 
 @contextmanager
 def transaction(database: sqlite3.Connection) -> Iterator[None]:
-    """Everything in the block is committed together, or not at all."""
+    """Commits everything in the block together, or nothing of it."""
     database.execute("BEGIN IMMEDIATE")
     try:
         yield

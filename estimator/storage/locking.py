@@ -1,4 +1,4 @@
-"""A directory for one process at a time."""
+"""Locks that give a directory to one process at a time."""
 
 from __future__ import annotations
 

@@ -57,13 +57,13 @@ IDS_PER_CONNECTION: Final = 2**20
 
 
 class RunStore:
-    """One run on disk. Use ``create`` or ``open``; close it, or use it as a context manager.
+    """A run on disk; a context manager. ``create`` and ``open`` make one.
 
     Attributes:
         directory: The run directory.
         settings: What the run was asked to do.
         capabilities: What the robot said it is.
-        client_id: The name under which the run's requests reach the robot.
+        client_id: The client id of the run's requests to the robot.
     """
 
     def __init__(self, directory: Path, database: sqlite3.Connection, lock: int | None):
@@ -141,7 +141,7 @@ class RunStore:
             raise
 
     def close(self) -> None:
-        """Lets go of the directory; may be called twice."""
+        """Closes the database and releases the lock; may be called twice."""
         _close(self._database, self._lock)
         self._lock = None
 
@@ -220,14 +220,14 @@ class RunStore:
             )
 
     def save_finish(self, finish: Finish) -> None:
-        """Commits what the reference back-end said of the leading models."""
+        """Commits the reference back-end's simulation of the leading models."""
         with transaction(self._database):
             self._database.execute(
                 "INSERT INTO meta VALUES ('finish', ?)", (finish.model_dump_json(),)
             )
 
     def finish(self) -> Finish | None:
-        """What the reference back-end said of the leading models, once it was asked."""
+        """The reference back-end's simulation of the leading models; ``None`` before it is done."""
         with reading(self.directory):
             row = self._database.execute("SELECT value FROM meta WHERE key = 'finish'").fetchone()
             return None if row is None else Finish.model_validate_json(row[0])
@@ -299,7 +299,7 @@ class RunStore:
             )
 
     def validations(self) -> list[list[Prediction]]:
-        """The predictions of each validation, with what came of them so far."""
+        """The predictions of each validation, with the observations made so far."""
         by_validation: dict[int, list[Prediction]] = {}
         with reading(self.directory):
             rows = self._database.execute(

@@ -1,4 +1,4 @@
-"""How a body gets to rest.
+"""How a body comes to rest.
 
 The centre of mass is as high above the ground as the lowest point is below it, so a pose is at
 rest where that depth, as a function of u, has a local minimum. ``roll`` descends to one: while the

@@ -14,7 +14,7 @@ import pytest
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
-from estimator.physics.backends import in_processes
+from estimator.physics.backends import on_this_computer
 from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.report.result import Result
@@ -137,7 +137,7 @@ def test_the_number_of_processes_does_not_show(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"replay:{directory}")
-    again = identify(tmp_path / "run", order, in_processes(2), Witness(), report=write_report)
+    again = identify(tmp_path / "run", order, on_this_computer(2), Witness(), report=write_report)
     assert outcome(again) == outcome(result)
 
 
@@ -281,7 +281,7 @@ def test_what_cannot_be_done_is_refused_with_a_sentence(
 ) -> None:
     order = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), **changes)
     with pytest.raises(kind, match=sentence):
-        identify(tmp_path / "run", order, in_processes(1), Witness(), report=write_report)
+        identify(tmp_path / "run", order, on_this_computer(1), Witness(), report=write_report)
     assert not (tmp_path / "run").exists()
 
 

@@ -18,8 +18,8 @@ from estimator.physics.backends import (
     BACKENDS,
     abilities_of,
     foresight_of,
-    in_processes,
     in_this_process,
+    on_this_computer,
 )
 from estimator.physics.base import Abilities, WorldSettings, takes_arrays
 from estimator.physics.pool import PhysicsPool
@@ -46,7 +46,7 @@ def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
         arrays=True, path_margins=True, undecided=True, threads=True
     )
     assert abilities_of("pybullet") == Abilities()
-    open_physics = in_processes(2)
+    open_physics = on_this_computer(2)
     with closing(open_physics("statics", WORLD)) as exact:
         assert type(exact) is StaticsPhysics
         assert takes_arrays(exact)
@@ -148,7 +148,7 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
     monkeypatch.syspath_prepend(str(install(tmp_path, THUMB, code=code)))
     monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
     with (
-        closing(in_processes(1)("thumb", WORLD)) as physics,
+        closing(on_this_computer(1)("thumb", WORLD)) as physics,
         pytest.raises(RuntimeError, match="no licence"),
     ):
         physics.read([(BALL, np.zeros(0))])
@@ -158,4 +158,4 @@ def test_nothing_is_sought_under_a_wrong_name() -> None:
     with pytest.raises(EstimatorError, match="no physics 'mujoco': choose pybullet, statics"):
         in_this_process("mujoco", WORLD)
     with pytest.raises(PhysicsError, match="at least one thread, not 0"):
-        in_processes(0)("statics", WORLD)
+        on_this_computer(0)("statics", WORLD)
