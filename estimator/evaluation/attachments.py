@@ -5,7 +5,8 @@ Rows whose joint nobody named have nothing to be compared with. The hinge of a l
 felt and is not compared.
 
 Some wrong configurations cannot be told from the true ones. They are right *up to equivalence*:
-there is a body that no sensor of the run can tell from the true one and that has them.
+there is a body that no sensor of the run can tell from the true one and that has them, at whatever
+lengths.
 """
 
 from __future__ import annotations
@@ -34,8 +35,8 @@ _SLIGHT: Final = 1e-3  # m, by which a length may lie outside the problem's rang
 Cell: TypeAlias = tuple[int, str]
 """One configuration: row of the genome, and trait."""
 
-SameAs: TypeAlias = Callable[[Morphology], Callable[[Morphology], bool]]
-"""Of a body, the test whether another can be told from it."""
+Alike: TypeAlias = Callable[[Sequence[Morphology]], bool]
+"""Whether at some lengths a body cannot be told from the true one; it is given at several."""
 
 
 class Configuration(BaseModel):
@@ -129,15 +130,15 @@ class Comparison:
         attached = (text for found in self._impossible.values() for text in found.values())
         return (*attached, *self._lengths_out_of_range())
 
-    def configurations(self, same_as: SameAs | None = None) -> tuple[Configuration, ...]:
+    def configurations(self, alike: Alike | None = None) -> tuple[Configuration, ...]:
         """All configurations, in the order of the genome.
 
         Args:
-            same_as: Computes whether bodies can be told apart; without it nothing wrong is right up
-                to equivalence.
+            alike: Whether a body can be told from ``true_body`` at all lengths; without it nothing
+                wrong is right up to equivalence.
         """
         wrong = self._wrong(self.true_body)
-        inexcusable = self._inexcusable(wrong, same_as) if same_as else wrong
+        inexcusable = self._inexcusable(wrong, alike) if alike else wrong
         return tuple(
             self._configuration(cell, right=cell not in wrong, excused=cell not in inexcusable)
             for cell in self._cells()
@@ -214,29 +215,25 @@ class Comparison:
 
     # --- up to equivalence ------------------------------------------------------------------------
 
-    def _inexcusable(self, wrong: set[Cell], same_as: SameAs) -> set[Cell]:
+    def _inexcusable(self, wrong: set[Cell], alike: Alike) -> set[Cell]:
         """Cells that are wrong even up to equivalence.
 
         Without tilt a square body feels the same however it is turned, and mirrored too. So the
         true body's images that cannot be told from it are as good as the truth, and the one that
         the model comes closest to counts.
         """
-        possible = {cell for cell in wrong if cell[1] not in self._impossible[cell[0]]}
-        if not possible:
-            return wrong
-        is_truth = same_as(self.true_body)
-        least = wrong - self._excused(self.true_body, possible, is_truth)
+        impossible = {cell for cell in wrong if cell[1] in self._impossible[cell[0]]}
+        least = wrong
         for image in _images(self.true_body):
-            against = self._wrong(image)
-            if len(least) > len(wrong - possible) and image != self.true_body and is_truth(image):
-                rest = against - self._excused(image, against, same_as(image))
-                least = min(least, rest, key=len)
+            if least == impossible:
+                break
+            if image == self.true_body or alike([image]):
+                against = self._wrong(image)
+                least = min(least, against - self._excused(image, against, alike), key=len)
         return least
 
-    def _excused(
-        self, reference: Morphology, wrong: Collection[Cell], alike: Callable[[Morphology], bool]
-    ) -> set[Cell]:
-        """Cells whose wrong values, all together, make a body that cannot be told apart."""
+    def _excused(self, reference: Morphology, wrong: Collection[Cell], alike: Alike) -> set[Cell]:
+        """Cells whose wrong values, all together, make a body that is like the truth."""
         cells = [cell for cell in wrong if cell[1] not in self._impossible[cell[0]]]
         trials = [
             set(cells),
@@ -250,7 +247,8 @@ class Comparison:
             together = excused | trial
             if together == excused or together in refused:
                 continue
-            if alike(self._variant(reference, together)):
+            body = self._variant(reference, together)
+            if alike([body, _with_lengths_of(self._model, body)]):
                 excused = together
             else:
                 refused.append(together)
@@ -300,6 +298,14 @@ def _scaled(body: Morphology, legs: Mapping[int, TrueLimb]) -> list[Part]:
             scale = legs[motor].limb.length / by_motor[motor].length
             parts[index] = replace(parts[index], length=parts[index].length * scale)
     return parts
+
+
+def _with_lengths_of(other: Morphology, body: Morphology) -> Morphology:
+    """The body with the lengths of another one's parts."""
+    parts = (
+        replace(part, length=its.length) for part, its in zip(body.parts, other.parts, strict=True)
+    )
+    return replace(body, parts=tuple(parts))
 
 
 def _images(body: Morphology) -> Sequence[Morphology]:

@@ -16,12 +16,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, SIDES, Array, Morphology
-from estimator.physics.base import Flags, MarginPhysics, Readings
+from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
 from estimator.readings.modalities.registry import MODALITIES
 
 PROGRAMS: Final = 500
@@ -34,6 +36,10 @@ MARGIN: Final = math.radians(0.05)
 """A program says something if gravity could be inclined by more than this without the body landing
 elsewhere."""
 
+_UNLIKE: Final = 200.0  # tolerances, by which a body differs where it cannot perform a program
+
+Indices: TypeAlias = NDArray[np.intp]
+
 
 class Reference:
     """A body that others are compared with.
@@ -43,10 +49,17 @@ class Reference:
         programs: Motor programs, rad, shape (programs, motors).
         physics: Computes what bodies feel.
         modalities: Sensors that may tell bodies apart.
+
+    Attributes:
+        telling: Numbers of the programs that say anything and that the body can perform.
     """
 
     def __init__(
-        self, body: Morphology, programs: Array, physics: MarginPhysics, modalities: Sequence[str]
+        self,
+        body: Morphology,
+        programs: Array,
+        physics: ArrayMarginPhysics,
+        modalities: Sequence[str],
     ):
         self._programs = programs
         self._physics = physics
@@ -54,6 +67,7 @@ class Reference:
         self._felt = self._read(body)
         margins = physics.path_margins([(body, program) for program in programs])
         self._tells: Flags = margins > MARGIN
+        self.telling: Indices = np.flatnonzero(self._tells & self._felt.valid)
 
     def is_like(self, body: Morphology) -> bool:
         """Whether a body reads like this one in (nearly) all programs that say anything.
@@ -63,6 +77,26 @@ class Reference:
         """
         same = agree(self._felt, self._read(body), self._modalities)[self._tells]
         return bool(same.size) and float(np.mean(same)) >= AGREEMENT
+
+    def residuals(self, bodies: Bodies, programs: Indices) -> Array:
+        """Differences of many bodies' readings from this one's.
+
+        Args:
+            bodies: n bodies with the reference's motors and sensors.
+            programs: Numbers of m programs among ``telling``.
+
+        Returns:
+            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly told apart; a
+            program that a body cannot perform differs by far.
+        """
+        rows = np.repeat(np.arange(len(bodies)), len(programs))
+        turns = np.tile(programs, len(bodies))
+        theirs = self._physics.read_bodies(bodies[rows], self._programs[turns])
+        differences = np.hstack(
+            [MODALITIES[name].differences(theirs, self._felt[turns]) for name in self._modalities]
+        )
+        differences[~theirs.valid] = _UNLIKE
+        return differences.reshape(len(bodies), len(programs), -1)
 
     def _read(self, body: Morphology) -> Readings:
         return self._physics.read([(body, program) for program in self._programs])

@@ -7,7 +7,7 @@ compared with what motor k of the robot turns.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +18,10 @@ from estimator.body.morphology import Array, Morphology
 from estimator.errors import TruthError
 from estimator.evaluation.attachments import Comparison, Configuration, Truth
 from estimator.evaluation.equivalence import PROGRAMS, Reference
+from estimator.evaluation.length_search import LengthSearch
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.fit import fit_bodies
-from estimator.physics.base import MarginPhysics, Physics
+from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
@@ -97,7 +98,7 @@ class Score(BaseModel):
 
 
 def score(
-    store: RunStore, problem: Problem, truth: Path, physics: MarginPhysics, reference: Physics
+    store: RunStore, problem: Problem, truth: Path, physics: ArrayMarginPhysics, reference: Physics
 ) -> Score:
     """Scores the best model of a run.
 
@@ -118,7 +119,8 @@ def score(
     body = genome.decode(population.genes[population.best])
     known = Truth.read(truth, problem, store.capabilities)
     comparison = Comparison(problem, genome, body, known)
-    configurations = comparison.configurations(_told_apart(store, problem, physics))
+    search = _length_search(store, problem, comparison.true_body, physics)
+    configurations = comparison.configurations(search.is_like)
     informative = [item for item in configurations if item.searched]
     limbs, legs = driven_limbs(body), tuple(known.legs.values())
     signed = np.array([one.length - two.limb.length for one, two in zip(limbs, legs, strict=True)])
@@ -165,19 +167,20 @@ def _error(
 
 
 def _margins(
-    body: Morphology, seen: Sequence[Observation], physics: MarginPhysics
+    body: Morphology, seen: Sequence[Observation], physics: ArrayMarginPhysics
 ) -> tuple[float, ...]:
     margins = physics.path_margins([(body, np.array(item.angles)) for item in seen])
     return tuple(np.degrees(margins).tolist())
 
 
-def _told_apart(
-    store: RunStore, problem: Problem, physics: MarginPhysics
-) -> Callable[[Morphology], Callable[[Morphology], bool]]:
+def _length_search(
+    store: RunStore, problem: Problem, true_body: Morphology, physics: ArrayMarginPhysics
+) -> LengthSearch:
     """The test of equivalence for the run's motors and modalities."""
     rng = generator(store.settings.seed, Stream.EQUIVALENCE)
     programs = np.array([problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)])
-    return lambda body: Reference(body, programs, physics, store.settings.modalities).is_like
+    reference = Reference(true_body, programs, physics, store.settings.modalities)
+    return LengthSearch(reference, np.array([rule.length for rule in problem.parts]))
 
 
 def _mean(errors: Array, felt: Sequence[bool | None], *, which: bool) -> float | None:

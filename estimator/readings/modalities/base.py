@@ -153,8 +153,17 @@ class Modality(ABC):
         """
 
     @abstractmethod
+    def differences(self, one: PredictedReadings, other: PredictedReadings) -> Array:
+        """By how much the readings of two bodies differ in each of n programs.
+
+        Returns:
+            Shape (n, values), signed, in units of what the sensor can hardly tell apart.
+        """
+
     def alike(self, one: PredictedReadings, other: PredictedReadings) -> Flags:
         """Whether the sensor can hardly tell two bodies apart, in each of n programs."""
+        same: Flags = np.all(np.abs(self.differences(one, other)) <= 1, axis=1)
+        return same
 
 
 def parse_number(where: str, column: str, cell: str, least: float, largest: float) -> float | None:

@@ -110,7 +110,6 @@ class Clearance(Modality):
         """In millimetres."""
         return 1000 * np.abs(predicted - observed.clearance)
 
-    def alike(self, one: PredictedReadings, other: PredictedReadings) -> Flags:
-        """Whether they differ by at most ``TOLERANCE``."""
-        same: Flags = np.abs(one.clearance - other.clearance) <= TOLERANCE
-        return same
+    def differences(self, one: PredictedReadings, other: PredictedReadings) -> Array:
+        """In units of ``TOLERANCE``."""
+        return (one.clearance - other.clearance)[:, None] / TOLERANCE

@@ -86,7 +86,6 @@ class Tilt(Modality):
         """In degrees."""
         return np.degrees(np.abs(predicted - observed.tilt))
 
-    def alike(self, one: PredictedReadings, other: PredictedReadings) -> Flags:
-        """Whether both differ by at most ``TOLERANCE``."""
-        same: Flags = np.all(np.abs(one.tilt - other.tilt) <= TOLERANCE, axis=1)
-        return same
+    def differences(self, one: PredictedReadings, other: PredictedReadings) -> Array:
+        """In units of ``TOLERANCE``."""
+        return (one.tilt - other.tilt) / TOLERANCE

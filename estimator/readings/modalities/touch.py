@@ -86,8 +86,8 @@ class Touch(Modality):
         felt = observed.touch if observed.touch.size else math.nan
         return np.abs(predicted - felt)
 
-    def alike(self, one: PredictedReadings, other: PredictedReadings) -> Flags:
-        """Whether each bit is the same, or doubtful."""
+    def differences(self, one: PredictedReadings, other: PredictedReadings) -> Array:
+        """2 for each bit that differs and is doubtful in neither, 0 for the others."""
         doubtful = one.touch_doubtful | other.touch_doubtful
-        same: Flags = np.all((one.touch == other.touch) | doubtful, axis=1)
-        return same
+        different: Array = 2.0 * ((one.touch != other.touch) & ~doubtful)
+        return different

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from estimator.body.morphology import BASE, Array, Morphology, Part
+from estimator.body.morphology import BASE, Morphology, Part
 from estimator.errors import TruthError
-from estimator.evaluation.attachments import Comparison, Configuration, Truth
+from estimator.evaluation.attachments import Alike, Comparison, Configuration, Truth
 from estimator.evaluation.equivalence import Reference, turned
+from estimator.evaluation.length_search import LengthSearch
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -57,27 +58,35 @@ QUAD = ((BASE, 0, 2), (BASE, 1, 2), (BASE, 2, 2), (BASE, 3, 2))
 
 
 class Case:
-    """The problem ``topological`` on a robot with one joint to a part, whose body is known."""
+    """A problem on a robot with one joint to a part, whose body is known."""
 
-    def __init__(self, folder: Path, truth: tuple[Part, ...], touch: int | None = None):
+    def __init__(
+        self,
+        folder: Path,
+        truth: tuple[Part, ...],
+        touch: int | None = None,
+        problem: str = "topological",
+        names: tuple[str, ...] | None = None,
+    ):
         count = len(truth)
-        self.capabilities = robot(numbered(count), count if touch is None else touch)
-        self.problem = Problem.load("topological").for_robot(self.capabilities)
+        joints = names or numbered(count)
+        self.capabilities = robot(joints, count if touch is None else touch)
+        self.problem = Problem.load(problem).for_robot(self.capabilities)
         self.genome = Genome(self.problem, self.problem.base(self.capabilities))
         body = self.genome.assemble(truth)
-        path = write_urdf(folder / "truth.urdf", body, numbered(count))
+        path = write_urdf(folder / "truth.urdf", body, joints)
         self.truth = Truth.read(path, self.problem, self.capabilities)
 
     def compare(self, model: tuple[Part, ...]) -> Comparison:
         return Comparison(self.problem, self.genome, self.genome.assemble(model), self.truth)
 
 
-def wrong(found: tuple[Configuration, ...]) -> list[tuple[str, str]]:
-    return [(item.part, item.trait) for item in found if not item.right]
+def wrong(cells: tuple[Configuration, ...]) -> list[tuple[str, str]]:
+    return [(item.part, item.trait) for item in cells if not item.right]
 
 
-def wrong_up_to_equivalence(found: tuple[Configuration, ...]) -> list[tuple[str, str]]:
-    return [(item.part, item.trait) for item in found if not item.right_up_to_equivalence]
+def wrong_up_to_equivalence(cells: tuple[Configuration, ...]) -> list[tuple[str, str]]:
+    return [(item.part, item.trait) for item in cells if not item.right_up_to_equivalence]
 
 
 @pytest.mark.parametrize(
@@ -95,10 +104,10 @@ def test_what_is_counted(name: str, total: int, informative: int, chance: float)
     truth = Truth.read(QUADRUPED, problem, capabilities)
     model = genome.decode(np.random.default_rng(0).random(genome.size))
     comparison = Comparison(problem, genome, model, truth)
-    found = comparison.configurations()
-    assert len(found) == total
-    assert sum(item.searched for item in found) == informative
-    assert sum(item.chance for item in found) == pytest.approx(chance, abs=0.01)
+    cells = comparison.configurations()
+    assert len(cells) == total
+    assert sum(item.searched for item in cells) == informative
+    assert sum(item.chance for item in cells) == pytest.approx(chance, abs=0.01)
     assert not comparison.not_representable
     itself = Comparison(problem, genome, comparison.true_body, truth)
     assert not wrong(itself.configurations())
@@ -114,9 +123,9 @@ def test_chance_is_what_random_models_reach(name: str) -> None:
     models = [genome.decode(rng.random(genome.size)) for _ in range(400)]
     right = []
     for model in models:
-        found = Comparison(problem, genome, model, truth).configurations()
-        right.append(sum(item.right for item in found))
-    chance = sum(item.chance for item in found)
+        cells = Comparison(problem, genome, model, truth).configurations()
+        right.append(sum(item.right for item in cells))
+    chance = sum(item.chance for item in cells)
     assert np.mean(right) == pytest.approx(chance, abs=0.35)
 
 
@@ -143,9 +152,9 @@ def test_a_tree_is_right_beside_itself_and_wrong_by_what_is_changed(
 
 def test_three_legs_have_nine_configurations(tmp_path: Path) -> None:
     parts = tree((BASE, 0, 2), (BASE, 1, 0), (BASE, 2, 4))
-    found = Case(tmp_path, parts).compare(parts).configurations()
-    assert len(found) == 9
-    assert [item.true for item in found[3:6]] == ["main body", "front", "yaw_left"]
+    cells = Case(tmp_path, parts).compare(parts).configurations()
+    assert len(cells) == 9
+    assert [item.true for item in cells[3:6]] == ["main body", "front", "yaw_left"]
 
 
 def test_a_leg_on_a_leg_carries_the_sensors_of_the_true_body(tmp_path: Path) -> None:
@@ -153,9 +162,9 @@ def test_a_leg_on_a_leg_carries_the_sensors_of_the_true_body(tmp_path: Path) -> 
     truth = tree((BASE, 0, 2), (BASE, 1, 2), (BASE, 2, 2), (1, 0, 2))
     case = Case(tmp_path, truth, touch=3)
     comparison = case.compare(tree(*QUAD))
-    found = comparison.configurations()
-    assert wrong(found) == [("leg 4", "parent"), ("leg 4", "side")]
-    assert [item.true for item in found[9:11]] == ["leg 2", "left"]
+    cells = comparison.configurations()
+    assert wrong(cells) == [("leg 4", "parent"), ("leg 4", "side")]
+    assert [item.true for item in cells[9:11]] == ["leg 2", "left"]
     assert [part.sensor for part in comparison.true_body.parts] == [0, None, 1, 2]
 
 
@@ -190,10 +199,10 @@ def test_a_twisted_hinge_is_nobodys_fault_but_wrong(tmp_path: Path) -> None:
     path.write_text(text)
     case.truth = Truth.read(path, case.problem, case.capabilities)
     comparison = case.compare(tree(*QUAD))
-    found = comparison.configurations(lambda reference: lambda body: True)
-    assert wrong_up_to_equivalence(found) == [("leg 1", "hinge")]
-    assert (found[2].found, found[2].true) == ("up", "not representable")
-    assert sum(item.chance for item in found) == pytest.approx(3.75 - 1 / 6)
+    cells = comparison.configurations(lambda starts: True)
+    assert wrong_up_to_equivalence(cells) == [("leg 1", "hinge")]
+    assert (cells[2].found, cells[2].true) == ("up", "not representable")
+    assert sum(item.chance for item in cells) == pytest.approx(3.75 - 1 / 6)
     (sentence,) = comparison.not_representable
     assert sentence.startswith("joint_0 has its axis 27 degrees")
 
@@ -240,46 +249,48 @@ def test_a_locked_joint_must_be_in_the_truth(tmp_path: Path) -> None:
 # --- up to equivalence ----------------------------------------------------------------------------
 
 
-def only(*allowed: tuple[int, str]) -> Callable[[Morphology], Callable[[Morphology], bool]]:
+def only(truth: Morphology, *allowed: tuple[int, str]) -> Alike:
     """A test of equivalence that lets bodies differ in some cells, whatever their values."""
 
-    def alike(one: Morphology, other: Morphology) -> bool:
+    def alike(starts: Sequence[Morphology]) -> bool:
         return all(
             getattr(a, trait) == getattr(b, trait) or (row, trait) in allowed
-            for row, (a, b) in enumerate(zip(one.parts, other.parts, strict=True))
+            for row, (a, b) in enumerate(zip(truth.parts, starts[0].parts, strict=True))
             for trait in ("parent", "side", "hinge")
         )
 
-    return lambda reference: lambda body: alike(reference, body)
+    return alike
 
 
 def test_single_cells_are_excused_one_by_one(tmp_path: Path) -> None:
     case = Case(tmp_path, tree(*QUAD))
     model = tree((BASE, 0, 3), (BASE, 2, 4), (BASE, 2, 2), (0, 3, 2))
-    found = case.compare(model).configurations(only((1, "hinge"), (3, "parent")))
-    assert wrong(found) == [
+    comparison = case.compare(model)
+    cells = comparison.configurations(only(comparison.true_body, (1, "hinge"), (3, "parent")))
+    assert wrong(cells) == [
         ("leg 1", "hinge"),
         ("leg 2", "side"),
         ("leg 2", "hinge"),
         ("leg 4", "parent"),
     ]
-    assert wrong_up_to_equivalence(found) == [("leg 1", "hinge"), ("leg 2", "side")]
+    assert wrong_up_to_equivalence(cells) == [("leg 1", "hinge"), ("leg 2", "side")]
 
 
 def test_cells_that_are_only_right_each_alone_are_not_both_excused(tmp_path: Path) -> None:
     case = Case(tmp_path, tree(*QUAD))
-    one, other = only((1, "hinge")), only((2, "hinge"))
-
-    def same_as(reference: Morphology) -> Callable[[Morphology], bool]:
-        return lambda body: one(reference)(body) or other(reference)(body)
-
-    model = tree(QUAD[0], (BASE, 1, 4), (BASE, 2, 4), QUAD[3])
-    found = case.compare(model).configurations(same_as)
-    assert wrong_up_to_equivalence(found) == [("leg 3", "hinge")]
+    comparison = case.compare(tree(QUAD[0], (BASE, 1, 4), (BASE, 2, 4), QUAD[3]))
+    one, other = (only(comparison.true_body, (row, "hinge")) for row in (1, 2))
+    cells = comparison.configurations(lambda starts: one(starts) or other(starts))
+    assert wrong_up_to_equivalence(cells) == [("leg 3", "hinge")]
 
 
-def programs(motors: int) -> Array:
-    return np.radians(np.random.default_rng(0).uniform(-30, 30, (500, motors)))
+def felt_alike(
+    comparison: Comparison, case: Case, statics: StaticsPhysics, modalities: Sequence[str] = ALL
+) -> Alike:
+    """The test of equivalence by what bodies feel."""
+    programs = np.radians(np.random.default_rng(0).uniform(-30, 30, (500, 4)))
+    reference = Reference(comparison.true_body, programs, statics, modalities)
+    return LengthSearch(reference, np.array([rule.length for rule in case.problem.parts])).is_like
 
 
 def test_a_roll_with_nothing_off_its_axis_cannot_be_felt(
@@ -288,24 +299,82 @@ def test_a_roll_with_nothing_off_its_axis_cannot_be_felt(
     truth = tree(QUAD[0], (BASE, 1, 4), QUAD[2], QUAD[3])
     case = Case(tmp_path, truth)
     model = tree(QUAD[0], (BASE, 1, 5), (BASE, 2, 3), QUAD[3])
-    found = case.compare(model).configurations(
-        lambda body: Reference(body, programs(4), statics, ALL).is_like
+    comparison = case.compare(tuple(replace(part, length=0.17) for part in model))
+    cells = comparison.configurations(felt_alike(comparison, case, statics))
+    assert wrong(cells) == [("leg 2", "hinge"), ("leg 3", "hinge")]
+    assert wrong_up_to_equivalence(cells) == [("leg 3", "hinge")]
+
+
+KNEES = (*QUAD, (0, 1, 2), (1, 1, 2), (2, 1, 2), (3, 1, 2))
+
+
+def with_knees(case: Case, *parts: tuple[int, int, int], **lengths: float) -> tuple[Part, ...]:
+    """Parts of ``topological-20``: upper ones of 10 cm, lower ones of 8, but for some lengths."""
+    body = case.genome.decode(np.zeros(case.genome.size))
+    return tuple(
+        replace(
+            part,
+            parent=parent,
+            side=side,
+            hinge=hinge,
+            length=lengths.get(f"part_{row}", 0.1 if row <= 4 else 0.08),
+        )
+        for row, (part, (parent, side, hinge)) in enumerate(
+            zip(body.parts, parts, strict=True), start=1
+        )
     )
-    assert wrong(found) == [("leg 2", "hinge"), ("leg 3", "hinge")]
-    assert wrong_up_to_equivalence(found) == [("leg 3", "hinge")]
+
+
+def locked_case(folder: Path, *parts: tuple[int, int, int], **lengths: float) -> Case:
+    names = HIPS_AND_KNEES
+    blank = Case(folder, tree(*KNEES), touch=4, problem="topological-20", names=names)
+    truth = with_knees(blank, *parts, **lengths)
+    return Case(folder, truth, touch=4, problem="topological-20", names=names)
+
+
+def test_a_locked_leg_may_be_divided_otherwise(tmp_path: Path, statics: StaticsPhysics) -> None:
+    """Truly part 6 prolongs part 5; in the model both sit on part 1, and part 6 is longer."""
+    case = locked_case(tmp_path, *KNEES[:5], (4, 1, 2), *KNEES[6:], part_5=0.06, part_6=0.05)
+    model = with_knees(case, *KNEES[:5], (0, 1, 2), *KNEES[6:], part_5=0.03, part_6=0.12)
+    comparison = case.compare(model)
+    cells = comparison.configurations(felt_alike(comparison, case, statics))
+    assert wrong(cells) == [("part 6", "parent")]
+    assert not wrong_up_to_equivalence(cells)
+
+
+def test_lower_parts_that_carry_no_gauge_may_be_exchanged(
+    tmp_path: Path, statics: StaticsPhysics
+) -> None:
+    case = locked_case(tmp_path, *KNEES, part_5=0.06, part_6=0.12)
+    exchanged = (*KNEES[:4], (1, 1, 2), (0, 1, 2), *KNEES[6:])
+    comparison = case.compare(with_knees(case, *exchanged, part_5=0.1, part_6=0.07))
+    blind = felt_alike(comparison, case, statics, ("tilt", "clearance"))
+    assert wrong(comparison.configurations()) == [("part 5", "parent"), ("part 6", "parent")]
+    assert not wrong_up_to_equivalence(comparison.configurations(blind))
+    felt = comparison.configurations(felt_alike(comparison, case, statics))
+    assert wrong_up_to_equivalence(felt) == [("part 5", "parent"), ("part 6", "parent")]
+
+
+@pytest.mark.parametrize(
+    ("row", "part"), [(1, (BASE, 1, 0)), (1, (BASE, 0, 2)), (4, (BASE, 0, 2)), (4, (0, 3, 2))]
+)
+def test_what_no_length_makes_like_the_truth_is_wrong(
+    tmp_path: Path, statics: StaticsPhysics, row: int, part: tuple[int, int, int]
+) -> None:
+    case = locked_case(tmp_path, *KNEES)
+    comparison = case.compare(with_knees(case, *KNEES[:row], part, *KNEES[row + 1 :]))
+    cells = comparison.configurations(felt_alike(comparison, case, statics))
+    assert wrong(cells)
+    assert wrong_up_to_equivalence(cells) == wrong(cells)
 
 
 def test_a_turned_square_is_as_good_as_the_truth_where_nobody_can_tell(tmp_path: Path) -> None:
     case = Case(tmp_path, tree(*QUAD))
     quarter = turned(case.genome.assemble(tree(*QUAD)), 1).parts
     comparison = case.compare((*quarter[:3], replace(quarter[3], hinge=3)))
-
-    def blind(reference: Morphology) -> Callable[[Morphology], bool]:
-        return lambda body: any(body == turned(reference, quarters) for quarters in range(4))
-
-    def exact(reference: Morphology) -> Callable[[Morphology], bool]:
-        return lambda body: body == reference
-
+    images = [turned(comparison.true_body, quarters) for quarters in range(4)]
     assert len(wrong(comparison.configurations())) == 5
-    assert len(wrong_up_to_equivalence(comparison.configurations(exact))) == 5
-    assert wrong_up_to_equivalence(comparison.configurations(blind)) == [("leg 4", "hinge")]
+    exact = comparison.configurations(lambda starts: starts[0] == images[0])
+    assert len(wrong_up_to_equivalence(exact)) == 5
+    blind = comparison.configurations(lambda starts: starts[0] in images)
+    assert wrong_up_to_equivalence(blind) == [("leg 4", "hinge")]
