@@ -15,6 +15,7 @@ from protocol.transport.client import RobotClient
 from protocol.wire.states import State
 
 COMMANDS = ("status", "stop", "clear", "hold", "relax")
+TIMEOUT = 5.0  # s
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--keys", metavar="DIR", help="key directory, where the robot asks for one")
     options = parser.parse_args(arguments)
     try:
-        with RobotClient(options.uri, timeout=5.0, keys=options.keys) as robot:
+        with RobotClient(options.uri, timeout=TIMEOUT, keys=options.keys) as robot:
             if options.command == "stop":
                 robot.stop()
             elif options.command != "status":

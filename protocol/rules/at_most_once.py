@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from protocol.errors import RobotError
+from protocol.text.printable import printable
 from protocol.wire.codec import encode
 from protocol.wire.messages import Request
 
@@ -203,7 +204,7 @@ class Clients:
         """How to speak of a client to another: its software, if it told, and its id."""
         client = self._clients.get(name)
         software = client.software if client is not None else None
-        return _printable(f"{software} (client {name})" if software else f"client {name}")
+        return printable(f"{software} (client {name})" if software else f"client {name}")
 
     @staticmethod
     def _same_user(client: Client, user: str | None) -> None:
@@ -225,8 +226,3 @@ def _sorted(values: Mapping[str, Any]) -> dict[str, Any]:
         key: value + 0.0 if isinstance(value, float) else value
         for key, value in sorted(values.items())
     }
-
-
-def _printable(text: str) -> str:
-    """The text without what could play tricks on the terminal of whoever reads it."""
-    return "".join(char if char.isprintable() else "?" for char in text)

@@ -10,8 +10,6 @@ import uuid
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeAlias, TypeVar
 
-import zmq
-
 from protocol.errors import (
     BodyschemaError,
     RemoteProtocolError,
@@ -77,9 +75,6 @@ class RobotClient(Closable):
             still knows them (``restarted``).
         software: Name and version of the program, for people.
         keys: The key directory, where the robot asks for keys: see ``protocol.security.keys``.
-        on_progress: Called in the waiting thread with each progress of a motion.
-        context: ZeroMQ context; default: its own.
-        clock: The transport clock, s.
 
     Raises:
         EndpointError: ``uri`` is no address.
@@ -98,15 +93,11 @@ class RobotClient(Closable):
         resume_session: str | None = None,
         software: str = "bodyschema",
         keys: str | os.PathLike[str] | None = None,
-        on_progress: OnProgress | None = None,
-        context: zmq.Context[zmq.Socket[bytes]] | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ):
         self._uri = str(Endpoint.parse(uri))
         self._client = client_id or str(uuid.uuid4())
         self._timeout = timeout
         self._software = software
-        self._on_progress = on_progress
         self._lock = threading.Lock()  # ids leave in the order in which they are drawn
         self._next_id = next_id
         self._loose_id = FIRST_LOOSE_ID + 1
@@ -114,11 +105,9 @@ class RobotClient(Closable):
         self._first_id = 0
         self._restarted = False
         self._holding = False
-        self._core = ClientCore(self._client, peer=self._uri, now=clock())
+        self._core = ClientCore(self._client, peer=self._uri, now=time.monotonic())
         client_keys = KeyDirectory(keys).client_keys() if keys is not None else None
-        self._link = ClientThread(
-            self._uri, self._core, keys=client_keys, context=context, clock=clock
-        )
+        self._link = ClientThread(self._uri, self._core, keys=client_keys)
         try:
             self._meet(client_keys)
         except BaseException:
@@ -252,15 +241,13 @@ class RobotClient(Closable):
         return self._ask(
             self._in_session(Perform, request_id=request_id, targets=targets),
             ObservationReply,
-            on_progress=on_progress or self._on_progress,
+            on_progress=on_progress,
             limit=math.inf if timeout is None else timeout,
         )
 
     def read(self, *, on_progress: OnProgress | None = None) -> ObservationReply:
         """Reads the sensors in the present pose."""
-        return self._ask(
-            self._in_session(Read), ObservationReply, on_progress=on_progress or self._on_progress
-        )
+        return self._ask(self._in_session(Read), ObservationReply, on_progress=on_progress)
 
     def hold(self) -> Ok:
         """Ends a motion and holds the pose."""

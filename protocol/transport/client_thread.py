@@ -26,28 +26,16 @@ class ClientThread:
         uri: Where the robot is, ``tcp://host:port``.
         core: The requests and replies; from here on only the thread uses it.
         keys: Who connects, and to which robot; ``None``: to one without keys.
-        context: ZeroMQ context; default: its own.
-        clock: The transport clock, s.
 
     Raises:
         EndpointError: The address cannot be connected to.
     """
 
-    def __init__(
-        self,
-        uri: str,
-        core: ClientCore,
-        *,
-        keys: ClientKeys | None = None,
-        context: zmq.Context[zmq.Socket[bytes]] | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ):
+    def __init__(self, uri: str, core: ClientCore, *, keys: ClientKeys | None = None):
         self._uri = uri
         self._core = core
         self._keys = keys
-        self._clock = clock
-        self._own_context = context is None
-        self._context = context if context is not None else zmq.Context()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._orders: SimpleQueue[_Order] = SimpleQueue()
         self._stopping = False
         self._ended = False
@@ -87,7 +75,7 @@ class ClientThread:
         try:
             while not self._stopping:
                 self._poll()
-                now = self._clock()
+                now = time.monotonic()
                 self._core.wake(now)
                 self._obey(now)
                 self._hear(now)
@@ -101,7 +89,7 @@ class ClientThread:
             self._fail()
 
     def _poll(self) -> None:
-        now = self._clock()
+        now = time.monotonic()
         waiting = bool(self._core.frames(now))  # for a connection, else they would be gone
         due = self._core.give_up_at
         if not waiting:
@@ -139,7 +127,7 @@ class ClientThread:
             return
 
     def _fail(self) -> None:
-        self._obey(self._clock())
+        self._obey(time.monotonic())
         self._core.fail(f"The link to {self._uri} is closed.")
 
     # --- sockets ----------------------------------------------------------------------------------
@@ -151,5 +139,4 @@ class ClientThread:
     def _dispose(self) -> None:
         self._closed = True
         self._waker.close()
-        if self._own_context:
-            self._context.destroy(linger=0)
+        self._context.destroy(linger=0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable
 from typing import Final
 
 import zmq
@@ -30,8 +29,6 @@ class TelemetrySubscriber(Closable):
     Args:
         endpoint: ``RobotClient.telemetry_endpoint``.
         keys: The key directory, where the robot asks for keys.
-        context: ZeroMQ context; default: its own.
-        clock: The transport clock, s.
 
     Attributes:
         garbage: Publications that were no valid telemetry, skipped.
@@ -41,20 +38,11 @@ class TelemetrySubscriber(Closable):
         KeysError: The key directory cannot be used.
     """
 
-    def __init__(
-        self,
-        endpoint: str,
-        *,
-        keys: str | os.PathLike[str] | None = None,
-        context: zmq.Context[zmq.Socket[bytes]] | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ):
+    def __init__(self, endpoint: str, *, keys: str | os.PathLike[str] | None = None):
         self.garbage = 0
         self._endpoint = str(Endpoint.parse(endpoint))
-        self._clock = clock
         client_keys = KeyDirectory(keys).client_keys() if keys is not None else None
-        self._own_context = context is None
-        self._context = context if context is not None else zmq.Context()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         try:
             self._socket = connected(
                 self._context,
@@ -64,7 +52,7 @@ class TelemetrySubscriber(Closable):
                 {zmq.RCVHWM: _QUEUE, zmq.SUBSCRIBE: TOPIC},
             )
         except BaseException:
-            self._dispose()
+            self._context.destroy(linger=0)
             raise
 
     def next(self, timeout: float) -> Telemetry:
@@ -73,10 +61,10 @@ class TelemetrySubscriber(Closable):
         Raises:
             RobotUnreachableError: None came.
         """
-        end = self._clock() + timeout
+        end = time.monotonic() + timeout
         newest: Telemetry | None = None
         while newest is None:
-            patience = math.ceil(max(0.0, end - self._clock()) * 1000)
+            patience = math.ceil(max(0.0, end - time.monotonic()) * 1000)
             if not self._socket.poll(patience):
                 raise RobotUnreachableError(
                     f"Nothing was published at {self._endpoint} for {timeout:g} s."
@@ -87,7 +75,7 @@ class TelemetrySubscriber(Closable):
     def close(self) -> None:
         """Closes the connection; idempotent."""
         self._socket.close()
-        self._dispose()
+        self._context.destroy(linger=0)
 
     def _drain(self) -> Telemetry | None:
         newest: Telemetry | None = None
@@ -100,7 +88,3 @@ class TelemetrySubscriber(Closable):
                 newest = parse_telemetry(decode(frames[-1]))
             except RemoteProtocolError:
                 self.garbage += 1
-
-    def _dispose(self) -> None:
-        if self._own_context:
-            self._context.destroy(linger=0)

@@ -29,6 +29,9 @@ def test_stop_latches_until_clear(capsys: pytest.CaptureFixture[str]) -> None:
     ]
 
 
-def test_nobody_there_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_nobody_there_is_a_sentence(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("protocol.__main__.TIMEOUT", 0.5)
     assert main(["tcp://127.0.0.1:9", "status"]) == 1
     assert "127.0.0.1:9" in capsys.readouterr().err

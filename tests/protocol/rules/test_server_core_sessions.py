@@ -161,4 +161,4 @@ def test_names_cannot_play_tricks_on_a_terminal(bench: Bench) -> None:
     bench.send("c\x1b[2J", "acquire", 1)
     bench.hello("d")
     sentence = bench.reply(bench.send("d", "acquire", 1))["message"]
-    assert sentence == "evil??1 (client c?[2J) holds the robot."
+    assert sentence == r"evil\r\n1 (client c\x1b[2J) holds the robot."

@@ -24,13 +24,13 @@ TARGETS = {"a": 0.1, "b": -0.1}
 def test_a_whole_session(serve: Serve, robot: FakeRobot) -> None:
     server = serve(robot)
     progress: list[Progress] = []
-    with RobotClient(server.endpoint, software="test 1", on_progress=progress.append) as client:
+    with RobotClient(server.endpoint, software="test 1") as client:
         assert client.capabilities.robot == "fake"
         assert client.telemetry_endpoint == server.telemetry_endpoint
         assert client.status().controller is None
         client.acquire()
         assert client.status().controller == client.client_id
-        performed = client.perform(TARGETS)
+        performed = client.perform(TARGETS, on_progress=progress.append)
         assert performed.tilt == (0.1, -0.1)
         assert performed.touch == (True, False, True, False)
         assert progress == [Progress(id=performed.id, phase="moving", fraction=0.5, robot_time=1.0)]
