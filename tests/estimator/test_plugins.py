@@ -1,0 +1,48 @@
+"""Implementations by name, of packages that are installed and of those that are not."""
+
+from pathlib import Path
+
+import pytest
+
+from estimator.errors import EstimatorError
+from estimator.parallel import cluster
+from estimator.plugins import Registry, installed_packages
+from tests.estimator.outside_package import install
+
+NUMBERS: Registry[float] = Registry(
+    kind="number", group="bodyschema.numbers", own={"pi": "math:pi", "e": "math:e"}
+)
+
+
+def test_our_own_come_first_and_need_no_package() -> None:
+    assert NUMBERS.names() == ("pi", "e")
+    assert NUMBERS.load("e") == pytest.approx(2.71828, abs=1e-5)
+    assert NUMBERS.package("e") == {}
+    assert NUMBERS.described("e") == "'e'"
+    with pytest.raises(EstimatorError, match="there is no number 'tau': choose pi, e"):
+        NUMBERS.check("tau")
+
+
+def test_what_a_package_brings_is_imported_when_it_is_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    points = "[bodyschema.numbers]\ntau = math:tau\nbroken = no_such_module:x\n[other]\nx = y\n"
+    monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
+    assert NUMBERS.names() == ("pi", "e", "tau", "broken")
+    assert NUMBERS.load("tau") == 2 * NUMBERS.load("pi")
+    assert NUMBERS.package("tau") == {"circles": "2.0"}
+    NUMBERS.check("broken")  # imports nothing
+    with pytest.raises(EstimatorError, match=r"'broken' of circles 2\.0 .*No module named 'no_suc"):
+        NUMBERS.load("broken")
+
+
+def test_a_cluster_must_have_the_packages_that_compute_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert installed_packages() == {}
+    theirs = cluster._identity.__wrapped__()
+    points = "[bodyschema.numbers]\ntau = math:tau\n"
+    monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
+    assert installed_packages() == {"circles": "2.0"}
+    with pytest.raises(EstimatorError, match=r"circles is missing there and 2\.0 here"):
+        cluster._compare("Worker 1", theirs, cluster._identity.__wrapped__())
