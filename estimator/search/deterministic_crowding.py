@@ -236,18 +236,18 @@ class DeterministicCrowding:
 
 
 def _checked_genes(genes: Array, shape: tuple[int, int]) -> Array:
-    found = np.array(genes, dtype=float)
-    if found.shape != shape:
-        raise SearchStateError(f"the population must have shape {shape}, not {found.shape}")
-    if not np.all((found >= 0) & (found <= 1)):
+    population = np.array(genes, dtype=float)
+    if population.shape != shape:
+        raise SearchStateError(f"the population must have shape {shape}, not {population.shape}")
+    if not np.all((population >= 0) & (population <= 1)):
         raise SearchStateError("every gene of the population must lie in 0 to 1")
-    return found
+    return population
 
 
 def _checked_errors(errors: Array, size: int) -> Array:
-    found = np.array(errors, dtype=float)
-    if found.shape != (size,):
-        raise SearchStateError(f"tell() needs {size} errors, not an array of shape {found.shape}")
-    if np.any(found == -np.inf):
+    values = np.array(errors, dtype=float)
+    if values.shape != (size,):
+        raise SearchStateError(f"tell() needs {size} errors, not an array of shape {values.shape}")
+    if np.any(values == -np.inf):
         raise SearchStateError("an error of minus infinity would never be replaced")
-    return np.where(np.isnan(found), np.inf, found)
+    return np.where(np.isnan(values), np.inf, values)

@@ -137,8 +137,8 @@ Mutation: TypeAlias = GaussianMutation | ResetMutation
 
 def euclidean(first: Array, second: Array) -> Array:
     """Distance of genomes: Euclid's, every gene counting alike."""
-    found: Array = np.linalg.norm(first - second, axis=1)
-    return found
+    distances: Array = np.linalg.norm(first - second, axis=1)
+    return distances
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from tests.estimator.model_robot import make_capabilities
 
 
 def wire(**changes: object) -> messages.ObservationReply:
-    found = messages.ObservationReply(
+    reply = messages.ObservationReply(
         id=1,
         sequence=3,
         robot_time=2.0,
@@ -25,14 +25,14 @@ def wire(**changes: object) -> messages.ObservationReply:
         settle_time=0.5,
         samples=20,
     )
-    return replace(found, **changes)  # type: ignore[arg-type]
+    return replace(reply, **changes)  # type: ignore[arg-type]
 
 
 def test_joints_come_in_motor_order_whatever_the_wire_says() -> None:
-    found = Observation.from_wire(wire(), make_capabilities())
-    assert found.angles == (0.1, 0.2, 0.3, 0.4)
-    assert by_joint_name(found.angles, make_capabilities()) == wire().angles
-    assert (found.touch, found.tilt, found.clearance) == (
+    observation = Observation.from_wire(wire(), make_capabilities())
+    assert observation.angles == (0.1, 0.2, 0.3, 0.4)
+    assert by_joint_name(observation.angles, make_capabilities()) == wire().angles
+    assert (observation.touch, observation.tilt, observation.clearance) == (
         (True, False, False, True),
         (0.1, -0.1),
         0.05,
@@ -40,15 +40,17 @@ def test_joints_come_in_motor_order_whatever_the_wire_says() -> None:
 
 
 def test_a_reading_that_was_not_taken_stays_absent() -> None:
-    found = Observation.from_wire(wire(touch=None, tilt=None, clearance=None), make_capabilities())
-    assert found.touch == (None, None, None, None)
-    assert found.tilt == (None, None)
-    assert found.clearance is None
+    observation = Observation.from_wire(
+        wire(touch=None, tilt=None, clearance=None), make_capabilities()
+    )
+    assert observation.touch == (None, None, None, None)
+    assert observation.tilt == (None, None)
+    assert observation.clearance is None
 
 
 def test_json_brings_it_back_exactly() -> None:
-    found = Observation.from_wire(wire(clearance=1 / 3), make_capabilities())
-    assert Observation.model_validate_json(found.model_dump_json()) == found
+    observation = Observation.from_wire(wire(clearance=1 / 3), make_capabilities())
+    assert Observation.model_validate_json(observation.model_dump_json()) == observation
 
 
 def test_a_reading_that_is_no_number_cannot_exist() -> None:

@@ -37,9 +37,9 @@ def test_what_can_be_is_left_alone() -> None:
     ],
 )
 def test_what_cannot_be_read_is_named(changed: dict[str, object], sentence: str) -> None:
-    found = impossible_reading(LEVEL.model_copy(update=changed), ROBOT)
-    assert found is not None
-    assert re.search(sentence, found)
+    complaint = impossible_reading(LEVEL.model_copy(update=changed), ROBOT)
+    assert complaint is not None
+    assert re.search(sentence, complaint)
 
 
 def test_a_noisy_sensor_may_read_a_little_below_the_ground() -> None:
@@ -66,6 +66,6 @@ def test_touch_bits_of_a_robot_without_touch_sensors_are_impossible() -> None:
     ],
 )
 def test_a_slip_of_the_unit_is_named(changed: dict[str, object], sentence: str) -> None:
-    found = implausible_body(replace(ROBOT, **changed))  # type: ignore[arg-type]
-    assert found is not None
-    assert re.search(sentence, found)
+    complaint = implausible_body(replace(ROBOT, **changed))  # type: ignore[arg-type]
+    assert complaint is not None
+    assert re.search(sentence, complaint)

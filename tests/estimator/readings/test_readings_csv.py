@@ -34,13 +34,13 @@ def test_what_is_written_is_read(
     write(path, ["a", "b"], observations)
     table = read(path)
     assert table.joints == ("a", "b")
-    for found, wanted in zip(table.observations, observations, strict=True):
-        assert found.angles == pytest.approx(wanted.angles, abs=1e-6)
-        assert found.touch == wanted.touch
-        for one, two in zip(found.tilt, wanted.tilt, strict=True):
+    for read_back, wanted in zip(table.observations, observations, strict=True):
+        assert read_back.angles == pytest.approx(wanted.angles, abs=1e-6)
+        assert read_back.touch == wanted.touch
+        for one, two in zip(read_back.tilt, wanted.tilt, strict=True):
             assert one == (None if two is None else pytest.approx(two, abs=1e-6))
         height = wanted.clearance
-        assert found.clearance == (None if height is None else pytest.approx(height, abs=1e-6))
+        assert read_back.clearance == (None if height is None else pytest.approx(height, abs=1e-6))
 
 
 def test_a_table_written_by_hand(tmp_path: Path) -> None:

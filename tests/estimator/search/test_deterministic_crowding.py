@@ -26,9 +26,9 @@ def search(seed: int = 0, size: int = 20, genes: int = 3) -> DeterministicCrowdi
 
 
 def evaluated(seed: int = 0, size: int = 20, genes: int = 3) -> DeterministicCrowding:
-    found = search(seed, size, genes)
-    found.tell(sphere(found.ask()))
-    return found
+    crowd = search(seed, size, genes)
+    crowd.tell(sphere(crowd.ask()))
+    return crowd
 
 
 def m1(x: Array) -> Array:
@@ -52,87 +52,87 @@ def m3(x: Array) -> Array:
 def test_all_five_peaks_are_kept(
     function: Callable[[Array], Array], peaks: list[float], seed: int
 ) -> None:
-    found = search(seed, size=100, genes=1)
+    crowd = search(seed, size=100, genes=1)
     for _ in range(201):
-        found.tell(1 - function(found.ask()[:, 0]))
+        crowd.tell(1 - function(crowd.ask()[:, 0]))
     for peak in peaks:
-        near = np.abs(found.population[:, 0] - peak) < 0.02
+        near = np.abs(crowd.population[:, 0] - peak) < 0.02
         assert near.sum() >= 3
-        assert function(found.population[near, 0]).max() > 0.999
+        assert function(crowd.population[near, 0]).max() > 0.999
 
 
 def test_the_population_comes_first_then_children() -> None:
-    found = search()
-    first = found.asks
-    assert np.array_equal(found.ask(), found.population)
-    assert np.all(np.isinf(found.limits))
-    found.tell(sphere(found.population))
-    assert [first, found.asks] == ["population", "children"]
-    assert not np.array_equal(found.ask(), found.population)
-    assert found.generation == 0
-    found.tell(np.full(20, np.inf))
-    assert found.generation == 1
+    crowd = search()
+    first = crowd.asks
+    assert np.array_equal(crowd.ask(), crowd.population)
+    assert np.all(np.isinf(crowd.limits))
+    crowd.tell(sphere(crowd.population))
+    assert [first, crowd.asks] == ["population", "children"]
+    assert not np.array_equal(crowd.ask(), crowd.population)
+    assert crowd.generation == 0
+    crowd.tell(np.full(20, np.inf))
+    assert crowd.generation == 1
 
 
 def test_ask_and_tell_take_turns() -> None:
-    found = search()
-    for ahead_of_ask in (lambda: found.tell(np.zeros(20)), lambda: found.limits):
+    crowd = search()
+    for ahead_of_ask in (lambda: crowd.tell(np.zeros(20)), lambda: crowd.limits):
         with pytest.raises(SearchOrderError, match="call ask"):
             ahead_of_ask()
     with pytest.raises(SearchOrderError, match="errors are unknown"):
-        _ = found.errors
-    found.ask()
+        _ = crowd.errors
+    crowd.ask()
     with pytest.raises(SearchOrderError, match="twice"):
-        found.ask()
+        crowd.ask()
     with pytest.raises(SearchOrderError, match="between ask"):
-        found.forget_errors()
+        crowd.forget_errors()
 
 
 def test_only_a_strictly_better_child_replaces_its_rival() -> None:
-    found = evaluated()
-    before, errors = found.population, found.errors
-    found.ask()
-    found.tell(found.limits)  # every child is exactly as good as its rival
-    assert np.array_equal(found.population, before)
-    children, limits = found.ask(), found.limits
-    found.tell(limits - 1e-12)
-    assert sorted(map(tuple, found.population)) == sorted(map(tuple, children))
-    assert np.sort(found.errors) == pytest.approx(np.sort(errors), abs=1e-11)
+    crowd = evaluated()
+    before, errors = crowd.population, crowd.errors
+    crowd.ask()
+    crowd.tell(crowd.limits)  # every child is exactly as good as its rival
+    assert np.array_equal(crowd.population, before)
+    children, limits = crowd.ask(), crowd.limits
+    crowd.tell(limits - 1e-12)
+    assert sorted(map(tuple, crowd.population)) == sorted(map(tuple, children))
+    assert np.sort(crowd.errors) == pytest.approx(np.sort(errors), abs=1e-11)
 
 
 def test_every_member_has_exactly_one_rival() -> None:
-    found = evaluated()
+    crowd = evaluated()
     for _ in range(20):
-        found.ask()
-        assert np.array_equal(np.sort(found.limits), np.sort(found.errors))
-        found.tell(np.full(20, np.inf))
+        crowd.ask()
+        assert np.array_equal(np.sort(crowd.limits), np.sort(crowd.errors))
+        crowd.tell(np.full(20, np.inf))
 
 
 def test_a_child_competes_with_the_parent_that_it_resembles() -> None:
     parents = np.array([[0.1, 0.1, 0.1], [0.9, 0.9, 0.9]])
-    found = DeterministicCrowding(
+    crowd = DeterministicCrowding(
         2,
         3,
         np.random.default_rng(0),
         operators=Operators(crossover=UniformCrossover(), mutation=GaussianMutation(rate=0.0)),
         population=parents,
     )
-    found.tell(found.ask()[:, 0])  # the errors tell the parents apart: 0.1 and 0.9
+    crowd.tell(crowd.ask()[:, 0])  # the errors tell the parents apart: 0.1 and 0.9
     for _ in range(20):
-        children = found.ask()
+        children = crowd.ask()
         nearer = np.where(np.sum(children, axis=1) < 1.5, 0.1, 0.9)
-        assert np.array_equal(found.limits, nearer)
-        found.tell(np.full(2, np.inf))
+        assert np.array_equal(crowd.limits, nearer)
+        crowd.tell(np.full(2, np.inf))
 
 
 def test_nan_loses_and_anything_replaces_it() -> None:
-    found = search()
-    found.ask()
-    found.tell(np.full(20, np.nan))
-    assert np.all(np.isinf(found.errors))
-    found.ask()
-    found.tell(np.where(np.arange(20) < 10, 1.0, np.nan))
-    assert np.sum(found.errors == 1.0) == 10
+    crowd = search()
+    crowd.ask()
+    crowd.tell(np.full(20, np.nan))
+    assert np.all(np.isinf(crowd.errors))
+    crowd.ask()
+    crowd.tell(np.where(np.arange(20) < 10, 1.0, np.nan))
+    assert np.sum(crowd.errors == 1.0) == 10
 
 
 def test_an_evaluation_may_stop_at_its_limit() -> None:
@@ -145,27 +145,27 @@ def test_an_evaluation_may_stop_at_its_limit() -> None:
 
 
 def test_the_population_is_carried_over_when_errors_are_forgotten() -> None:
-    found = evaluated()
-    before = found.population
-    found.forget_errors()
-    assert found.asks == "population"
-    assert np.array_equal(found.ask(), before)
-    found.tell(np.arange(20.0))
-    assert found.best == 0
-    assert found.generation == 0
+    crowd = evaluated()
+    before = crowd.population
+    crowd.forget_errors()
+    assert crowd.asks == "population"
+    assert np.array_equal(crowd.ask(), before)
+    crowd.tell(np.arange(20.0))
+    assert crowd.best == 0
+    assert crowd.generation == 0
 
 
 @settings(max_examples=30)
 @given(stop=st.integers(0, 12), pending=st.booleans())
 def test_a_saved_search_goes_on_identically(stop: int, pending: bool) -> None:
-    def advance(found: DeterministicCrowding, turns: range) -> DeterministicCrowding:
+    def advance(crowd: DeterministicCrowding, turns: range) -> DeterministicCrowding:
         for turn in turns:
             if turn == 6:
-                found.forget_errors()
-            errors = sphere(found.ask())
+                crowd.forget_errors()
+            errors = sphere(crowd.ask())
             errors[errors > 0.3] = np.inf
-            found.tell(errors)
-        return found
+            crowd.tell(errors)
+        return crowd
 
     straight = advance(search(), range(13))
     saved = advance(search(), range(stop))
@@ -178,10 +178,10 @@ def test_a_saved_search_goes_on_identically(stop: int, pending: bool) -> None:
 
 
 def test_it_finds_a_minimum() -> None:
-    found = search(size=60)
+    crowd = search(size=60)
     for _ in range(60):
-        found.tell(sphere(found.ask()))
-    assert found.errors[found.best] < 1e-3
+        crowd.tell(sphere(crowd.ask()))
+    assert crowd.errors[crowd.best] < 1e-3
 
 
 def test_impossible_searches_are_refused() -> None:
@@ -199,13 +199,13 @@ def test_impossible_searches_are_refused() -> None:
 
 
 def test_impossible_errors_are_refused() -> None:
-    found = search()
-    found.ask()
+    crowd = search()
+    crowd.ask()
     with pytest.raises(SearchStateError, match="20 errors, not an array of shape"):
-        found.tell(np.zeros(19))
+        crowd.tell(np.zeros(19))
     with pytest.raises(SearchStateError, match="minus infinity"):
-        found.tell(np.full(20, -np.inf))
-    found.tell(np.zeros(20))
+        crowd.tell(np.full(20, -np.inf))
+    crowd.tell(np.zeros(20))
 
 
 def test_damaged_states_are_refused() -> None:
