@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 import sys
 
+from bench.still_robot import still_robot
 from protocol.transport.server import Server
 from robot.host.clock import WallClock
 from robot.service.daemon import HOUSEKEEPING, serve
-from sim_robot.simulator.still_robot import still_robot
 
 
 def main() -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import serial
 
+from bench.still_robot import StillWorld, example_config
 from protocol.transport.server import Server
 from robot.drivers.buses import Buses
 from robot.drivers.serial_line import open_serial
@@ -27,7 +28,6 @@ from robot.service.daemon import HOUSEKEEPING, build_controller, serve
 from robot.service.devices import open_devices
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
-from sim_robot.simulator.still_robot import StillWorld, example_config
 
 
 def main() -> None:

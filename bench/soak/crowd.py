@@ -10,13 +10,13 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 
 from bench.daemons import Daemon
+from bench.network_proxy import MessageProxy, TcpProxy, Weather
 from bench.soak.vitals import Sample, take_sample
 from protocol.errors import RobotError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from sim_robot.faults.network_proxy import MessageProxy, TcpProxy, Weather
 from sim_robot.simulator.wiring import configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels

@@ -47,7 +47,8 @@ _FLOATING: Final = 0xFF  # what a bus reads where no board answers
 _CONVERSION_TIME: Final = 4e-6
 _GRACE: Final = 5e-3  # beyond the nominal time of any wait
 _MAX_POLLS: Final = 20_000  # ends a wait even if the clock stands still; a port access takes 1 µs
-_SCAN_CODES: Final = MappingProxyType({20: 0x00, 15: 0x10, 10: 0x20, 5: 0x30})
+_SCAN_INTERVAL: Final = 20e-6  # between the channels: the longest, so that the input settles best
+_SCAN_20_US: Final = 0x00
 
 _PROBE: Final = (
     (_LOW, 0x00),
@@ -133,11 +134,6 @@ class DMM32:
         base: Base address as jumpered, one of ``BASES``; factory setting 0x300.
         clock: Measures deadlines.
         range_: Input range of all channels, a key of ``RANGES``.
-        scan_interval_us: Time between the channels of a scan, 5, 10, 15 or 20 µs; a longer one
-            lets the input settle better.
-
-    Raises:
-        CommandError: An argument that the board cannot be set to.
     """
 
     def __init__(
@@ -147,21 +143,12 @@ class DMM32:
         base: int = 0x300,
         clock: Clock,
         range_: str = "±5V",
-        scan_interval_us: int = 20,
     ):
-        if base not in BASES:
-            known = ", ".join(f"0x{one:x}" for one in BASES)
-            raise CommandError(f"the board's base address is one of {known}, not 0x{base:x}")
-        if range_ not in RANGES:
-            raise CommandError(f"the input range is one of {', '.join(RANGES)}, not {range_!r}")
-        if scan_interval_us not in _SCAN_CODES:
-            raise CommandError(f"the scan interval is 5, 10, 15 or 20 µs, not {scan_interval_us!r}")
         self.range = RANGES[range_]
         self._io = port_io
         self._base = base
         self._clock = clock
-        self._scan_interval = scan_interval_us * 1e-6
-        self._range_code = _SCAN_CODES[scan_interval_us] | self.range.code
+        self._range_code = _SCAN_20_US | self.range.code
 
     def probe(self) -> None:
         """Resets the analogue side and makes sure that the board is there.
@@ -201,21 +188,6 @@ class DMM32:
         wanted = " ".join(f"{value:02x}" for value in expected)
         raise self._missing(f"registers 2, 3, 7, 8, 9, 11 read {read} instead of {wanted}")
 
-    def read_polled(self, channel: int) -> float:
-        """Converts one channel.
-
-        Args:
-            channel: 0 to 31.
-
-        Returns:
-            Volts; at either end of ``range`` the input may lie beyond.
-
-        Raises:
-            CommandError: No such channel.
-            DeviceError: The board is gone, hangs or lost a sample.
-        """
-        return self._convert(channel, channel)[0]
-
     def scan(self, low: int, high: int) -> list[float]:
         """Converts the channels ``low`` to ``high`` after one start.
 
@@ -224,15 +196,8 @@ class DMM32:
 
         Raises:
             CommandError: No such channels.
-            DeviceError: As ``read_polled``.
+            DeviceError: The board is gone, hangs or lost a sample.
         """
-        return self._convert(low, high)
-
-    def close(self) -> None:
-        """Gives the ports back."""
-        self._io.close()
-
-    def _convert(self, low: int, high: int) -> list[float]:
         if not 0 <= low <= high < len(CHANNELS):
             raise CommandError(f"channels run upwards within 0 to 31, not {low} to {high}")
         count = high - low + 1
@@ -251,12 +216,16 @@ class DMM32:
             duration = _CONVERSION_TIME
             if count > 1:
                 self._write(_FIFO, _SCAN_ENABLE)
-                duration = count * self._scan_interval
+                duration = count * _SCAN_INTERVAL
             self._write(_DATA, 0)
             if count > 1:
                 self._clock.sleep(duration)  # polling that long would cost more
             self._await(_CONTROL, _BUSY, duration, _CONVERTING)
             return self._samples(count)
+
+    def close(self) -> None:
+        """Gives the ports back."""
+        self._io.close()
 
     def _samples(self, count: int) -> list[float]:
         base, read, volts = self._base + _DATA, self._io.read, self.range.volts

@@ -1,4 +1,4 @@
-"""Pontech SV203 servo board: eight servos and five 8-bit analogue inputs on a serial line.
+"""Pontech SV203 servo board: eight servos on a serial line; its analogue inputs are not used.
 
 Commands are ASCII lines of at most 20 characters, ended by a carriage return. The board
 acknowledges nothing and ignores what it does not understand. So this driver checks ranges itself,
@@ -122,8 +122,6 @@ class SV203:
         line_gap: float = 0.003,
         reply_timeout: float = 0.2,
     ):
-        if not 0 <= board <= 255:
-            raise CommandError(f"the board's number must lie in 0 to 255, not {board}")
         self.bytes_written = 0
         self._select = f"BD{board}"
         self._clock = clock
@@ -181,23 +179,6 @@ class SV203:
         for output in wanted:
             _check_output(output)
         return {output: self._query(f"RR{_FIRST_POSITION + output - 1}") for output in wanted}
-
-    def read_analogue(self, channel: int) -> float:
-        """Reads an analogue input.
-
-        Args:
-            channel: 1 to 5.
-
-        Returns:
-            Volts, 0 to 5, in steps of 5/255.
-
-        Raises:
-            CommandError: No such channel.
-            DeviceError: As ``read_counts``.
-        """
-        if channel not in range(1, 6):
-            raise CommandError(f"the board has analogue inputs 1 to 5, not {channel}")
-        return self._query(f"AD{channel}") * 5.0 / 255.0
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
         """Compares the board with what it should have; a difference means a damaged line.

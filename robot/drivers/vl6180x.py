@@ -18,7 +18,7 @@ from smbus2 import i2c_msg
 
 from robot.drivers.buses import Buses
 from robot.drivers.i2c import I2CBus
-from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
+from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
 
@@ -114,8 +114,6 @@ class VL6180X:
     name = VL6180XSettings.name
 
     def __init__(self, bus: I2CBus, *, address: int = 0x29, clock: Clock):
-        if not 0x08 <= address <= 0x77:
-            raise CommandError(f"an I²C address lies in 0x08 to 0x77, not 0x{address:x}")
         self._bus = bus
         self._address = address
         self._clock = clock

@@ -63,22 +63,3 @@ class WatchedClock:
         """Tells, then lets ``seconds`` pass."""
         self._on_sleep()
         self._clock.sleep(seconds)
-
-
-class SteppedClock:
-    """A clock that stands still unless somebody sleeps on it or charges it."""
-
-    def __init__(self, start: float = 0.0):
-        self._now = start
-
-    def now(self) -> float:
-        """The time so far, s."""
-        return self._now
-
-    def sleep(self, seconds: float) -> None:
-        """Advances at once."""
-        self._now += max(seconds, 0.0)
-
-    def charge(self, seconds: float) -> None:
-        """Advances at once."""
-        self._now += seconds

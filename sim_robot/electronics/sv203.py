@@ -81,10 +81,6 @@ class SV203Emulator(FaultSwitch):
         """
         self._board.on_move = on_move
 
-    def set_analogue(self, channel: int, count: int) -> None:
-        """Sets what analogue input 1 to 5 reads, 0 to 255."""
-        self._board.analogue[channel - 1] = count
-
     def wait_until_read(self, count: int, timeout: float) -> bool:
         """Waits until ``bytes_read`` has reached ``count``.
 

@@ -7,6 +7,5 @@ Module                  What is in it
 ``wiring``              what each wire of the simulated robot carries
 ``miscalibration``      electronics that are not what their configuration says, by a seed
 ``person``              a person for guided sessions, who measures the simulated body
-``still_robot``         the same electronics in a world that never moves
 ======================= =========================================================================
 """

@@ -13,16 +13,16 @@ from pathlib import Path
 
 import pytest
 
+from bench.still_robot import StillWorld, example_config
 from robot.cli.command_line import main
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import load_config
 from robot.drivers.buses import Buses
 from robot.drivers.sv203 import COUNTS
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
-from sim_robot.simulator.still_robot import StillWorld, example_config
+from tests.robot.clocks import InstantClock
 
 PAGE = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text(encoding="utf-8")
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml")).read_text(encoding="utf-8")
@@ -50,7 +50,7 @@ class Newcomer:
 def newcomer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Newcomer]:
     """Somebody in the folder of a new ``robot.toml``, whose devices are emulated."""
     monkeypatch.chdir(tmp_path)
-    board, clock = SV203Emulator(), SteppedClock()
+    board, clock = SV203Emulator(), InstantClock()
     world = StillWorld.around(example_config(board.port))
     daq = DMM32Emulator(world.input, clock)
     distance = VL6180XEmulator(lambda: world.distance_mm, clock)

@@ -23,12 +23,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final
 
+from bench.still_robot import StillRobot, still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
 from sim_robot.electronics.clock import Follower
 from sim_robot.faults.fault_panel import FaultSpec
-from sim_robot.simulator.still_robot import StillRobot, still_robot
 from tests.robot.stepped import Bench, SteppedClock, program, request
 
 LONGEST: Final = 3.0  # s; a motion of ±60° from ±60° takes 1 s to zero, 0.3 s there, and 1 s on

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from sim_robot.faults.network_proxy import Weather
+from bench.network_proxy import Weather
 
 AT_ONCE: Final = "`clear` works at once."
 

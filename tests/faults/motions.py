@@ -9,11 +9,11 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Final
 
+from bench.still_robot import example_config
 from protocol.errors import BodyschemaError, RobotError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply, Status
 from sim_robot.electronics.sv203 import SV203Emulator
-from sim_robot.simulator.still_robot import example_config
 from tests.faults.matrix import PROCESSES
 from tests.processes.simulator import Simulator, simulator
 

@@ -17,10 +17,10 @@ from typing import Final
 
 import pytest
 
+from bench.network_proxy import TcpProxy, lasting_port
 from protocol.errors import RobotError, RobotRestartedError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
-from sim_robot.faults.network_proxy import TcpProxy, lasting_port
 from tests.faults.matrix import PROCESSES
 from tests.faults.motions import (
     DAEMON,

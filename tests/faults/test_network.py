@@ -7,11 +7,11 @@ import random
 
 import pytest
 
+from bench.network_proxy import MessageProxy
 from protocol.errors import RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from sim_robot.faults.network_proxy import MessageProxy
 from tests.faults.matrix import NETWORK, WeatherRow
 from tests.processes.simulator import simulator
 

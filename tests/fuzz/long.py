@@ -26,9 +26,9 @@ import zmq
 from hypothesis import HealthCheck, given, seed, settings
 from hypothesis import strategies as st
 
+from bench.still_robot import still_robot
 from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
-from sim_robot.simulator.still_robot import still_robot
 from tests.fuzz.reference import verdict
 from tests.fuzz.steps import play
 from tests.fuzz.subject import Subject

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 
 import pytest
 
+from bench.network_proxy import lasting_port
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply, Progress
-from sim_robot.faults.network_proxy import lasting_port
 from tests.processes.simulator import simulator
 
 

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import pytest
 
+from bench.still_robot import still_robot
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, Progressed, RobotEvent, Snapshot
 from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
@@ -29,7 +30,6 @@ from protocol.wire.messages import (
 )
 from protocol.wire.states import State
 from robot.control.controller import Controller
-from sim_robot.simulator.still_robot import still_robot
 from tests.protocol.rules.core_bench import Bench
 from tests.robot.stepped import SteppedClock
 

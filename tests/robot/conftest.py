@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from sim_robot.simulator.still_robot import still_robot
+from bench.still_robot import still_robot
 from tests.robot.stepped import Bench, SteppedClock
 
 

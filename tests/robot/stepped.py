@@ -7,9 +7,9 @@ import threading
 from dataclasses import dataclass, field
 from typing import Any
 
+from bench.still_robot import StillRobot
 from protocol.rules.robot_interface import FinalReply, Finished, RobotEvent
 from protocol.wire.messages import Clear, Hold, ObservationReply, Ok, Perform, Read, Relax, Stop
-from sim_robot.simulator.still_robot import StillRobot
 
 
 class SteppedClock:

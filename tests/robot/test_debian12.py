@@ -18,13 +18,14 @@ DEBIAN_12 = ("pyzmq==24.0.1", "msgpack==1.0.3", "pyserial==3.5", "smbus2==0.4.2"
 
 SCRIPT = """
 import logging, sys, threading
+sys.path.append(sys.argv[1])  # has bench; what was installed comes first
 from importlib import resources
 from protocol.transport.client import RobotClient
 from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from robot.host.clock import WallClock
-from sim_robot.simulator.still_robot import still_robot
+from bench.still_robot import still_robot
 
 ours, theirs = KeyDirectory("robot-keys"), KeyDirectory("client-keys")
 name, robot_key = read_public(ours.create("robot"))
@@ -67,7 +68,7 @@ def test_a_daemon_and_a_client_run_on_debian_12_versions(tmp_path: Path) -> None
     subprocess.run([*pip, "--no-deps", str(source)], check=True)
     # -I: nothing of this checkout or of this environment is visible, only what was installed.
     done = subprocess.run(
-        [str(python), "-I", "-W", "error", "-c", SCRIPT],
+        [str(python), "-I", "-W", "error", "-c", SCRIPT, str(source)],
         capture_output=True,
         text=True,
         timeout=60,

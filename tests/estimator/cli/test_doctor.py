@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from bench.still_robot import still_robot
 from estimator.cli import examination
 from estimator.cli.command_line import app
 from estimator.cli.examination import ExaminedItem, Fitness, examine
@@ -25,7 +26,6 @@ from protocol.security.keys import KeyDirectory
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply, Read, RobotRequest
 from robot.host.clock import Clock, WallClock
-from sim_robot.simulator.still_robot import still_robot
 from tests.protocol.conformance.spoilt import Fault, SpoiltServer
 from tests.protocol.conftest import FakeRobot, Keyring
 from tests.protocol.transport.faults import FAULTS

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from bench.still_robot import still_robot
 from protocol.conformance.settings import SuiteSettings
 from protocol.conformance.suite import CheckStatus, run
 from protocol.errors import RobotUnreachableError
@@ -21,7 +22,6 @@ from protocol.security.keys import KeyDirectory
 from protocol.wire.messages import RobotRequest
 from robot.control.controller import Controller
 from robot.host.clock import WallClock
-from sim_robot.simulator.still_robot import still_robot
 from tests.protocol.conformance.spoilt import Fault
 from tests.protocol.conformance.trials import broken, quick_clock, serving, untried
 

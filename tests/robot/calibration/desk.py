@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from robot.errors import DeviceTimeoutError
-from robot.host.clock import SteppedClock
+from tests.robot.clocks import InstantClock
 
 Answer = str | tuple[Callable[[], None], str]
 
@@ -45,7 +45,7 @@ class Script:
 class Board:
     """A servo board in memory that writes down what it was sent, and when."""
 
-    clock: SteppedClock = field(default_factory=SteppedClock)
+    clock: InstantClock = field(default_factory=InstantClock)
     name = "desk"
     repeats = 0
     counts: dict[int, int] = field(default_factory=lambda: dict.fromkeys(range(1, 9), 128))

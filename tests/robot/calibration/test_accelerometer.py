@@ -12,8 +12,8 @@ from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
 from robot.drivers.analogue_sensors import AnalogueAxes
 from robot.errors import AbandonedError
-from robot.host.clock import SteppedClock
 from tests.robot.calibration.desk import Answer, Inputs, Script
+from tests.robot.clocks import InstantClock
 
 BELIEVED = AnalogueAxes(channels=(1, 2, 3), zero=(2.5, 2.5, 2.5), volts_per_g=(1.0, 1.0, 1.0))
 ZERO, GAIN = (2.3, 2.6, 2.5), (-0.9, 1.2, 0.8)
@@ -43,7 +43,7 @@ class Body:
 
 def run(body: Body, script: Script) -> AxesCalibration | None:
     return AccelerometerSession(
-        BELIEVED, body.inputs, rate=50, clock=SteppedClock(), dialogue=Questions(script)
+        BELIEVED, body.inputs, rate=50, clock=InstantClock(), dialogue=Questions(script)
     ).run()
 
 

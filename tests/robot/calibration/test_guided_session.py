@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.still_robot import StillRobot, still_robot
 from robot.calibration.guided_session import GuidedSession, parts
 from robot.calibration.questions import Terminal
 from robot.cli.calibrate import calibrate
@@ -20,10 +21,9 @@ from robot.configuration.calibration_file import (
 )
 from robot.drivers.sv203 import COUNTS
 from robot.errors import AbandonedError, CommandError
-from robot.host.clock import SteppedClock
 from robot.service.devices import Devices
-from sim_robot.simulator.still_robot import StillRobot, still_robot
 from tests.robot.calibration.desk import Answer, Script
+from tests.robot.clocks import InstantClock
 
 ONLY = ("hip_left", "accelerometer", "lower_left", "distance")
 
@@ -31,7 +31,7 @@ ONLY = ("hip_left", "accelerometer", "lower_left", "distance")
 @dataclass
 class Desk:
     robot: StillRobot
-    clock: SteppedClock
+    clock: InstantClock
     devices: Devices
 
     def session(self, terminal: Terminal, *only: str) -> GuidedSession:
@@ -80,7 +80,7 @@ class Desk:
 
 @pytest.fixture
 def desk() -> Iterator[Desk]:
-    clock = SteppedClock()
+    clock = InstantClock()
     with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
         yield Desk(robot, clock, robot.devices)
 
@@ -181,7 +181,7 @@ def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) 
 
 
 def test_an_interrupt_in_mid_motion_leaves_the_joint_where_it_is(desk: Desk) -> None:
-    class Impatient(SteppedClock):
+    class Impatient(InstantClock):
         def sleep(self, seconds: float) -> None:
             super().sleep(seconds)
             if self.now() > 1:

@@ -8,9 +8,9 @@ from robot.calibration.questions import Questions
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import GaugeCalibration
 from robot.drivers.analogue_sensors import StrainGauge
-from robot.host.clock import SteppedClock
 from robot.sensing.touch import TouchPoint
 from tests.robot.calibration.desk import Inputs, Script
+from tests.robot.clocks import InstantClock
 
 GAUGE = StrainGauge(channel=2, tare=0.2, volts_per_newton=0.2)
 BELIEVED = TouchPoint(name="foot", driver=GAUGE, on=0.1, off=0.05, debounce=3)
@@ -33,7 +33,7 @@ def run(foot: Foot, script: Script) -> GaugeCalibration | None:
         GAUGE.channel,
         foot.inputs,
         rate=50,
-        clock=SteppedClock(),
+        clock=InstantClock(),
         dialogue=Questions(script),
     ).run()
 

@@ -10,21 +10,21 @@ from pathlib import Path
 
 import pytest
 
+from bench.still_robot import still_robot
 from robot.cli.calibrate import calibrate
 from robot.cli.command_line import main
 from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.drivers.sv203 import COUNTS
 from robot.errors import AbandonedError
-from robot.host.clock import SteppedClock
-from sim_robot.simulator.still_robot import still_robot
 from tests.robot.calibration.desk import Script
+from tests.robot.clocks import InstantClock
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))
 LEVEL = ("level", "", "", "", "", "yes")
 
 
 def level(file: Path, before: Calibration, script: Script) -> None:
-    clock = SteppedClock()
+    clock = InstantClock()
     with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
         calibrate(
             robot.config,

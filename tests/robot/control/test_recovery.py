@@ -8,10 +8,10 @@ import time
 
 import pytest
 
+from bench.still_robot import still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop
 from sim_robot.faults.fault_panel import FaultSpec
-from sim_robot.simulator.still_robot import still_robot
 from tests.robot.stepped import Bench, SteppedClock, program
 
 

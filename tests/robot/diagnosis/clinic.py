@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from bench.still_robot import StillRobot
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Finding, Severity
-from robot.host.clock import SteppedClock
-from sim_robot.simulator.still_robot import StillRobot
+from tests.robot.clocks import InstantClock
 
 
 @dataclass
 class Clinic:
     robot: StillRobot
-    clock: SteppedClock
+    clock: InstantClock
 
     @property
     def config(self) -> RobotConfig:

@@ -6,14 +6,14 @@ import pytest
 
 from robot.drivers.serial_line import open_serial
 from robot.drivers.sv203 import SV203
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
+from tests.robot.clocks import InstantClock
 from tests.robot.drivers.lines import Wire
 
 
 @pytest.fixture
-def clock() -> SteppedClock:
-    return SteppedClock()
+def clock() -> InstantClock:
+    return InstantClock()
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def servo_board() -> Iterator[SV203Emulator]:
 
 
 @pytest.fixture
-def servos(servo_board: SV203Emulator, clock: SteppedClock) -> Iterator[SV203]:
+def servos(servo_board: SV203Emulator, clock: InstantClock) -> Iterator[SV203]:
     driver = SV203(lambda: open_serial(servo_board.port, 9600), clock=clock)
     yield driver
     driver.close()

@@ -10,7 +10,7 @@ from typing import cast
 import serial
 
 from robot.drivers.sv203 import SV203
-from robot.host.clock import SteppedClock
+from tests.robot.clocks import InstantClock
 
 
 class Wire:
@@ -64,5 +64,5 @@ class Line:
         self._maybe_fail("close")
 
 
-def on_line(line: Line, clock: SteppedClock) -> SV203:
+def on_line(line: Line, clock: InstantClock) -> SV203:
     return SV203(lambda: cast(serial.Serial, line), clock=clock)

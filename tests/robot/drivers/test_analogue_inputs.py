@@ -8,7 +8,7 @@ import pytest
 
 from robot.drivers.analogue_inputs import STUCK_AFTER, AnalogueInputs
 from robot.errors import DeviceDataError
-from robot.host.clock import SteppedClock
+from tests.robot.clocks import InstantClock
 
 CODE = 10 / 65536
 
@@ -32,9 +32,9 @@ class Board:
         return list(self.volts)
 
 
-def inputs(board: Board, clock: SteppedClock | None = None) -> AnalogueInputs:
+def inputs(board: Board, clock: InstantClock | None = None) -> AnalogueInputs:
     connected = AnalogueInputs(
-        board, name="DMM-32", rails=(-5.0, 5.0), clock=clock or SteppedClock()
+        board, name="DMM-32", rails=(-5.0, 5.0), clock=clock or InstantClock()
     )
     connected.connect({2: "the x axis"})
     connected.connect({4: "the gauge"})
@@ -42,7 +42,7 @@ def inputs(board: Board, clock: SteppedClock | None = None) -> AnalogueInputs:
 
 
 def test_sensors_that_are_read_together_share_a_scan_and_later_ones_do_not() -> None:
-    board, clock = Board(), SteppedClock()
+    board, clock = Board(), InstantClock()
     connected = inputs(board, clock)
     assert connected.scan() == {2: 0.0, 4: 0.0}
     assert connected.same_moment()[4] == 0.0
@@ -56,7 +56,7 @@ def test_sensors_that_are_read_together_share_a_scan_and_later_ones_do_not() -> 
 
 
 def test_a_clock_that_ran_backwards_makes_no_scan_look_new() -> None:
-    board, clock = Board(), SteppedClock(10.0)
+    board, clock = Board(), InstantClock(10.0)
     connected = inputs(board, clock)
     connected.scan()
     clock.charge(-5.0)

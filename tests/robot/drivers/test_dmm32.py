@@ -15,8 +15,8 @@ from robot.errors import (
     DeviceMissingError,
     DeviceTimeoutError,
 )
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
+from tests.robot.clocks import InstantClock
 
 
 def staircase(channel: int) -> float:
@@ -24,12 +24,12 @@ def staircase(channel: int) -> float:
 
 
 @pytest.fixture
-def board(clock: SteppedClock) -> DMM32Emulator:
+def board(clock: InstantClock) -> DMM32Emulator:
     return DMM32Emulator(staircase, clock)
 
 
 @pytest.fixture
-def driver(board: DMM32Emulator, clock: SteppedClock) -> DMM32:
+def driver(board: DMM32Emulator, clock: InstantClock) -> DMM32:
     found = DMM32(board, clock=clock)
     found.probe()
     return found
@@ -91,64 +91,53 @@ def test_one_step_is_what_the_range_table_says(range_: str, microvolts: int) -> 
 def test_every_range_reads_back_what_is_there(range_: str, share: float) -> None:
     kind = RANGES[range_]
     volts = kind.low + share * (kind.high - kind.low)
-    clock = SteppedClock()
+    clock = InstantClock()
     driver = DMM32(DMM32Emulator(lambda channel: volts, clock), clock=clock, range_=range_)
     step = (kind.high - kind.low) / 65536
-    assert driver.read_polled(5) == pytest.approx(volts, abs=step)
+    assert driver.scan(5, 5) == [pytest.approx(volts, abs=step)]
     assert driver.scan(3, 4) == [pytest.approx(volts, abs=step)] * 2
 
 
-def test_a_voltage_beyond_the_range_reads_the_end(clock: SteppedClock) -> None:
+def test_a_voltage_beyond_the_range_reads_the_end(clock: InstantClock) -> None:
     driver = DMM32(DMM32Emulator(lambda channel: 7.0, clock), clock=clock, range_="±2.5V")
-    assert driver.read_polled(0) == pytest.approx(2.5, abs=1e-4)
+    assert driver.scan(0, 0) == [pytest.approx(2.5, abs=1e-4)]
 
 
 @given(st.lists(st.tuples(st.integers(0, 31), st.integers(0, 31)), min_size=1, max_size=6))
 def test_scans_and_single_readings_keep_their_channels_apart(
     spans: list[tuple[int, int]],
 ) -> None:
-    clock = SteppedClock()
+    clock = InstantClock()
     driver = DMM32(DMM32Emulator(staircase, clock), clock=clock)
     driver.probe()
     for one, other in spans:
         low, high = min(one, other), max(one, other)
         expected = [pytest.approx(staircase(n), abs=1e-4) for n in range(low, high + 1)]
         assert driver.scan(low, high) == expected
-        assert driver.read_polled(one) == pytest.approx(staircase(one), abs=1e-4)
+        assert driver.scan(one, one) == [pytest.approx(staircase(one), abs=1e-4)]
 
 
 @pytest.mark.parametrize("base", BASES)
-def test_any_base_address_of_the_board(base: int, clock: SteppedClock) -> None:
+def test_any_base_address_of_the_board(base: int, clock: InstantClock) -> None:
     driver = DMM32(DMM32Emulator(staircase, clock, base=base), base=base, clock=clock)
     driver.probe()
-    assert driver.read_polled(9) == pytest.approx(staircase(9), abs=1e-4)
+    assert driver.scan(9, 9) == [pytest.approx(staircase(9), abs=1e-4)]
 
 
-def test_a_scan_takes_its_interval_per_channel(clock: SteppedClock) -> None:
-    for interval in (5, 20):
-        driver = DMM32(DMM32Emulator(staircase, clock), clock=clock, scan_interval_us=interval)
-        start = clock.now()
-        driver.scan(0, 6)
-        assert 7 * interval <= (clock.now() - start) * 1e6 < 7 * interval + 60
+def test_a_scan_takes_its_interval_per_channel(clock: InstantClock) -> None:
+    driver = DMM32(DMM32Emulator(staircase, clock), clock=clock)
+    start = clock.now()
+    driver.scan(0, 6)
+    assert 7 * 20 <= (clock.now() - start) * 1e6 < 7 * 20 + 60
 
 
-def test_arguments_out_of_range_are_refused(
-    driver: DMM32, board: DMM32Emulator, clock: SteppedClock
-) -> None:
-    for act in (
-        lambda: driver.read_polled(32),
-        lambda: driver.read_polled(-1),
-        lambda: driver.scan(4, 3),
-        lambda: driver.scan(0, 32),
-        lambda: DMM32(board, clock=clock, base=0x310),
-        lambda: DMM32(board, clock=clock, range_="±7V"),
-        lambda: DMM32(board, clock=clock, scan_interval_us=7),
-    ):
-        with pytest.raises(CommandError):
-            act()
+@pytest.mark.parametrize(("low", "high"), [(-1, 0), (4, 3), (0, 32)])
+def test_channels_out_of_range_are_refused(driver: DMM32, low: int, high: int) -> None:
+    with pytest.raises(CommandError):
+        driver.scan(low, high)
 
 
-def test_no_board_at_the_base_address(clock: SteppedClock) -> None:
+def test_no_board_at_the_base_address(clock: InstantClock) -> None:
     driver = DMM32(DMM32Emulator(staircase, clock, base=0x280), clock=clock)
     with pytest.raises(DeviceMissingError, match=r"No DMM-32 answers at 0x300.*0xFF.*jumper J7"):
         driver.probe()
@@ -156,7 +145,7 @@ def test_no_board_at_the_base_address(clock: SteppedClock) -> None:
         driver.scan(0, 6)
 
 
-def test_something_else_at_the_base_address(clock: SteppedClock) -> None:
+def test_something_else_at_the_base_address(clock: InstantClock) -> None:
     class Memory:
         def read(self, port: int, n: int = 1) -> bytes:
             return bytes(n)
@@ -171,7 +160,7 @@ def test_something_else_at_the_base_address(clock: SteppedClock) -> None:
         DMM32(Memory(), clock=clock).probe()
 
 
-def test_differential_jumpers_are_named(board: DMM32Emulator, clock: SteppedClock) -> None:
+def test_differential_jumpers_are_named(board: DMM32Emulator, clock: InstantClock) -> None:
     class Differential(Glitch):
         def read(self, port: int, n: int = 1) -> bytes:
             data = super().read(port, n)
@@ -208,20 +197,20 @@ def test_a_faulty_board_is_an_error_and_recovers(
     with pytest.raises(kind, match=words):
         driver.scan(0, 6)
     with pytest.raises(kind, match=words):
-        driver.read_polled(3)
+        driver.scan(3, 3)
     board.mend()
-    assert driver.read_polled(3) == pytest.approx(staircase(3), abs=1e-4)
+    assert driver.scan(3, 3) == [pytest.approx(staircase(3), abs=1e-4)]
 
 
-def test_a_stuck_flag_ends_even_on_a_clock_that_stands_still(clock: SteppedClock) -> None:
-    class Frozen(SteppedClock):
+def test_a_stuck_flag_ends_even_on_a_clock_that_stands_still(clock: InstantClock) -> None:
+    class Frozen(InstantClock):
         def charge(self, seconds: float) -> None:
             pass
 
     board = DMM32Emulator(staircase, clock)
     board.inject("stuck_wait")
     with pytest.raises(DeviceTimeoutError):
-        DMM32(board, clock=Frozen()).read_polled(0)
+        DMM32(board, clock=Frozen()).scan(0, 0)
 
 
 @pytest.mark.parametrize(("low", "high"), [(12, 12), (8, 14)])
@@ -231,7 +220,7 @@ def test_a_board_that_drops_off_the_bus_never_yields_a_wrong_voltage(
 ) -> None:
     outcomes: set[type] = set()
     for first in range(60):
-        clock = SteppedClock()
+        clock = InstantClock()
         board = DMM32Emulator(staircase, clock)
         DMM32(board, clock=clock, range_="±10V").scan(0, 6)
         driver = DMM32(Glitch(board, first, count), clock=clock)
@@ -245,7 +234,7 @@ def test_a_board_that_drops_off_the_bus_never_yields_a_wrong_voltage(
     assert len(outcomes) > 1
 
 
-def test_ports_that_fail_are_a_sentence(clock: SteppedClock) -> None:
+def test_ports_that_fail_are_a_sentence(clock: InstantClock) -> None:
     class Refusing:
         def read(self, port: int, n: int = 1) -> bytes:
             raise OSError(errno.EPERM, os.strerror(errno.EPERM))

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from robot.drivers.serial_line import open_serial
 from robot.drivers.sv203 import OUTPUTS, SV203
 from robot.errors import CommandError, DeviceDataError
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
+from tests.robot.clocks import InstantClock
 from tests.robot.drivers.lines import Line
 
 COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
@@ -23,7 +23,7 @@ COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
 def written_by(board: int, act: Callable[[SV203], object]) -> list[bytes]:
     """The lines that follow the first query."""
     line = Line(lambda: b"128\r")
-    driver = SV203(lambda: cast(serial.Serial, line), board=board, clock=SteppedClock())
+    driver = SV203(lambda: cast(serial.Serial, line), board=board, clock=InstantClock())
     driver.read_counts([1])
     act(driver)
     assert len(line.written) == driver.bytes_written
@@ -86,28 +86,17 @@ def test_a_board_that_was_not_read_is_not_moved(servos: SV203) -> None:
     assert servos.bytes_written == 0
 
 
-def test_other_arguments_out_of_range_are_refused(
-    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock
-) -> None:
-    for act in (
-        lambda: servos.release([0]),
-        lambda: servos.read_counts([9]),
-        lambda: servos.read_analogue(6),
-        lambda: on_line_with_board(256, clock),
-    ):
+def test_other_outputs_out_of_range_are_refused(servos: SV203) -> None:
+    for act in (lambda: servos.release([0]), lambda: servos.read_counts([9])):
         with pytest.raises(CommandError):
             act()
-
-
-def on_line_with_board(board: int, clock: SteppedClock) -> SV203:
-    return SV203(lambda: cast(serial.Serial, Line(lambda: b"")), board=board, clock=clock)
 
 
 @settings(max_examples=40)
 @given(st.lists(COUNTS, max_size=4))
 def test_the_servos_get_what_was_commanded(history: list[dict[int, int]]) -> None:
     emulator = SV203Emulator()
-    driver = SV203(lambda: open_serial(emulator.port, 9600), clock=SteppedClock())
+    driver = SV203(lambda: open_serial(emulator.port, 9600), clock=InstantClock())
     expected = driver.read_counts()
     for counts in history:
         driver.set_counts(counts)
@@ -122,7 +111,7 @@ def test_the_servos_get_what_was_commanded(history: list[dict[int, int]]) -> Non
 
 @pytest.mark.parametrize(("count", "seconds"), [(8, 0.0745), (2, 0.018625), (1, 0.01133), (0, 0.0)])
 def test_pacing_is_the_wire_time_at_9600_baud_plus_3_ms(
-    servos: SV203, clock: SteppedClock, count: int, seconds: float
+    servos: SV203, clock: InstantClock, count: int, seconds: float
 ) -> None:
     servos.read_counts()
     start = clock.now()
@@ -131,15 +120,10 @@ def test_pacing_is_the_wire_time_at_9600_baud_plus_3_ms(
     assert servos.seconds_for(count) == pytest.approx(seconds, abs=1e-5)
 
 
-def test_answers_take_their_time_on_the_wire(servos: SV203, clock: SteppedClock) -> None:
+def test_answers_take_their_time_on_the_wire(servos: SV203, clock: InstantClock) -> None:
     assert servos.read_counts([1, 2]) == {1: 128, 2: 128}
     written = len("BD1RR51\r" + "RR52\r" + "128\r" * 2)
     assert clock.now() == pytest.approx(written * 10 / 9600 + 2 * 0.003)
-
-
-def test_analogue_inputs_read_volts(servos: SV203, servo_board: SV203Emulator) -> None:
-    servo_board.set_analogue(3, 51)
-    assert servos.read_analogue(3) == pytest.approx(1.0)
 
 
 def test_a_board_that_was_reset_ignores_moves_and_is_found_out(

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from robot.drivers.serial_line import open_serial
 from robot.drivers.sv203 import OUTPUTS, SV203
 from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.sv203 import SV203Emulator
+from tests.robot.clocks import InstantClock
 from tests.robot.drivers.lines import Line, Wire, on_line
 
 
@@ -26,7 +26,7 @@ def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emul
 
 
 def test_an_answer_that_waited_for_the_processor_is_not_late(
-    servo_board: SV203Emulator, clock: SteppedClock, monkeypatch: pytest.MonkeyPatch
+    servo_board: SV203Emulator, clock: InstantClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     driver = SV203(lambda: open_serial(servo_board.port, 9600), clock=clock, reply_timeout=5.0)
     read, lost = serial.Serial.read, [0.0]
@@ -55,7 +55,7 @@ def test_nothing_but_damaged_answers_are_an_error(
 
 @pytest.mark.parametrize("known", [False, True])
 def test_a_silent_board_is_an_error_in_time(
-    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock, known: bool
+    servos: SV203, servo_board: SV203Emulator, clock: InstantClock, known: bool
 ) -> None:
     if known:  # it is asked once more, whether it was reset
         servos.read_counts()
@@ -68,7 +68,7 @@ def test_a_silent_board_is_an_error_in_time(
 
 
 def test_another_board_number_gets_no_answer(
-    servo_board: SV203Emulator, clock: SteppedClock
+    servo_board: SV203Emulator, clock: InstantClock
 ) -> None:
     driver = SV203(
         lambda: open_serial(servo_board.port, 9600), board=2, clock=clock, reply_timeout=0.02
@@ -79,7 +79,7 @@ def test_another_board_number_gets_no_answer(
 
 
 def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
-    driver = SV203(lambda: open_serial(wire.name, 9600), clock=SteppedClock())
+    driver = SV203(lambda: open_serial(wire.name, 9600), clock=InstantClock())
     start = time.monotonic()
 
     def write_on() -> None:
@@ -93,7 +93,7 @@ def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
 
 
 def test_unplugged_while_moving_and_back(
-    servos: SV203, servo_board: SV203Emulator, clock: SteppedClock
+    servos: SV203, servo_board: SV203Emulator, clock: InstantClock
 ) -> None:
     servos.read_counts([1])
     servos.set_counts({1: 90})
@@ -119,7 +119,7 @@ def test_unplugged_while_moving_and_back(
 
 def test_a_count_that_may_not_have_arrived_is_sent_again() -> None:
     failure: dict[str, Exception] = {}
-    driver = on_line(Line(lambda: b"128\r", failure), SteppedClock())
+    driver = on_line(Line(lambda: b"128\r", failure), InstantClock())
     driver.read_counts([1])
     driver.set_counts({1: 10})
     failure["write"] = OSError(errno.EIO, "Input/output error")
@@ -134,7 +134,7 @@ def test_a_count_that_may_not_have_arrived_is_sent_again() -> None:
 
 def test_one_wrong_but_sound_answer_is_not_taken_for_a_reset() -> None:
     replies = iter([b"128\r", b"12\r", b"128\r"])
-    driver = on_line(Line(lambda: next(replies)), SteppedClock())
+    driver = on_line(Line(lambda: next(replies)), InstantClock())
     assert driver.verify({1: 128, 2: 128}) == []
 
 
@@ -150,14 +150,14 @@ def test_one_wrong_but_sound_answer_is_not_taken_for_a_reset() -> None:
     ids=lambda failure: type(failure).__name__,
 )
 def test_every_way_a_line_fails_is_a_sentence(where: str, failure: Exception) -> None:
-    driver = on_line(Line(lambda: b"128\r", {where: failure}), SteppedClock())
+    driver = on_line(Line(lambda: b"128\r", {where: failure}), InstantClock())
     with pytest.raises(DeviceMissingError, match=r"^The serial port /dev/ttyS0 failed while .*\.$"):
         driver.read_counts([1])
 
 
 def test_closing_a_vanished_line_is_no_error() -> None:
     failure: dict[str, Exception] = {"close": OSError(errno.EIO, "Input/output error")}
-    on_line(Line(lambda: b"", failure), SteppedClock()).close()
+    on_line(Line(lambda: b"", failure), InstantClock()).close()
 
 
 @given(
@@ -169,7 +169,7 @@ def test_closing_a_vanished_line_is_no_error() -> None:
 )
 def test_garbage_is_never_taken_for_a_count(chunks: list[bytes]) -> None:
     replies = iter(chunks * 3)
-    driver = on_line(Line(lambda: next(replies)), SteppedClock())
+    driver = on_line(Line(lambda: next(replies)), InstantClock())
     try:
         found = driver.read_counts([1])[1]
     except DeviceError:

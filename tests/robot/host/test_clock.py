@@ -2,7 +2,8 @@ from __future__ import annotations
 
 import time
 
-from robot.host.clock import SteppedClock, WallClock
+from robot.host.clock import WallClock
+from tests.robot.clocks import InstantClock
 
 
 def test_wall_clock_sleeps_and_is_not_moved_by_charges() -> None:
@@ -15,7 +16,7 @@ def test_wall_clock_sleeps_and_is_not_moved_by_charges() -> None:
 
 
 def test_stepped_clock_moves_by_exactly_what_is_slept_and_charged() -> None:
-    clock = SteppedClock(5.0)
+    clock = InstantClock(5.0)
     real = time.monotonic()
     clock.sleep(100.0)
     clock.charge(0.5)

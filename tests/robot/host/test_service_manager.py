@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from bench.still_robot import StillRobot, still_robot
 from robot.host.clock import WallClock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from sim_robot.electronics.dmm32 import DMM32Emulator
-from sim_robot.simulator.still_robot import StillRobot, still_robot
 from tests.robot.stepped import program
 
 PATIENCE = 0.2  # s; the manager's, as WatchdogSec

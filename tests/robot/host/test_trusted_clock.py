@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.errors import DeviceDataError
-from robot.host.clock import SteppedClock
 from robot.host.trusted_clock import MAX_GAP, SteadyClock
 from sim_robot.electronics.clock import HostClock
+from tests.robot.clocks import InstantClock
 
 
 def test_ordinary_delay_is_no_jump() -> None:
-    below = SteppedClock()
+    below = InstantClock()
     clock = SteadyClock(below)
     clock.watch()
     for _ in range(10):
@@ -23,7 +23,7 @@ def test_ordinary_delay_is_no_jump() -> None:
 
 @pytest.mark.parametrize(("jump", "words"), [(10, r"jumped by \+10"), (-3, r"jumped by -3\.0")])
 def test_a_jump_is_noticed_once(jump: int, words: str) -> None:
-    host = HostClock(SteppedClock())
+    host = HostClock(InstantClock())
     clock = SteadyClock(host)
     clock.watch()
     host.inject("jump", jump)
@@ -33,7 +33,7 @@ def test_a_jump_is_noticed_once(jump: int, words: str) -> None:
 
 
 def test_what_happened_before_is_forgotten() -> None:
-    host = HostClock(SteppedClock())
+    host = HostClock(InstantClock())
     clock = SteadyClock(host)
     host.inject("jump", 100)
     host.inject("jump", -50)
@@ -45,7 +45,7 @@ def test_what_happened_before_is_forgotten() -> None:
 def test_it_never_runs_backwards_and_loses_no_time_that_passed(
     steps: list[tuple[int, float]],
 ) -> None:
-    host = HostClock(SteppedClock())
+    host = HostClock(InstantClock())
     clock = SteadyClock(host)
     for jump, passed in steps:
         host.inject("jump", jump)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robot.host.clock import SteppedClock
 from robot.sensing.raw_samples import sample_channels, sample_distance, spread
 from tests.robot.calibration.desk import Inputs
+from tests.robot.clocks import InstantClock
 from tests.robot.sensing.test_sensors import Leaning
 
 
@@ -26,7 +26,7 @@ def test_channels_are_sampled_at_the_rate_and_picked_out() -> None:
             self.scans += 1
             return [float(self.scans), 0.0, 0.0, 10.0]
 
-    clock = SteppedClock()
+    clock = InstantClock()
     last, first = sample_channels(Counting(), [5, 2], count=4, rate=50, clock=clock)
     assert (first.mean, last.mean) == (2.5, 10.0)
     assert clock.now() == pytest.approx(4 / 50)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from protocol.wire.readings import clearance_of, tilt_of
 from robot.errors import DeviceDataError
-from robot.host.clock import SteppedClock
 from robot.sensing.plausibility import Underside
 from robot.sensing.sensors import BellySensor, Sensing
+from tests.robot.clocks import InstantClock
 
 WIDE = Underside(length=1.0, width=1.0)  # its middle is 0.18 m up when it leans by 20°
 
@@ -56,7 +56,7 @@ def sensing(metres: float | None) -> Sensing:
         accelerometer=Leaning(),
         touch=(),
         belly=(Ruler(metres), BellySensor(zero=0.0, reach=0.15)),
-        clock=SteppedClock(),
+        clock=InstantClock(),
         rate=50.0,
         underside=WIDE,
     )
@@ -96,7 +96,7 @@ def test_the_robot_reads_what_the_protocol_defines(
         accelerometer=Leaning((x, y, z)),
         touch=(),
         belly=(Ruler(millimetres / 1000), sensor),
-        clock=SteppedClock(),
+        clock=InstantClock(),
         rate=50.0,
     ).average(1)
     assert reading.tilt == pytest.approx(tilt_of((x, y, z)), abs=1e-7)  # asin is steep at its ends

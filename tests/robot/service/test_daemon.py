@@ -6,8 +6,8 @@ import logging
 import signal
 import sys
 
+from bench.still_robot import still_robot
 from robot.service.daemon import serve
-from sim_robot.simulator.still_robot import still_robot
 from tests.robot.stepped import SteppedClock
 
 SIGNALS = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]

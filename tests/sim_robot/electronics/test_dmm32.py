@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
+from tests.robot.clocks import InstantClock
 
 BASE = 0x300
 
@@ -14,7 +14,7 @@ class Bench:
     """The board with port access by offset."""
 
     def __init__(self) -> None:
-        self.clock = SteppedClock()
+        self.clock = InstantClock()
         self.volts = dict.fromkeys(range(32), 0.0)
         self.board = DMM32Emulator(lambda channel: self.volts[channel], self.clock)
 

@@ -8,15 +8,15 @@ import pytest
 from smbus2 import i2c_msg
 
 from robot.drivers.vl6180x import VL6180X
-from robot.host.clock import SteppedClock
 from sim_robot.electronics.vl6180x import VL6180XEmulator
+from tests.robot.clocks import InstantClock
 
 ADDRESS = 0x29
 
 
 class Bench:
     def __init__(self) -> None:
-        self.clock = SteppedClock()
+        self.clock = InstantClock()
         self.distance: float | None = 42.0
         self.chip = VL6180XEmulator(lambda: self.distance, self.clock)
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import pytest
 import zmq
 
-from sim_robot.faults.network_proxy import MessageProxy, TcpProxy, Weather
+from bench.network_proxy import MessageProxy, TcpProxy, Weather
 
 
 @pytest.fixture
