@@ -127,7 +127,7 @@ class Comparison:
     @property
     def not_representable(self) -> tuple[str, ...]:
         """What no genome of the problem can have right, in sentences."""
-        attached = (text for found in self._impossible.values() for text in found.values())
+        attached = (text for misfits in self._impossible.values() for text in misfits.values())
         return (*attached, *self._lengths_out_of_range())
 
     def configurations(self, alike: Alike | None = None) -> tuple[Configuration, ...]:
@@ -183,15 +183,15 @@ class Comparison:
             value = body.parts[value].parent
         return value
 
-    def _misfits(self, row: int, found: TrueLimb) -> dict[str, str]:
+    def _misfits(self, row: int, true_limb: TrueLimb) -> dict[str, str]:
         """What no genome of the problem has right about a row, by trait."""
         misfits = {
             trait: sentence
-            for trait, sentence in found.not_representable.items()
+            for trait, sentence in true_limb.not_representable.items()
             if trait in self._traits(row)
         }
-        if found.limb.parent > row:
-            misfits["parent"] = f"{found.name} sits on a part that comes later in the problem"
+        if true_limb.limb.parent > row:
+            misfits["parent"] = f"{true_limb.name} sits on a part that comes later in the problem"
         return misfits
 
     def _wrong(self, reference: Morphology) -> set[Cell]:
@@ -205,11 +205,11 @@ class Comparison:
     def _lengths_out_of_range(self) -> Iterator[str]:
         if len(self._rows) < len(self._problem.parts):
             return  # nobody knows how the true lengths are divided among the parts
-        for row, found in sorted(self._rows.items()):
-            length, (shortest, longest) = found.limb.length, self._problem.parts[row].length
+        for row, true_limb in sorted(self._rows.items()):
+            length, (shortest, longest) = true_limb.limb.length, self._problem.parts[row].length
             if not shortest - _SLIGHT <= length <= longest + _SLIGHT:
                 yield (
-                    f"{found.name} carries a part of {1000 * length:.0f} mm, and the problem "
+                    f"{true_limb.name} carries a part of {1000 * length:.0f} mm, and the problem "
                     f"allows {1000 * shortest:.0f} to {1000 * longest:.0f} mm"
                 )
 
@@ -271,8 +271,8 @@ class Comparison:
 
     def _true_body(self, legs: Mapping[int, TrueLimb]) -> Morphology:
         parts = list(self._model.parts)
-        for row, found in self._rows.items():
-            limb = found.limb
+        for row, true_limb in self._rows.items():
+            limb = true_limb.limb
             parts[row] = replace(
                 parts[row],
                 parent=parts[row].parent if "parent" in self._impossible[row] else limb.parent,

@@ -130,11 +130,11 @@ def draw_lengths(
 
 def _markers(sides: Sequence[str]) -> list[str]:
     """A marker for each leg; no two share one as long as there are enough."""
-    found: list[str] = []
+    markers: list[str] = []
     for side in sides:
-        free = [mark for mark in (MARKERS[side], *OTHER_MARKERS) if mark not in found]
-        found.append(free[0] if free else MARKERS[side])
-    return found
+        free = [mark for mark in (MARKERS[side], *OTHER_MARKERS) if mark not in markers]
+        markers.append(free[0] if free else MARKERS[side])
+    return markers
 
 
 def _label(name: str) -> str:

@@ -130,15 +130,17 @@ def _counts(runs: Sequence[Summary]) -> str:
         TOPOLOGICAL: TOPOLOGICAL_RUNS,
         TOPOLOGICAL_8X4: TOPOLOGICAL_RUNS,
     }
-    found = []
+    counts = []
     for problem, wanted in papers.items():
         planned = [item.run for item in runs if item.run.problem == problem]
         variants = len({run.variant for run in planned})
         if variants > 1:
-            found.append(f"{len(planned)} {problem}, {variants} variants; the paper: {wanted} each")
+            counts.append(
+                f"{len(planned)} {problem}, {variants} variants; the paper: {wanted} each"
+            )
         elif planned:
-            found.append(f"{len(planned)} {problem}; the paper: {wanted}")
-    return ". ".join(found)
+            counts.append(f"{len(planned)} {problem}; the paper: {wanted}")
+    return ". ".join(counts)
 
 
 def _runs(runs: Sequence[Summary]) -> list[str]:

@@ -185,9 +185,9 @@ def _draw(
     if "fig2" in asked:
         drawn.append(figure2.make(shelf, budget))
     if "fig3" in asked:
-        found = figure3.make(shelf, budget, runs)
-        samples = found.samples
-        drawn.append(found.drawn)
+        models = figure3.make(shelf, budget, runs)
+        samples = models.samples
+        drawn.append(models.drawn)
     if "fig4" in asked:
         drawn.append(figure4.make(shelf, budget, runs))
     if "fig5" in asked:

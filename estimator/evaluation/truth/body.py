@@ -107,7 +107,7 @@ class _Reader:
     def limbs(self) -> tuple[TrueLimb, ...]:
         frames = {BASE: self._poses[self._root]}  # parents come first in document order
         lengths: dict[int, float] = {}
-        found: dict[int, TrueLimb] = {}
+        by_motor: dict[int, TrueLimb] = {}
         for joint in self._driven:
             motor = self._motors[joint.name]
             parent = self._limb_of[joint.parent.link]
@@ -122,14 +122,14 @@ class _Reader:
             hinge, twist = _nearest(axis, np.array(HINGE_AXES))
             lengths[motor] = length
             limb = Limb(motor=motor, parent=parent, side=side, hinge=hinge, length=length)
-            found[motor] = TrueLimb(
+            by_motor[motor] = TrueLimb(
                 name=joint.name,
                 limb=limb,
                 not_representable=_misfits(
                     limb, joint.name, offset=offset, yaw=yaw, slant=slant, twist=twist
                 ),
             )
-        return tuple(found[motor] for motor in sorted(found))
+        return tuple(by_motor[motor] for motor in sorted(by_motor))
 
     def _direction(self, motor: int, start: Array, parent: _Pose) -> tuple[int, float, float]:
         """The side towards which a limb points, how far it reaches there, and its slant from it.
@@ -179,22 +179,22 @@ class _Reader:
 def _misfits(
     limb: Limb, name: str, *, offset: float, yaw: int, slant: float, twist: float
 ) -> dict[str, str]:
-    found = {}
+    misfits = {}
     if offset > PLACE_TOLERANCE:
-        found["side"] = (
+        misfits["side"] = (
             f"{name} sits {offset * 1000:.0f} mm from the nearest place that a genome can name, "
             f"{limb.side_name}"
         )
     elif slant > ANGLE_TOLERANCE:
-        found["side"] = f"{name} points {math.degrees(slant):.0f} degrees away from {SIDES[yaw]}"
+        misfits["side"] = f"{name} points {math.degrees(slant):.0f} degrees away from {SIDES[yaw]}"
     elif yaw != limb.side:
-        found["side"] = f"{name} sits on the {limb.side_name} but points {SIDES[yaw]}"
+        misfits["side"] = f"{name} sits on the {limb.side_name} but points {SIDES[yaw]}"
     if twist > ANGLE_TOLERANCE:
-        found["hinge"] = (
+        misfits["hinge"] = (
             f"{name} has its axis {math.degrees(twist):.0f} degrees from that of the nearest "
             f"hinge, {limb.hinge_name}"
         )
-    return found
+    return misfits
 
 
 def _pose(origin: Origin) -> _Pose:

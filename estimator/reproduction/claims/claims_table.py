@@ -66,11 +66,11 @@ class ClaimsTable:
 
     def markdown(self) -> list[str]:
         """The table for people, as paragraphs."""
-        found = []
+        paragraphs = []
         for statement in STATEMENTS if self.findings else ():
             rows = [item for item in self.findings if item.panel == statement.panel]
             held = sum(item.verdict == "holds" for item in rows)
-            found += [
+            paragraphs += [
                 f"**Figure {statement.panel}: {overall(statement, rows)}** ({held} of {len(rows)} "
                 f'hold). "{statement.words}"',
                 "\n".join(
@@ -83,7 +83,7 @@ class ClaimsTable:
                 ),
             ]
         if self.findings:
-            found += [
+            paragraphs += [
                 "Runs are compared in pairs, seed by seed, at the end of the last iteration: "
                 "one-sided Wilcoxon signed-rank tests, Holm's correction over all "
                 f"{len(self.findings)}; *holds* and *contradicted* (the opposite, corrected alike) "
@@ -94,8 +94,8 @@ class ClaimsTable:
                 *self._tilt_alone(),
             ]
         if self.successes is not None:
-            found.append(_successes(self.successes))
-        return found
+            paragraphs.append(_successes(self.successes))
+        return paragraphs
 
     def _tilt_alone(self) -> list[str]:
         start = (

@@ -211,10 +211,10 @@ def judge(samples: Samples) -> tuple[VariantComparison, ...]:
     opposite = [smaller([-item for item in pairs[index].differences]) for index in tested]
     triples = zip(values, holm(values), holm(opposite), strict=True)
     corrected = dict(zip(tested, triples, strict=True))
-    found = []
+    comparisons = []
     for index, ((panel, better, worse), pair) in enumerate(zip(claims, pairs, strict=True)):
         p, less, more = corrected.get(index, (None, None, None))
-        found.append(
+        comparisons.append(
             VariantComparison(
                 panel=panel,
                 better=better,
@@ -228,7 +228,7 @@ def judge(samples: Samples) -> tuple[VariantComparison, ...]:
                 verdict=_verdict(less, more),
             )
         )
-    return tuple(found)
+    return tuple(comparisons)
 
 
 def overall(statement: Statement, findings: Sequence[VariantComparison]) -> ClaimVerdict:
@@ -242,11 +242,11 @@ def overall(statement: Statement, findings: Sequence[VariantComparison]) -> Clai
 def tilt_alone(samples: Samples) -> tuple[Aside, ...]:
     """How models that know tilt alone compare with those that know more."""
     panels: tuple[Panel, ...] = ("3a", "3b")
-    found = []
+    asides = []
     for panel in panels:
         for number in TILT_AND_MORE:
             pair = _Paired.of(samples, panel, TILT_ALONE, number)
-            found.append(
+            asides.append(
                 Aside(
                     panel=panel,
                     other=number,
@@ -255,7 +255,7 @@ def tilt_alone(samples: Samples) -> tuple[Aside, ...]:
                     p=different(pair.differences) if len(pair) else None,
                 )
             )
-    return tuple(found)
+    return tuple(asides)
 
 
 def judge_successes(ours: Share) -> SuccessFinding:

@@ -78,12 +78,12 @@ def mean_difference(differences: Sequence[float]) -> MeanDifference:
 def holm(values: Sequence[float]) -> list[float]:
     """Values of p corrected for their number (Holm 1979), in the order given."""
     order = sorted(range(len(values)), key=lambda index: values[index])
-    found = [0.0] * len(values)
+    corrected = [0.0] * len(values)
     highest = 0.0
     for rank, index in enumerate(order):
         highest = max(highest, min(1.0, (len(values) - rank) * values[index]))
-        found[index] = highest
-    return found
+        corrected[index] = highest
+    return corrected
 
 
 def rates_differ(one: Share, other: Share) -> float:

@@ -80,8 +80,8 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
         finally:
             engine.disconnect(physicsClientId=client)
     blocks = fine.reshape(HEIGHT, _FINER, WIDTH, _FINER, 3)
-    found: Picture = blocks.mean(axis=(1, 3)).astype(np.uint8)
-    return found
+    picture: Picture = blocks.mean(axis=(1, 3)).astype(np.uint8)
+    return picture
 
 
 def _render(engine: Any, client: int, ground: int, middle: Array, scale: float) -> Array:
@@ -103,14 +103,14 @@ def _render(engine: Any, client: int, ground: int, middle: Array, scale: float) 
         physicsClientId=client,
     )
     shape = (HEIGHT * _FINER, WIDTH * _FINER)
-    found: Array = np.reshape(np.array(pixels, dtype=float), (*shape, 4))[..., :3]
+    image: Array = np.reshape(np.array(pixels, dtype=float), (*shape, 4))[..., :3]
     place = _places(np.reshape(view, (4, 4)).T, np.reshape(projection, (4, 4)).T)
     bare = np.isin(np.reshape(seen, shape), (ground, _NOTHING))
     near = np.linalg.norm(place - middle[:2], axis=-1) < _CLEAR * _RADIUS
-    found[bare & ~near] = np.median(found[bare & near], axis=0)
+    image[bare & ~near] = np.median(image[bare & near], axis=0)
     off = np.abs(place / (_MESH * scale) - np.round(place / (_MESH * scale))) * _MESH * scale
-    found[bare & near & np.any(off < _LINE_WIDTH / 2, axis=-1)] *= _LINE_SHADE
-    return found
+    image[bare & near & np.any(off < _LINE_WIDTH / 2, axis=-1)] *= _LINE_SHADE
+    return image
 
 
 def _places(view: Array, projection: Array) -> Array:
@@ -122,8 +122,8 @@ def _places(view: Array, projection: Array) -> Array:
     eye = np.linalg.inv(view)[:3, 3]
     ray = far[..., :3] / far[..., 3:] - eye
     ray[..., 2] = np.minimum(ray[..., 2], -1e-9)  # what looks up sees no ground
-    found: Array = eye[:2] - eye[2] * ray[..., :2] / ray[..., 2:]
-    return found
+    ground: Array = eye[:2] - eye[2] * ray[..., :2] / ray[..., 2:]
+    return ground
 
 
 def _add(engine: Any, client: int, item: Solid, colour: tuple[float, ...]) -> int:

@@ -52,20 +52,20 @@ HISTORY: tuple[str, ...] = ("panel", "generation", "iteration", "quantity", "of"
 """Columns of a table of errors and lengths over generations."""
 
 
-def history_rows(found: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
+def history_rows(run: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
     """Every model's error, and the best model's leg lengths, of every generation.
 
     Args:
-        found: The run.
+        run: The run.
         panels: Names of the panel of errors and of that of lengths.
     """
-    for item in found.generations:
+    for item in run.generations:
         for model, error in enumerate(item.errors, start=1):
             known = f"{error:.6g}" if math.isfinite(error) else None
             yield panels[0], item.number, item.iteration + 1, "subjective_error", model, known
-    for item in found.generations:
-        lengths = found.best_lengths(item).tolist()
-        for joint, length in zip(found.score.joints, lengths, strict=True):
+    for item in run.generations:
+        lengths = run.best_lengths(item).tolist()
+        for joint, length in zip(run.score.joints, lengths, strict=True):
             value = f"{length:.6g}"
             yield panels[1], item.number, item.iteration + 1, "leg_length_m", joint, value
 
@@ -75,15 +75,15 @@ def _finite(error: float) -> float | None:
     return error if math.isfinite(error) else None
 
 
-def history_numbers(found: FinishedRun) -> dict[str, Any]:
+def history_numbers(run: FinishedRun) -> dict[str, Any]:
     """A run at the end of each iteration."""
-    ends = found.iteration_ends
+    ends = run.iteration_ends
     return {
-        "seed": found.run.seed,
-        "modalities": list(found.run.variant.modalities),
-        "joints": list(found.score.joints),
-        "true_lengths_m": list(found.score.true_lengths_m),
+        "seed": run.planned.seed,
+        "modalities": list(run.planned.variant.modalities),
+        "joints": list(run.score.joints),
+        "true_lengths_m": list(run.score.true_lengths_m),
         "last_generations": [item.number for item in ends],
         "best_errors": [_finite(min(item.errors)) for item in ends],
-        "best_lengths_m": [found.best_lengths(item).tolist() for item in ends],
+        "best_lengths_m": [run.best_lengths(item).tolist() for item in ends],
     }

@@ -29,13 +29,13 @@ CAPTION = (
 
 def make(shelf: Shelf, budget: Budget) -> Drawn:
     """Draws the figure and writes its files."""
-    found = list(shelf.read(typical_runs(budget)))
-    if len(found) < len(PANELS):
+    finished = list(shelf.read(typical_runs(budget)))
+    if len(finished) < len(PANELS):
         return Drawn(name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False)
     picture = Figure(figsize=(11, 7.4), layout="constrained")
     axes = picture.subplots(2, 2)
     rows: list[Row] = []
-    for line, (run, panels) in enumerate(zip(found, PANELS, strict=True)):
+    for line, (run, panels) in enumerate(zip(finished, PANELS, strict=True)):
         draw_errors(axes[line, 0], run.generations)
         draw_lengths(
             axes[line, 1],
@@ -46,27 +46,28 @@ def make(shelf: Shelf, budget: Budget) -> Drawn:
             sides=run.true_sides,
         )
         for panel, column in zip(panels, axes[line], strict=True):
-            what = ", ".join(run.run.variant.modalities)
+            what = ", ".join(run.planned.variant.modalities)
             column.set_title(f"{panel}   {what}", loc="left", fontsize="medium", pad=22)
         rows += history_rows(run, panels)
     numbers = {
         "caption": CAPTION,
         "runs": {
-            "".join(panels): history_numbers(run) for run, panels in zip(found, PANELS, strict=True)
+            "".join(panels): history_numbers(run)
+            for run, panels in zip(finished, PANELS, strict=True)
         },
     }
     write_figure(shelf.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
-    return Drawn(name=NAME, caption=CAPTION, sentences=tuple(_sentence(run) for run in found))
+    return Drawn(name=NAME, caption=CAPTION, sentences=tuple(_sentence(run) for run in finished))
 
 
-def _sentence(found: FinishedRun) -> str:
-    last = found.generations[-1]
-    errors = (found.best_lengths(last) - found.true_lengths) * 1000
+def _sentence(run: FinishedRun) -> str:
+    last = run.generations[-1]
+    errors = (run.best_lengths(last) - run.true_lengths) * 1000
     legs = ", ".join(
-        f"{joint} {error:+.0f}" for joint, error in zip(found.score.joints, errors, strict=True)
+        f"{joint} {error:+.0f}" for joint, error in zip(run.score.joints, errors, strict=True)
     )
     return (
-        f"With {', '.join(found.run.variant.modalities)} (seed {found.run.seed}) the last best "
-        f"model has a subjective error of {number(found.result.sensor_error)}; its legs are "
+        f"With {', '.join(run.planned.variant.modalities)} (seed {run.planned.seed}) the last best "
+        f"model has a subjective error of {number(run.result.sensor_error)}; its legs are "
         f"wrong by {legs} mm."
     )

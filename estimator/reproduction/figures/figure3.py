@@ -66,10 +66,10 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Figure3:
     cells: list[_Cell] = []
     chance: Quality | None = None
     for variant in VARIANTS:
-        for found in shelf.read(parametric_runs(variant, runs, budget)):
-            cells += _cells(found)
+        for run in shelf.read(parametric_runs(variant, runs, budget)):
+            cells += _cells(run)
             if chance is None:
-                chance = random_models(found.genome, found.true_lengths)
+                chance = random_models(run.genome, run.true_lengths)
     if chance is None:
         missing = Drawn(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
@@ -117,15 +117,15 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Figure3:
     return Figure3(drawn, _samples(cells, iterations))
 
 
-def _cells(found: FinishedRun) -> list[_Cell]:
-    ends = found.iteration_ends
-    lengths = np.array([found.best_lengths(item) for item in ends])
-    measured = quality(lengths, found.true_lengths)
+def _cells(run: FinishedRun) -> list[_Cell]:
+    ends = run.iteration_ends
+    lengths = np.array([run.best_lengths(item) for item in ends])
+    measured = quality(lengths, run.true_lengths)
     return [
         _Cell(
-            variant=found.run.variant.number,
+            variant=run.planned.variant.number,
             iteration=item.iteration + 1,
-            seed=found.run.seed,
+            seed=run.planned.seed,
             mean_leg_error_m=float(measured.mean_error[index]),
             longest_minus_shortest_m=float(measured.spread[index]),
             variance_m2=float(measured.variance[index]),
@@ -168,7 +168,7 @@ def _draw(axes: Axes, cells: Sequence[_Cell], iterations: int, measure: str, sca
 
 
 def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = []
+    bars: list[dict[str, Any]] = []
     for iteration in range(1, iterations + 1):
         for variant in VARIANTS:
             bar: dict[str, Any] = {"iteration": iteration, "variant": variant.number}
@@ -177,8 +177,8 @@ def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:
                 mean, deviation = mean_and_deviation(values)
                 bar["runs"] = len(values)
                 bar[measure] = {"mean": mean, "standard_deviation": deviation}
-            found.append(bar)
-    return found
+            bars.append(bar)
+    return bars
 
 
 def _row(cell: _Cell) -> Row:
@@ -191,21 +191,21 @@ def _row(cell: _Cell) -> Row:
 
 def _samples(cells: Sequence[_Cell], iterations: int) -> Samples:
     """Model quality at the end of the last iteration."""
-    found: dict[Any, dict[int, float]] = {}
+    samples: dict[Any, dict[int, float]] = {}
     for variant in VARIANTS:
         for panel, measure, _, _ in _MEASURES:
-            found[f"3{panel}", variant.number] = {
+            samples[f"3{panel}", variant.number] = {
                 cell.seed: getattr(cell, measure)
                 for cell in cells
                 if (cell.variant, cell.iteration) == (variant.number, iterations)
             }
-    return found
+    return samples
 
 
 def _sentences(
     cells: Sequence[_Cell], iterations: int, chance: dict[str, Array]
 ) -> tuple[str, ...]:
-    found = []
+    sentences = []
     for panel, measure, _, scale in _MEASURES:
         parts = []
         for variant in VARIANTS:
@@ -215,8 +215,8 @@ def _sentences(
             if mean is not None:
                 whisker = "" if deviation is None else f" ± {deviation * scale:.0f}"
                 parts.append(f"{variant.number}: {mean * scale:.0f}{whisker}")
-        found.append(
+        sentences.append(
             f"{panel}, after iteration {iterations} (mm): {'; '.join(parts)}; random models "
             f"{float(np.mean(chance[measure])) * scale:.0f}."
         )
-    return tuple(found)
+    return tuple(sentences)

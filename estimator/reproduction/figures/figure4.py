@@ -47,43 +47,43 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
         return Drawn(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
-    (found,) = shelf.read([chosen])
-    right = np.array([found.configurations_right(item) for item in found.generations])
-    names = _names(found)
+    (run,) = shelf.read([chosen])
+    right = np.array([run.configurations_right(item) for item in run.generations])
+    names = _names(run)
     picture = Figure(figsize=(12, 8), layout="constrained")
     axes = picture.subplots(2, 2, height_ratios=(1, 1))
-    draw_errors(axes[0, 0], found.generations)
+    draw_errors(axes[0, 0], run.generations)
     draw_lengths(
         axes[0, 1],
-        found.generations,
-        found.genome,
-        found.score.joints,
-        targets=found.score.true_lengths_m,
-        sides=found.true_sides,
+        run.generations,
+        run.genome,
+        run.score.joints,
+        targets=run.score.true_lengths_m,
+        sides=run.true_sides,
     )
-    _draw_ends(axes[1, 0], found, right, names)
-    _draw_generations(axes[1, 1], found, right, names)
+    _draw_ends(axes[1, 0], run, right, names)
+    _draw_generations(axes[1, 1], run, right, names)
     for panel, letter in zip(axes.flat, ("a", "b", "c", "c, each generation"), strict=True):
         panel.set_title(letter, loc="left")
-    rows = [*history_rows(found, ("a", "b")), *_configuration_rows(found, right, names)]
+    rows = [*history_rows(run, ("a", "b")), *_configuration_rows(run, right, names)]
     numbers = {
         "caption": CAPTION,
-        "successful": found.successful,
-        **history_numbers(found),
+        "successful": run.successful,
+        **history_numbers(run),
         "configurations": names,
-        "right_at_iteration_ends": [right[item.number].tolist() for item in found.iteration_ends],
+        "right_at_iteration_ends": [right[item.number].tolist() for item in run.iteration_ends],
         "first_generation_with_all_right": _first_with_all(right),
     }
     write_figure(shelf.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
-    return Drawn(name=NAME, caption=CAPTION, sentences=_sentences(found, right))
+    return Drawn(name=NAME, caption=CAPTION, sentences=_sentences(run, right))
 
 
-def _names(found: FinishedRun) -> list[str]:
-    return [f"{item.part} {_LETTERS[item.trait]}" for item in found.score.configurations]
+def _names(run: FinishedRun) -> list[str]:
+    return [f"{item.part} {_LETTERS[item.trait]}" for item in run.score.configurations]
 
 
-def _draw_ends(axes: Axes, found: FinishedRun, right: Any, names: list[str]) -> None:
-    for item in found.iteration_ends:
+def _draw_ends(axes: Axes, run: FinishedRun, right: Any, names: list[str]) -> None:
+    for item in run.iteration_ends:
         for row, correct in enumerate(right[item.number]):
             axes.scatter(
                 item.iteration + 1,
@@ -94,13 +94,13 @@ def _draw_ends(axes: Axes, found: FinishedRun, right: Any, names: list[str]) -> 
                 edgecolor="black",
                 linewidth=0.8,
             )
-    axes.set_xticks([item.iteration + 1 for item in found.iteration_ends])
-    axes.set_xlim(0.4, len(found.iteration_ends) + 0.6)
+    axes.set_xticks([item.iteration + 1 for item in run.iteration_ends])
+    axes.set_xlim(0.4, len(run.iteration_ends) + 0.6)
     axes.set_xlabel("iteration")
     _rows(axes, names)
 
 
-def _draw_generations(axes: Axes, found: FinishedRun, right: Any, names: list[str]) -> None:
+def _draw_generations(axes: Axes, run: FinishedRun, right: Any, names: list[str]) -> None:
     axes.imshow(
         right.T,
         aspect="auto",
@@ -110,7 +110,7 @@ def _draw_generations(axes: Axes, found: FinishedRun, right: Any, names: list[st
         vmax=1,
         extent=(-0.5, len(right) - 0.5, len(names) - 0.5, -0.5),
     )
-    mark_iterations(axes, found.generations)
+    mark_iterations(axes, run.generations)
     axes.set_xlabel("generation")
     _rows(axes, names)
 
@@ -124,10 +124,10 @@ def _rows(axes: Axes, names: list[str]) -> None:
             axes.axhline(row - 0.5, color="0.7", linewidth=0.6)
 
 
-def _configuration_rows(found: FinishedRun, right: Any, names: list[str]) -> list[Row]:
+def _configuration_rows(run: FinishedRun, right: Any, names: list[str]) -> list[Row]:
     return [
         ("c", item.number, item.iteration + 1, "configuration_right", name, int(correct))
-        for item in found.generations
+        for item in run.generations
         for name, correct in zip(names, right[item.number], strict=True)
     ]
 
@@ -137,32 +137,32 @@ def _first_with_all(right: Any) -> int | None:
     return int(complete[0]) if len(complete) else None
 
 
-def _sentences(found: FinishedRun, right: Any) -> tuple[str, ...]:
-    score, first = found.score, _first_with_all(right)
+def _sentences(run: FinishedRun, right: Any) -> tuple[str, ...]:
+    score, first = run.score, _first_with_all(right)
     total = score.configurations_total
-    if found.successful and first is not None:
-        item = found.generations[first]
+    if run.successful and first is not None:
+        item = run.generations[first]
         start = (
-            f"Seed {found.run.seed} is the first whose best model has all {total} configurations "
+            f"Seed {run.planned.seed} is the first whose best model has all {total} configurations "
             f"right; it had them for the first time in iteration {item.iteration + 1} (the "
             "paper's run: in the eighth)."
         )
     else:
         start = (
-            f"No run found all {total} configurations. Shown is seed {found.run.seed}, the first "
+            f"No run found all {total} configurations. Shown is seed {run.planned.seed}, the first "
             f"of those with most right, {score.configurations_right}."
         )
-    fits = _fits(found)
+    fits = _fits(run)
     lengths = ", ".join(
-        f"{found_length * 1000:.0f} ({true * 1000:.0f})"
-        for found_length, true in zip(score.lengths_m, score.true_lengths_m, strict=True)
+        f"{length * 1000:.0f} ({true * 1000:.0f})"
+        for length, true in zip(score.lengths_m, score.true_lengths_m, strict=True)
     )
     return start, fits, f"Leg lengths of its last best model, and the robot's (mm): {lengths}."
 
 
-def _fits(found: FinishedRun) -> str:
+def _fits(run: FinishedRun) -> str:
     """How well the model explains the readings, beside the true body."""
-    error, truth = found.result.sensor_error, found.score.true_body_error
+    error, truth = run.result.sensor_error, run.score.true_body_error
     return (
         f"Its last best model has a subjective error of {number(error)}, where the true body, had "
         f"it been a model, has {number(truth)}."

@@ -65,9 +65,9 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
         return Drawn(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
-    (found,) = shelf.read([chosen])
-    poses = [observed(item) for item in (found.interactions[0], *found.predictions[:1])]
-    subjects = [[_robot(found, shelf, pose), *_models(found, pose)] for pose in poses]
+    (run,) = shelf.read([chosen])
+    poses = [observed(item) for item in (run.interactions[0], *run.predictions[:1])]
+    subjects = [[_robot(run, shelf, pose), *_models(run, pose)] for pose in poses]
     radius = max(reach(item.solids) for line in subjects for item in line)
     picture = Figure(figsize=(14, 6.2), layout="constrained")
     axes = picture.subplots(len(poses), len(subjects[0]), squeeze=False)
@@ -79,29 +79,29 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
             column.set_xlabel(_reading(item), fontsize="small")
             if not line:
                 column.set_title(f"{panel}   {item.name}", loc="left")
-        axes[line, 0].set_ylabel(f"{name}\n{_angles(found, pose)}")
+        axes[line, 0].set_ylabel(f"{name}\n{_angles(run, pose)}")
     patches = [
         Patch(color=COLOURS[leg % len(COLOURS)], label=joint)
-        for leg, joint in enumerate(found.score.joints)
+        for leg, joint in enumerate(run.score.joints)
     ]
     picture.legend(handles=patches, loc="outside lower center", ncols=len(patches), frameon=False)
     rows = [
-        _row(name, panel, item, _angles(found, pose))
+        _row(name, panel, item, _angles(run, pose))
         for name, pose, line in zip(ROWS, poses, subjects, strict=False)
         for panel, item in zip("abcd", line, strict=False)
     ]
     numbers: dict[str, Any] = {
         "caption": CAPTION,
-        "seed": found.run.seed,
+        "seed": run.planned.seed,
         "poses": [dict(zip(HEADER, row, strict=True)) for row in rows],
     }
     write_figure(shelf.root, NAME, picture, header=HEADER, rows=rows, numbers=numbers)
-    return Drawn(name=NAME, caption=CAPTION, sentences=(_sentence(found, subjects),))
+    return Drawn(name=NAME, caption=CAPTION, sentences=(_sentence(run, subjects),))
 
 
-def _robot(found: FinishedRun, shelf: Shelf, pose: Observation) -> _Subject:
-    joints = [joint["name"] for joint in found.result.robot["joints"]]
-    driven = {joints[motor]: motor for motor in found.problem.motors.driven}
+def _robot(run: FinishedRun, shelf: Shelf, pose: Observation) -> _Subject:
+    joints = [joint["name"] for joint in run.result.robot["joints"]]
+    driven = {joints[motor]: motor for motor in run.problem.motors.driven}
     angles = dict(zip(joints, pose.angles, strict=True))
     left, ahead = pose.tilt
     attitude = Attitude(
@@ -115,12 +115,12 @@ def _robot(found: FinishedRun, shelf: Shelf, pose: Observation) -> _Subject:
     )
 
 
-def _models(found: FinishedRun, pose: Observation) -> list[_Subject]:
-    ends = found.iteration_ends
+def _models(run: FinishedRun, pose: Observation) -> list[_Subject]:
+    ends = run.iteration_ends
     chosen = sorted({0, (len(ends) - 1) // 2, len(ends) - 1})
-    bodies = [found.best(ends[index]) for index in chosen]
+    bodies = [run.best(ends[index]) for index in chosen]
     angles = np.array(pose.angles)
-    with closing(in_this_process("pybullet", found.world)) as physics:
+    with closing(in_this_process("pybullet", run.world)) as physics:
         readings = physics.read([(body, angles) for body in bodies])
     return [
         _model(f"model after iteration {index + 1}", body, angles, readings, row)
@@ -145,8 +145,8 @@ def _model(
     )
 
 
-def _angles(found: FinishedRun, pose: Observation) -> str:
-    driven = (pose.angles[motor] for motor in sorted(found.problem.motors.driven))
+def _angles(run: FinishedRun, pose: Observation) -> str:
+    driven = (pose.angles[motor] for motor in sorted(run.problem.motors.driven))
     return ", ".join(f"{math.degrees(angle):+.0f}°" for angle in driven)
 
 
@@ -168,13 +168,13 @@ def _row(name: str, panel: str, item: _Subject, angles: str) -> Row:
     return name, panel, item.name, angles, _touched(item), left, ahead, clear
 
 
-def _sentence(found: FinishedRun, subjects: Sequence[Sequence[_Subject]]) -> str:
+def _sentence(run: FinishedRun, subjects: Sequence[Sequence[_Subject]]) -> str:
     parts = []
     for name, line in zip(ROWS, subjects, strict=False):
         robot, last = line[0].attitude.tilt, line[-1].attitude.tilt
         miss = max(abs(math.degrees(a - b)) for a, b in zip(robot, last, strict=True))
         parts.append(f"{miss:.1f}° in the {name}")
     return (
-        f"Seed {found.run.seed}: the tilt of the last model differs from the robot's by at most "
+        f"Seed {run.planned.seed}: the tilt of the last model differs from the robot's by at most "
         f"{' and '.join(parts)}."
     )

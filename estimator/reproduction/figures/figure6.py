@@ -61,30 +61,32 @@ def make(
     shelf: Shelf, budget: Budget, runs: int | None, study: Study
 ) -> tuple[Drawn, Share | None]:
     """Draws the figure of a study and writes its files; the share of runs with all right."""
-    found = list(shelf.read(topological_runs(runs, budget, study.problem)))
-    if not found:
+    finished = list(shelf.read(topological_runs(runs, budget, study.problem)))
+    if not finished:
         missing = ("All runs are missing.",)
         return Drawn(
             name=study.name, caption=study.caption, sentences=missing, complete=False
         ), None
-    chance = found[0].score.configurations_chance
-    successes = share(sum(run.successful for run in found), len(found))
-    picture = Figure(figsize=(max(6.0, 0.42 * len(found) + 2.5), 5), layout="constrained")
-    _draw(picture.subplots(), found, chance)
+    total = finished[0].score.configurations_total
+    informative = finished[0].score.configurations_informative
+    chance = finished[0].score.configurations_chance
+    successes = share(sum(run.successful for run in finished), len(finished))
+    picture = Figure(figsize=(max(6.0, 0.42 * len(finished) + 2.5), 5), layout="constrained")
+    _draw(picture.subplots(), finished, chance)
     alike = sum(
         run.score.configurations_right_up_to_equivalence == run.score.configurations_total
-        for run in found
+        for run in finished
     )
-    hidden = sum(map(_is_hidden, found))
+    hidden = sum(map(_is_hidden, finished))
     numbers: dict[str, Any] = {
         "caption": study.caption,
-        "seeds": [run.run.seed for run in found],
-        "right": [run.score.configurations_right for run in found],
+        "seeds": [run.planned.seed for run in finished],
+        "right": [run.score.configurations_right for run in finished],
         "right_up_to_equivalence": [
-            run.score.configurations_right_up_to_equivalence for run in found
+            run.score.configurations_right_up_to_equivalence for run in finished
         ],
-        "configurations": found[0].score.configurations_total,
-        "informative_configurations": found[0].score.configurations_informative,
+        "configurations": total,
+        "informative_configurations": informative,
         "by_chance": chance,
         "successes": successes.successes,
         "successes_up_to_equivalence": alike,
@@ -97,16 +99,15 @@ def make(
         study.name,
         picture,
         header=HEADER,
-        rows=[_row(run) for run in found],
+        rows=[_row(run) for run in finished],
         numbers=numbers,
     )
-    total = found[0].score.configurations_total
     sentences = (
         f"{successes.successes} of {successes.trials} runs found all {total} configurations "
         f"(95 % interval {successes.low:.0%} to {successes.high:.0%}), {alike} of "
         f"{successes.trials} up to equivalence; the paper: 1 of 10, all of its 12.",
         f"By chance {chance:.2f} of {total} would be right. "
-        f"{total - found[0].score.configurations_informative} of the {total} cannot be wrong: the "
+        f"{total - informative} of the {total} cannot be wrong: the "
         "first part has nothing to sit on but the main body.",
         f"In {hidden} of {successes.trials} runs the true body, had it been a model, fits worse "
         "than the best one that was found. Where by much, its simulation comes to rest otherwise "
@@ -121,9 +122,9 @@ def _is_hidden(run: FinishedRun) -> bool:
     return best is not None and (truth is None or truth > best)
 
 
-def _draw(axes: Axes, found: Sequence[FinishedRun], chance: float) -> None:
-    total = max(run.score.configurations_total for run in found)
-    for place, run in enumerate(found):
+def _draw(axes: Axes, finished: Sequence[FinishedRun], chance: float) -> None:
+    total = max(run.score.configurations_total for run in finished)
+    for place, run in enumerate(finished):
         right = run.score.configurations_right
         alike = run.score.configurations_right_up_to_equivalence
         for cell in range(run.score.configurations_total):
@@ -144,8 +145,8 @@ def _draw(axes: Axes, found: Sequence[FinishedRun], chance: float) -> None:
         linewidth=1.6,
         label=f"a model drawn at random: {chance:.2f} of {total}",
     )
-    axes.set_xticks(range(len(found)), [str(run.run.seed) for run in found], rotation=90)
-    axes.set_xlim(-0.6, len(found) - 0.4)
+    axes.set_xticks(range(len(finished)), [str(run.planned.seed) for run in finished], rotation=90)
+    axes.set_xlim(-0.6, len(finished) - 0.4)
     axes.set_yticks(range(0, total + 1, 2))
     axes.set_ylim(0, total)
     axes.set_xlabel("run (seed)")
@@ -155,16 +156,16 @@ def _draw(axes: Axes, found: Sequence[FinishedRun], chance: float) -> None:
         axes.spines[side].set_visible(False)
 
 
-def _row(found: FinishedRun) -> Row:
-    scored, errors = found.score, found.validation and found.validation.best_model
+def _row(run: FinishedRun) -> Row:
+    scored, errors = run.score, run.validation and run.validation.best_model
     return (
-        found.run.seed,
+        run.planned.seed,
         scored.configurations_right,
         scored.configurations_right_up_to_equivalence,
         scored.configurations_total,
         scored.configurations_informative_right,
         scored.configurations_informative,
-        found.result.sensor_error,
+        run.result.sensor_error,
         scored.true_body_error,
         scored.mean_leg_error_m,
         *(errors and errors[modality.error_name] for modality in MODALITIES.values()),

@@ -73,7 +73,7 @@ def model_solids(body: Morphology, angles: Sequence[float] | Array) -> list[Soli
     """A model in its own frame: capsules on a box."""
     origins, turns = part_frames(body, angles)
     lying = rotation((0.0, 1.0, 0.0), math.pi / 2)  # turns a cylinder from z to x
-    found = [
+    solids = [
         Solid(kind="box", size=body.base.size, turn=np.eye(3), place=np.zeros(3), limb=MAIN_BODY)
     ]
     for index, part in enumerate(body.parts):
@@ -83,12 +83,12 @@ def model_solids(body: Morphology, angles: Sequence[float] | Array) -> list[Soli
             origins[index] + turns[index][:, 0] * x for x in (part.near_centre, part.far_centre)
         ]
         straight = part.far_centre - part.near_centre
-        found += [
+        solids += [
             Solid(kind="sphere", size=(part.radius,), turn=np.eye(3), place=end, limb=limb)
             for end in ends
         ]
         if straight > 0:
-            found.append(
+            solids.append(
                 Solid(
                     kind="cylinder",
                     size=(part.radius, straight),
@@ -97,7 +97,7 @@ def model_solids(body: Morphology, angles: Sequence[float] | Array) -> list[Soli
                     limb=limb,
                 )
             )
-    return found
+    return solids
 
 
 def robot_solids(urdf: Urdf, angles: Mapping[str, float], motors: Mapping[str, int]) -> list[Solid]:
@@ -119,13 +119,15 @@ def robot_solids(urdf: Urdf, angles: Mapping[str, float], motors: Mapping[str, i
             turn = turn @ rotation(axis, angles.get(joint.name, 0.0))
         frames[joint.child.link] = turn, place
         limbs[joint.child.link] = motors.get(joint.name, limbs[joint.parent.link])
-    found = []
+    solids = []
     for link in urdf.links:
         for collision in link.collisions:
             turn, place = _inside(frames[link.name], collision.origin)
             kind, size = _shape(collision.geometry.shape)
-            found.append(Solid(kind=kind, size=size, turn=turn, place=place, limb=limbs[link.name]))
-    return found
+            solids.append(
+                Solid(kind=kind, size=size, turn=turn, place=place, limb=limbs[link.name])
+            )
+    return solids
 
 
 def at_rest(solids: Sequence[Solid], attitude: Attitude) -> list[Solid]:
@@ -146,8 +148,8 @@ def _up(attitude: Attitude, *, upright: bool) -> Array:
     x, y = math.sin(ahead), math.sin(left)
     z = math.sqrt(max(0.0, 1 - x * x - y * y))
     up = np.array([x, y, z if upright else -z])
-    found: Array = up / np.linalg.norm(up)
-    return found
+    unit: Array = up / np.linalg.norm(up)
+    return unit
 
 
 def _lowest(solids: Sequence[Solid], up: Array) -> float:

@@ -31,7 +31,7 @@ class FinishedRun:
     """A run with its score.
 
     Attributes:
-        run: What was planned.
+        planned: What was planned.
         problem: Its problem, written out for the robot.
         genome: Decodes its models.
         world: The world of its models.
@@ -45,7 +45,7 @@ class FinishedRun:
         validation: Its prediction errors; ``None`` where nothing was predicted.
     """
 
-    run: PlannedRun
+    planned: PlannedRun
     problem: Problem
     genome: Genome
     world: WorldSettings
@@ -60,13 +60,13 @@ class FinishedRun:
     @classmethod
     def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
         """Reads a run that ``single_run.is_finished`` says is."""
-        found = documents(run, root)
-        assert found is not None
+        written = documents(run, root)
+        assert written is not None
         with RunStore.open(run.directory(root), to_write=False) as store:
             problem = problem_of(store)
             validations = store.validations()
             return cls(
-                run=run,
+                planned=run,
                 problem=problem,
                 genome=Genome(problem, problem.base(store.capabilities)),
                 world=world_of(store, problem),
@@ -74,9 +74,9 @@ class FinishedRun:
                 generations=_generations(store),
                 interactions=tuple(store.interactions()),
                 predictions=tuple(validations[-1]) if validations else (),
-                result=found.result,
-                score=found.score,
-                validation=found.validation,
+                result=written.result,
+                score=written.score,
+                validation=written.validation,
             )
 
     @property
@@ -100,8 +100,8 @@ class FinishedRun:
 
     def best_lengths(self, generation: Generation) -> Array:
         """Leg lengths of the best model of a generation, m, shape (legs,)."""
-        found: Array = leg_lengths([self.best(generation)])[0]
-        return found
+        lengths: Array = leg_lengths([self.best(generation)])[0]
+        return lengths
 
     def configurations_right(self, generation: Generation) -> tuple[bool, ...]:
         """Which configurations the best model of a generation has right, in the genome's order."""
@@ -138,8 +138,8 @@ class Shelf:
 
     def score(self, run: PlannedRun) -> Score | None:
         """A run's score, or ``None`` where it is not finished."""
-        found = documents(run, self.root)
-        return None if found is None else found.score
+        written = documents(run, self.root)
+        return None if written is None else written.score
 
     def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
         """Reads some runs, one at a time, in the order given."""

@@ -122,17 +122,17 @@ class Ledger:
         if not self._path.exists():
             return _Content(budget=budget)
         try:
-            found = _Content.model_validate_json(self._path.read_text("utf-8"))
+            content = _Content.model_validate_json(self._path.read_text("utf-8"))
         except (OSError, ValidationError) as error:
             raise RunDirectoryError(f"{self._path} is no ledger of a reproduction.") from error
-        if found.budget != budget:
+        if content.budget != budget:
             differences = ", ".join(
-                f"{name} {getattr(found.budget, name) or 'as in the paper'}, not "
+                f"{name} {getattr(content.budget, name) or 'as in the paper'}, not "
                 f"{getattr(budget, name) or 'as in the paper'}"
                 for name in Budget.model_fields
-                if getattr(found.budget, name) != getattr(budget, name)
+                if getattr(content.budget, name) != getattr(budget, name)
             )
             raise RunDirectoryError(
                 f"{self._path.parent} holds runs with {differences}: give another --out."
             )
-        return found
+        return content

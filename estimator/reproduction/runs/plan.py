@@ -117,17 +117,17 @@ def planned_runs(
         runs: How many seeds of Figures 3 to 6; default: the paper's 30 and 10.
         budget: What is asked of every run.
     """
-    found: dict[PlannedRun, None] = {}
+    planned: dict[PlannedRun, None] = {}
     if {"fig4", "fig5", "fig6"} & set(figures):
-        found |= dict.fromkeys(topological_runs(runs, budget))
+        planned |= dict.fromkeys(topological_runs(runs, budget))
     if "fig6-8x4" in figures:
-        found |= dict.fromkeys(topological_runs(runs, budget, TOPOLOGICAL_8X4))
+        planned |= dict.fromkeys(topological_runs(runs, budget, TOPOLOGICAL_8X4))
     if "fig2" in figures:
-        found |= dict.fromkeys(typical_runs(budget))
+        planned |= dict.fromkeys(typical_runs(budget))
     if "fig3" in figures:
         for variant in VARIANTS:
-            found |= dict.fromkeys(parametric_runs(variant, runs, budget))
-    return tuple(found)
+            planned |= dict.fromkeys(parametric_runs(variant, runs, budget))
+    return tuple(planned)
 
 
 def typical_runs(budget: Budget) -> tuple[PlannedRun, ...]:

@@ -94,9 +94,9 @@ class RobotProcess:
         with self._process.stderr as lines:
             for line in lines:
                 self._said.append(line)
-                found = _SERVING.search(line)
-                if found is not None:
-                    self.uri = found[1]
+                address = _SERVING.search(line)
+                if address is not None:
+                    self.uri = address[1]
                     self._ready.set()
         self._ready.set()
 
@@ -107,16 +107,16 @@ def print_body() -> str:
     Raises:
         EstimatorError: It is not installed, or failed.
     """
-    found = subprocess.run(
+    ended = subprocess.run(
         [_command(), "--print-body"],
         check=False,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
     )
-    if found.returncode != 0:
-        raise EstimatorError(f"{COMMAND} --print-body failed: {found.stderr.strip()}")
-    return found.stdout
+    if ended.returncode != 0:
+        raise EstimatorError(f"{COMMAND} --print-body failed: {ended.stderr.strip()}")
+    return ended.stdout
 
 
 def catch_up(store: RunStore, uri: str) -> None:
@@ -141,8 +141,8 @@ def catch_up(store: RunStore, uri: str) -> None:
     with RobotClient(uri, software="estimator") as client:
         client.acquire()
         for program, before in performed:
-            found = client.perform(by_joint_name(program, client.capabilities))
-            now = Observation.from_wire(found, client.capabilities)
+            reply = client.perform(by_joint_name(program, client.capabilities))
+            now = Observation.from_wire(reply, client.capabilities)
             if _felt(now) != _felt(before):
                 raise RunDirectoryError(
                     f"The simulated robot does not feel again what it felt in {store.directory}, "
@@ -157,7 +157,7 @@ def _felt(seen: Observation) -> tuple[object, ...]:
 def _command() -> str:
     """The ``sim-robotd`` of this installation, or else the one on the PATH."""
     beside = Path(sys.executable).with_name(COMMAND)
-    found = str(beside) if beside.is_file() else shutil.which(COMMAND)
-    if found is None:
+    path = str(beside) if beside.is_file() else shutil.which(COMMAND)
+    if path is None:
         raise EstimatorError(f"{COMMAND} is not installed: pip install 'bodyschema[sim]'")
-    return found
+    return path

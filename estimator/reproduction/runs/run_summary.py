@@ -50,13 +50,13 @@ class Summary:
 
 def summarise(run: PlannedRun, root: Path, failure: str | None) -> Summary:
     """Reads a run's summary; ``failure`` is what is known of why it is not finished."""
-    found = documents(run, root)
-    if found is None:
+    written = documents(run, root)
+    if written is None:
         return Summary(run=run, failure=failure or "not finished")
     return Summary(
         run=run,
         failure=None,
-        result=found.result,
-        score=found.score,
-        validation=found.validation,
+        result=written.result,
+        score=written.score,
+        validation=written.validation,
     )

@@ -147,7 +147,7 @@ def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) ->
         made = store.validations()
         seen = [item.observation for item in made[-1] if item.observation] if made else []
         if made and len(seen) == len(made[-1]):  # ended just before the file was written
-            found = compare(made[-1], seen)
+            validation = compare(made[-1], seen)
         else:
             problem = problem_of(store)
             world = world_of(store, problem)
@@ -155,7 +155,7 @@ def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) ->
                 closing(in_this_process(store.settings.physics, world)) as physics,
                 closing(reconnect(store, problem, uri, listener)) as link,
             ):
-                found = validate(
+                validation = validate(
                     store,
                     problem,
                     physics,
@@ -163,7 +163,7 @@ def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) ->
                     programs=run.predicts,
                     listener=_WorkOnly(listener, store.settings.population / 2),
                 )
-    _write_json(directory / VALIDATION, found)
+    _write_json(directory / VALIDATION, validation)
 
 
 def _score(run: PlannedRun, root: Path) -> None:
@@ -175,12 +175,12 @@ def _score(run: PlannedRun, root: Path) -> None:
             StaticsPhysics(world) as physics,
             closing(in_this_process(REFERENCE, world)) as reference,
         ):
-            found = score(store, problem, root / TRUTH, physics, reference)
-    _write_json(directory / SCORE, found)
+            run_score = score(store, problem, root / TRUTH, physics, reference)
+    _write_json(directory / SCORE, run_score)
 
 
-def _write_json(path: Path, found: BaseModel) -> None:
-    text = found.model_dump_json(indent=2) + "\n"
+def _write_json(path: Path, document: BaseModel) -> None:
+    text = document.model_dump_json(indent=2) + "\n"
     replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 

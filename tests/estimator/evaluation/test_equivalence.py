@@ -59,20 +59,20 @@ def test_a_turned_body_feels_the_same_in_its_own_directions(
     statics: StaticsPhysics, quarters: int
 ) -> None:
     straight = statics.read([(BODY, program) for program in PROGRAMS])
-    found = statics.read([(turned(BODY, quarters), program) for program in PROGRAMS])
-    tilt = found.tilt
+    image = statics.read([(turned(BODY, quarters), program) for program in PROGRAMS])
+    tilt = image.tilt
     for _ in range(quarters):
         tilt = np.column_stack([-tilt[:, 1], tilt[:, 0]])
-    assert np.mean(agree(straight, replace(found, tilt=tilt), ALL)) > 0.9  # a trifle decides some
-    assert np.mean(agree(straight, found, ALL)) < 0.5
+    assert np.mean(agree(straight, replace(image, tilt=tilt), ALL)) > 0.9  # a trifle decides some
+    assert np.mean(agree(straight, image, ALL)) < 0.5
 
 
 def test_the_image_in_a_mirror_leans_the_other_way(statics: StaticsPhysics) -> None:
     yawing = changed(0, hinge=0)
     straight = statics.read([(yawing, program) for program in PROGRAMS])
-    found = statics.read([(mirrored(yawing), program) for program in PROGRAMS])
-    assert np.mean(agree(straight, replace(found, tilt=found.tilt * (-1, 1)), ALL)) > 0.9
-    assert np.mean(agree(straight, found, ALL)) < 0.5
+    image = statics.read([(mirrored(yawing), program) for program in PROGRAMS])
+    assert np.mean(agree(straight, replace(image, tilt=image.tilt * (-1, 1)), ALL)) > 0.9
+    assert np.mean(agree(straight, image, ALL)) < 0.5
     assert mirrored(mirrored(yawing)) == yawing
 
 

@@ -68,19 +68,19 @@ def test_lengths_are_compared_leg_by_leg(
     store, problem = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16, 0.16, 0.16, 0.16))
     with store:
-        found = score(store, problem, truth, statics, physics)
-    assert found.joints == JOINTS
-    assert found.leg_errors_signed_m == pytest.approx([0.01, -0.01, 0.04, 0.0], abs=1e-9)
-    assert found.leg_errors_m == pytest.approx([0.01, 0.01, 0.04, 0.0], abs=1e-9)
-    assert found.mean_leg_error_m == pytest.approx(0.015)
-    assert found.mean_signed_leg_error_m == pytest.approx(0.01)
-    assert found.touched == (True, True, False, True)
-    assert found.mean_leg_error_touched_m == pytest.approx(0.02 / 3)
-    assert found.mean_leg_error_never_touched_m == pytest.approx(0.04)
-    assert (found.configurations_right, found.configurations_total) == (12, 12)
-    assert found.configurations_right_up_to_equivalence == 12
-    assert found.configurations_informative == 0
-    assert not found.not_representable
+        scored = score(store, problem, truth, statics, physics)
+    assert scored.joints == JOINTS
+    assert scored.leg_errors_signed_m == pytest.approx([0.01, -0.01, 0.04, 0.0], abs=1e-9)
+    assert scored.leg_errors_m == pytest.approx([0.01, 0.01, 0.04, 0.0], abs=1e-9)
+    assert scored.mean_leg_error_m == pytest.approx(0.015)
+    assert scored.mean_signed_leg_error_m == pytest.approx(0.01)
+    assert scored.touched == (True, True, False, True)
+    assert scored.mean_leg_error_touched_m == pytest.approx(0.02 / 3)
+    assert scored.mean_leg_error_never_touched_m == pytest.approx(0.04)
+    assert (scored.configurations_right, scored.configurations_total) == (12, 12)
+    assert scored.configurations_right_up_to_equivalence == 12
+    assert scored.configurations_informative == 0
+    assert not scored.not_representable
 
 
 def test_a_wrong_hinge_counts_as_one_wrong_configuration(
@@ -89,8 +89,8 @@ def test_a_wrong_hinge_counts_as_one_wrong_configuration(
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     down = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 1 0")
     with store:
-        found = score(store, problem, down, statics, physics)
-    assert found.configurations_right == found.configurations_right_up_to_equivalence == 11
+        scored = score(store, problem, down, statics, physics)
+    assert scored.configurations_right == scored.configurations_right_up_to_equivalence == 11
 
 
 def test_what_cannot_be_felt_is_right_up_to_equivalence(
@@ -101,9 +101,9 @@ def test_what_cannot_be_felt_is_right_up_to_equivalence(
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16), rolling)
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="1 0 0")
     with store:
-        found = score(store, problem, truth, statics, physics)
-    assert found.configurations_right == 11
-    assert found.configurations_right_up_to_equivalence == 12
+        scored = score(store, problem, truth, statics, physics)
+    assert scored.configurations_right == 11
+    assert scored.configurations_right_up_to_equivalence == 12
 
 
 def test_what_no_genome_can_say_is_wrong_and_listed(
@@ -112,9 +112,9 @@ def test_what_no_genome_can_say_is_wrong_and_listed(
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 -1 0.3")
     with store:
-        found = score(store, problem, truth, statics, physics)
-    assert found.configurations_right == found.configurations_right_up_to_equivalence == 11
-    (sentence,) = found.not_representable
+        scored = score(store, problem, truth, statics, physics)
+    assert scored.configurations_right == scored.configurations_right_up_to_equivalence == 11
+    (sentence,) = scored.not_representable
     assert sentence.startswith("front has its axis 17 degrees")
 
 
@@ -132,10 +132,10 @@ def test_the_error_of_the_truth_tells_a_failed_search_from_a_hopeless_one(
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
     with store:
-        found = score(store, problem, truth, statics, physics)
+        scored = score(store, problem, truth, statics, physics)
     # With all angles 0 the true body lies on its belly, and three feet are said to touch.
-    assert found.true_body_errors == pytest.approx([3.0], abs=0.01)
-    assert found.true_body_error == found.true_body_errors[0]
+    assert scored.true_body_errors == pytest.approx([3.0], abs=0.01)
+    assert scored.true_body_error == scored.true_body_errors[0]
 
 
 def test_the_margin_of_the_truth_tells_where_a_trifle_decides(
@@ -148,7 +148,7 @@ def test_the_margin_of_the_truth_tells_where_a_trifle_decides(
     with store:
         store.plan(1, angles)
         store.observe(1, Observation(angles=angles, touch=(True, False, True, False)))
-        found = score(store, problem, truth, statics, physics)
-    flat, balanced = found.true_body_margins_deg
+        scored = score(store, problem, truth, statics, physics)
+    flat, balanced = scored.true_body_margins_deg
     assert flat > 10
     assert balanced < 0.05

@@ -42,14 +42,14 @@ def test_the_true_model_foretells_what_random_ones_do_not(
 ) -> None:
     robot = ModelRobot()
     with serving(robot) as uri, run[0]:
-        found = performed(run, uri, physics)
+        validation = performed(run, uri, physics)
         again = performed(run, uri, physics, first_id=1000)
-    assert found.programs == PROGRAMS
-    assert found.best_model["tilt_deg"] == pytest.approx(0, abs=1e-3)
-    assert found.best_model["clearance_mm"] == pytest.approx(0, abs=1e-3)
-    assert found.best_model["touch"] == 0
-    assert found.random_models["tilt_deg"] is not None
-    assert found.random_models["tilt_deg"] > 0.1
+    assert validation.programs == PROGRAMS
+    assert validation.best_model["tilt_deg"] == pytest.approx(0, abs=1e-3)
+    assert validation.best_model["clearance_mm"] == pytest.approx(0, abs=1e-3)
+    assert validation.best_model["touch"] == 0
+    assert validation.random_models["tilt_deg"] is not None
+    assert validation.random_models["tilt_deg"] > 0.1
     assert again.programs == PROGRAMS
     targets = [tuple(motion.targets.values()) for motion in robot.motions]
     assert len(set(targets)) == 2 * PROGRAMS  # fresh programs each time
@@ -91,28 +91,28 @@ def test_errors_by_hand() -> None:
         Observation(angles=(0.0,), touch=(False, False), tilt=(0.0, 0.0), clearance=0.040),
         Observation(angles=(0.0,), touch=(False, None), tilt=(None, 0.0), clearance=None),
     ]
-    found = compare(predictions, observations)
-    assert found.best_model["touch"] == pytest.approx(1 / 3)
-    assert found.best_model["tilt_deg"] == pytest.approx(4 / 3)
-    assert found.best_model["clearance_mm"] == pytest.approx(10.0)
-    assert found.population_median == found.random_models == found.best_model
-    assert found.invalid_predictions == 0
+    validation = compare(predictions, observations)
+    assert validation.best_model["touch"] == pytest.approx(1 / 3)
+    assert validation.best_model["tilt_deg"] == pytest.approx(4 / 3)
+    assert validation.best_model["clearance_mm"] == pytest.approx(10.0)
+    assert validation.population_median == validation.random_models == validation.best_model
+    assert validation.invalid_predictions == 0
 
 
 def test_an_invalid_prediction_is_counted_and_left_out() -> None:
     predictions = [make_prediction(None, 0.0, 0.0), make_prediction(0.0, 0.0, 0.010)]
     wanted = Observation(angles=(0.0,), touch=(False, True), tilt=(0.0, 0.0), clearance=0.0)
-    found = compare(predictions, [wanted, wanted])
-    assert found.best_model["touch"] == pytest.approx(0.5)
-    assert found.best_model["clearance_mm"] == pytest.approx(10.0)
-    assert found.invalid_predictions == 1 + 3 + 3
+    validation = compare(predictions, [wanted, wanted])
+    assert validation.best_model["touch"] == pytest.approx(0.5)
+    assert validation.best_model["clearance_mm"] == pytest.approx(10.0)
+    assert validation.invalid_predictions == 1 + 3 + 3
 
 
 def test_a_robot_without_touch_sensors_has_no_touch_error() -> None:
     wanted = Observation(angles=(0.0,), tilt=(0.0, 0.0), clearance=0.0)
-    found = compare([make_prediction(0.0, 0.0, 0.0)], [wanted])
-    assert found.best_model["touch"] is None
-    assert found.best_model["tilt_deg"] == 0
+    validation = compare([make_prediction(0.0, 0.0, 0.0)], [wanted])
+    assert validation.best_model["touch"] is None
+    assert validation.best_model["tilt_deg"] == 0
 
 
 def test_a_run_without_models_predicts_nothing(

@@ -36,15 +36,15 @@ GENERATIONS = history((3.0, float("inf"), 5.0), (2.0, 3.0, 4.0), (2.5, 3.0, 3.5)
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
     """The axes of every figure that is saved."""
-    found: list[Axes] = []
+    every_axes: list[Axes] = []
     save = Figure.savefig
 
     def keep(self: Figure, *args: object, **kwargs: object) -> None:
-        found.extend(self.axes)
+        every_axes.extend(self.axes)
         save(self, *args, **kwargs)  # type: ignore[arg-type]
 
     monkeypatch.setattr(Figure, "savefig", keep)
-    return found
+    return every_axes
 
 
 def ends_of_iterations(axes: Axes) -> list[float]:

@@ -192,11 +192,11 @@ def test_what_is_finished_is_not_repeated(
 ) -> None:
     root, _, _ = everything
     before = {path: path.stat().st_mtime_ns for path in root.rglob(DATABASE)}
-    found = CliRunner().invoke(
+    ended = CliRunner().invoke(
         app, ["reproduce", "fig6", "--runs", "1", *BUDGET, "--jobs", "1", "--out", str(root)]
     )
-    assert found.exit_code == 0, found.output
-    assert "1 of 1 runs are finished already" in found.stderr
+    assert ended.exit_code == 0, ended.output
+    assert "1 of 1 runs are finished already" in ended.stderr
     assert {path: path.stat().st_mtime_ns for path in root.rglob(DATABASE)} == before
 
 
@@ -317,9 +317,9 @@ def test_another_robot_or_budget_does_not_mix(root: Path) -> None:
 def test_bad_input_is_a_sentence(
     tmp_path: Path, arguments: list[str], code: int, sentence: str
 ) -> None:
-    found = CliRunner().invoke(app, ["reproduce", *arguments, "--out", str(tmp_path / "out")])
-    assert found.exit_code == code
-    assert sentence in found.stderr
+    ended = CliRunner().invoke(app, ["reproduce", *arguments, "--out", str(tmp_path / "out")])
+    assert ended.exit_code == code
+    assert sentence in ended.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -31,12 +31,12 @@ def make(folder: Path, *, origin: str, axis: str = "0 -1 0", leg: str = LEG) -> 
 
 
 def test_a_foot_that_is_fixed_belongs_to_the_leg(tmp_path: Path) -> None:
-    found = make(tmp_path, origin='xyz="0.1 0 0"')
-    assert found.name == "hip"
-    assert found.limb.length == pytest.approx(0.09)
-    assert found.limb.parent == BASE
-    assert (SIDES[found.limb.side], HINGES[found.limb.hinge]) == ("front", "up")
-    assert not found.not_representable
+    leg = make(tmp_path, origin='xyz="0.1 0 0"')
+    assert leg.name == "hip"
+    assert leg.limb.length == pytest.approx(0.09)
+    assert leg.limb.parent == BASE
+    assert (SIDES[leg.limb.side], HINGES[leg.limb.hinge]) == ("front", "up")
+    assert not leg.not_representable
 
 
 @pytest.mark.parametrize(
@@ -52,9 +52,9 @@ def test_a_foot_that_is_fixed_belongs_to_the_leg(tmp_path: Path) -> None:
 def test_the_side_does_not_depend_on_how_the_frames_are_turned(
     tmp_path: Path, origin: str, side: str
 ) -> None:
-    found = make(tmp_path, origin=origin)
-    assert found.limb.side_name == side
-    assert found.limb.length == pytest.approx(0.09, abs=1e-5)
+    leg = make(tmp_path, origin=origin)
+    assert leg.limb.side_name == side
+    assert leg.limb.length == pytest.approx(0.09, abs=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -70,9 +70,9 @@ def test_the_side_does_not_depend_on_how_the_frames_are_turned(
 )
 def test_each_hinge_is_recognised_on_every_side(tmp_path: Path, axis: str, hinge: str) -> None:
     for place, yaw in (("0 0.05 0", 1.5708), ("0.1 0 0", 0.0), ("-0.1 0 0", 3.14159)):
-        found = make(tmp_path, origin=f'xyz="{place}" rpy="0 0 {yaw}"', axis=axis)
-        assert found.limb.hinge_name == hinge
-        assert not found.not_representable
+        leg = make(tmp_path, origin=f'xyz="{place}" rpy="0 0 {yaw}"', axis=axis)
+        assert leg.limb.hinge_name == hinge
+        assert not leg.not_representable
 
 
 @pytest.mark.parametrize(
@@ -87,10 +87,10 @@ def test_each_hinge_is_recognised_on_every_side(tmp_path: Path, axis: str, hinge
 def test_what_no_genome_can_say_is_said(
     tmp_path: Path, origin: str, axis: str, trait: str, sentence: str
 ) -> None:
-    found = make(tmp_path, origin=origin, axis=axis)
-    assert trait in found.not_representable
+    leg = make(tmp_path, origin=origin, axis=axis)
+    assert trait in leg.not_representable
     with pytest.raises(ValueError, match=sentence):
-        raise ValueError(found.not_representable[trait])
+        raise ValueError(leg.not_representable[trait])
 
 
 def test_undriven_knees_lengthen_the_legs_and_driven_ones_are_limbs() -> None:
@@ -110,10 +110,10 @@ def test_undriven_knees_lengthen_the_legs_and_driven_ones_are_limbs() -> None:
 def test_a_wide_box_is_as_long_as_it_reaches_away_from_the_body(tmp_path: Path) -> None:
     # Turned about y, its z side of 0.12 m points away; its y side is wider than it is long.
     box = LEG.replace('<cylinder radius="0.005" length="0.08"/>', '<box size="0.02 0.4 0.12"/>')
-    found = make(tmp_path, origin='xyz="0.1 0 0"', leg=box)
-    assert found.limb.side_name == "front"
-    assert found.limb.length == pytest.approx(0.04 + 0.06)
-    assert not found.not_representable
+    leg = make(tmp_path, origin='xyz="0.1 0 0"', leg=box)
+    assert leg.limb.side_name == "front"
+    assert leg.limb.length == pytest.approx(0.04 + 0.06)
+    assert not leg.not_representable
 
 
 def test_another_robots_body_is_refused() -> None:

@@ -23,9 +23,9 @@ def test_what_does_not_shape_a_body_is_skipped(tmp_path: Path) -> None:
         f'<robot name="r"><material name="red"/>{joint()}{BODY.replace("<coll", visual + "<coll")}'
         f"{LEG}</robot>"
     )
-    found = read_urdf(path)
-    assert found.root == "body"
-    assert [item.name for item in found.joints] == ["hip"]
+    urdf = read_urdf(path)
+    assert urdf.root == "body"
+    assert [item.name for item in urdf.joints] == ["hip"]
 
 
 @pytest.mark.parametrize(

@@ -38,37 +38,37 @@ def as_the_paper_has_it(panel: Panel, number: int) -> float:
 
 
 def test_the_claims_are_those_that_were_declared() -> None:
-    found = [(item.panel, item.better, item.worse) for item in judge({})]
-    assert len(found) == len(set(found)) == 4 * 3 + 2 * 5
-    assert {better for panel, better, _ in found if panel == "3a"} == WITH_TILT
-    assert {worse for panel, _, worse in found if panel == "3b"} == {3, 4, 5, 6, 7}
+    claims = [(item.panel, item.better, item.worse) for item in judge({})]
+    assert len(claims) == len(set(claims)) == 4 * 3 + 2 * 5
+    assert {better for panel, better, _ in claims if panel == "3a"} == WITH_TILT
+    assert {worse for panel, _, worse in claims if panel == "3b"} == {3, 4, 5, 6, 7}
 
 
 def test_what_the_paper_says_would_hold() -> None:
-    found = judge(samples(as_the_paper_has_it))
-    assert {item.verdict for item in found} == {"holds"}
-    assert [overall(statement, found) for statement in STATEMENTS] == ["holds", "holds"]
-    assert all(item.corrected >= item.p for item in found if item.p and item.corrected)
+    comparisons = judge(samples(as_the_paper_has_it))
+    assert {item.verdict for item in comparisons} == {"holds"}
+    assert [overall(statement, comparisons) for statement in STATEMENTS] == ["holds", "holds"]
+    assert all(item.corrected >= item.p for item in comparisons if item.p and item.corrected)
 
 
 def test_the_opposite_contradicts() -> None:
-    found = judge(samples(lambda panel, number: -as_the_paper_has_it(panel, number)))
-    assert {item.verdict for item in found} == {"contradicted"}
-    assert overall(STATEMENTS[0], found) == "contradicted"
+    comparisons = judge(samples(lambda panel, number: -as_the_paper_has_it(panel, number)))
+    assert {item.verdict for item in comparisons} == {"contradicted"}
+    assert overall(STATEMENTS[0], comparisons) == "contradicted"
 
 
 def test_no_difference_shows_nothing() -> None:
-    found = judge(samples(lambda panel, number: 0.05))
-    assert "holds" not in {item.verdict for item in found}
-    assert overall(STATEMENTS[0], found) == "not shown"
+    comparisons = judge(samples(lambda panel, number: 0.05))
+    assert "holds" not in {item.verdict for item in comparisons}
+    assert overall(STATEMENTS[0], comparisons) == "not shown"
 
 
 def test_one_weak_claim_weakens_the_sentence() -> None:
-    found = judge(
+    comparisons = judge(
         samples(lambda panel, number: 0.06 if number == 6 else as_the_paper_has_it(panel, number))
     )
-    assert overall(STATEMENTS[0], found) == "not shown"
-    assert overall(STATEMENTS[1], found) == "holds"
+    assert overall(STATEMENTS[0], comparisons) == "not shown"
+    assert overall(STATEMENTS[1], comparisons) == "holds"
 
 
 def test_a_variant_without_runs_is_not_shown() -> None:
@@ -88,8 +88,10 @@ def test_runs_are_compared_seed_by_seed() -> None:
     level = rng.uniform(0.0, 0.1, 30)
     worse = dict(enumerate(level))
     better = {seed: worse[seed] - 0.001 - 1e-5 * seed for seed in rng.permutation(30).tolist()}
-    found = judge({("3a", 1): better, ("3a", 3): worse})
-    (item,) = [item for item in found if (item.panel, item.better, item.worse) == ("3a", 1, 3)]
+    comparisons = judge({("3a", 1): better, ("3a", 3): worse})
+    (item,) = [
+        item for item in comparisons if (item.panel, item.better, item.worse) == ("3a", 1, 3)
+    ]
     assert item.verdict == "holds"
     assert item.p == pytest.approx(0.5**30)
     assert item.difference is not None
@@ -100,15 +102,15 @@ def test_a_seed_that_only_one_variant_has_is_left_out() -> None:
     known = samples(as_the_paper_has_it)
     known["3a", 1][1029] = 1e6
     del known["3a", 3][4]
-    found = [item for item in judge(known) if item.panel == "3a" and item.worse == 3]
-    assert [item.pairs for item in found] == [29] * 4
-    assert found[0].means == pytest.approx((0.02, 0.06), abs=0.001)
+    comparisons = [item for item in judge(known) if item.panel == "3a" and item.worse == 3]
+    assert [item.pairs for item in comparisons] == [29] * 4
+    assert comparisons[0].means == pytest.approx((0.02, 0.06), abs=0.001)
 
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_differences_below_zero_speak_for_the_paper(sign: int) -> None:
-    found = judge(samples(lambda panel, number: sign * as_the_paper_has_it(panel, number)))
-    for item in found:
+    comparisons = judge(samples(lambda panel, number: sign * as_the_paper_has_it(panel, number)))
+    for item in comparisons:
         difference = item.difference
         assert difference is not None
         assert difference.low is not None
@@ -129,17 +131,17 @@ def test_differences_below_zero_speak_for_the_paper(sign: int) -> None:
     ],
 )
 def test_success_rates(successes: int, runs: int, verdict: str, refuting: int | None) -> None:
-    found = judge_successes(share(successes, runs))
-    assert (found.verdict, found.refuting) == (verdict, refuting)
+    judged = judge_successes(share(successes, runs))
+    assert (judged.verdict, judged.refuting) == (verdict, refuting)
 
 
 def test_tilt_alone_is_compared_but_claimed_neither_way() -> None:
-    found = tilt_alone(samples(as_the_paper_has_it))
-    assert [(item.panel, item.other) for item in found] == [
+    asides = tilt_alone(samples(as_the_paper_has_it))
+    assert [(item.panel, item.other) for item in asides] == [
         *(("3a", 1), ("3a", 2), ("3b", 1), ("3b", 2))
     ]
-    assert found[2].p is not None
-    assert found[2].p < 1e-6
+    assert asides[2].p is not None
+    assert asides[2].p < 1e-6
 
 
 def test_the_table_says_that_the_paper_contradicts_itself(tmp_path: Path) -> None:

@@ -60,13 +60,13 @@ def test_equal_pairs_tell_nothing() -> None:
 
 def test_a_mean_difference_lies_in_its_interval() -> None:
     differences = np.random.default_rng(1).normal(3.0, 1.0, 200)
-    found = mean_difference(differences.tolist())
+    difference = mean_difference(differences.tolist())
     half = 1.96 / math.sqrt(200)
-    assert found.mean == pytest.approx(float(np.mean(differences)))
-    assert (found.low, found.high) == pytest.approx(
-        (found.mean - half, found.mean + half), abs=0.02
+    assert difference.mean == pytest.approx(float(np.mean(differences)))
+    assert (difference.low, difference.high) == pytest.approx(
+        (difference.mean - half, difference.mean + half), abs=0.02
     )
-    assert mean_difference(differences.tolist()) == found
+    assert mean_difference(differences.tolist()) == difference
 
 
 def test_an_interval_of_differences_that_do_not_vary_is_a_point() -> None:

@@ -27,8 +27,8 @@ def scene(length: float) -> list[Solid]:
 def blue(picture: Picture) -> np.ndarray:
     """Pixels in the colour of motor 1."""
     red, green, light = (picture[..., channel].astype(int) for channel in range(3))
-    found: np.ndarray = (light > red + 60) & (light > green + 20)
-    return found
+    pixels: np.ndarray = (light > red + 60) & (light > green + 20)
+    return pixels
 
 
 def test_the_same_camera_shows_a_longer_leg_longer() -> None:
@@ -52,8 +52,8 @@ def test_pictures_repeat() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_quaternions_of_rotations(seed: int) -> None:
     turn = Rotation.random(random_state=seed)
-    found = np.array(_quaternion(turn.as_matrix()))
-    assert abs(float(found @ turn.as_quat())) == pytest.approx(1)
+    quaternion = np.array(_quaternion(turn.as_matrix()))
+    assert abs(float(quaternion @ turn.as_quat())) == pytest.approx(1)
 
 
 def test_the_quaternion_of_half_a_turn() -> None:

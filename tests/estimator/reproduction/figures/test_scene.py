@@ -62,17 +62,17 @@ def test_a_model_lies_where_it_was_simulated_to_lie(
 ) -> None:
     rng = np.random.default_rng(seed)
     body, angles = random_quadruped(rng), rng.uniform(-0.5, 0.5, 4)
-    found = physics.read([(body, angles)])
+    readings = physics.read([(body, angles)])
     attitude = Attitude(
-        tilt=(float(found.tilt[0, 0]), float(found.tilt[0, 1])),
-        clearance=float(found.clearance[0]),
-        saturated=bool(found.saturated[0]),
+        tilt=(float(readings.tilt[0, 0]), float(readings.tilt[0, 1])),
+        clearance=float(readings.clearance[0]),
+        saturated=bool(readings.saturated[0]),
     )
     solids = at_rest(model_solids(body, angles), attitude)
     assert min(item.lowest(UP) for item in solids) == pytest.approx(0, abs=1e-9)
     assert clearance(solids) == pytest.approx(attitude.clearance, abs=0.002)
     low = {item.limb for item in solids if item.lowest(UP) < 0.002}
-    assert low >= {leg for leg in range(4) if found.touch[0, leg]}
+    assert low >= {leg for leg in range(4) if readings.touch[0, leg]}
 
 
 def test_solids_are_where_the_kinematics_says(random_tree: MakeBody) -> None:

@@ -56,7 +56,7 @@ def history(run: PlannedRun, root: Path) -> tuple[list[Generation], list[Observa
             for item in store.generations()
         ]
         felt = [item.observation for item in store.interactions()]
-        felt += [item.observation for found in store.validations() for item in found]
+        felt += [item.observation for validation in store.validations() for item in validation]
     return generations, felt
 
 
@@ -90,9 +90,9 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
         for place in (root, whole)
     ]
     assert results[0].best_models == results[1].best_models
-    found = FinishedRun.read(topological, root)
-    assert len(found.predictions) == 2
-    assert len(found.configurations_right(found.generations[-1])) == 12
+    finished = FinishedRun.read(topological, root)
+    assert len(finished.predictions) == 2
+    assert len(finished.configurations_right(finished.generations[-1])) == 12
 
 
 @pytest.mark.parametrize(
