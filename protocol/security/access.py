@@ -15,7 +15,7 @@ from typing import Final
 
 from protocol.errors import KeysError, RobotError
 from protocol.rules.roles import MAY, Role
-from protocol.security.keys import ROBOT, KeyDirectory, Known
+from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer
 from protocol.wire.messages import Heartbeat, Hello, Request, Stop
 
 _MEND: Final = "Ask the robot's owner to mend it."
@@ -65,7 +65,7 @@ class Access:
             self._look_at = time.monotonic() + _AGAIN
             return self.version
         if known != self._known or self._flaw is not None:
-            names = ", ".join(f"{person.name} ({person.role})" for person in known.values())
+            names = ", ".join(f"{peer.name} ({peer.role})" for peer in known.values())
             self._log.info("the list of clients has changed: %s", names or "nobody")
             self.version += 1
         self._known, self._flaw, self._listed = known, None, bool(stamp)
@@ -79,10 +79,10 @@ class Access:
 
     def role_of(self, user: str | None) -> Role | None:
         """The role of whoever has this key; a list that cannot be read makes nobody controller."""
-        person = self._known.get(user or "")
-        if person is None:
+        peer = self._known.get(user or "")
+        if peer is None:
             return None
-        return Role(person.role) if self._flaw is None else Role.VIEWER
+        return Role(peer.role) if self._flaw is None else Role.VIEWER
 
     def authorise(self, user: str | None, request: Request) -> None:
         """Refuses a request that the user's role does not allow.
@@ -95,18 +95,18 @@ class Access:
             RobotError: ``unauthorised``.
         """
         self.refresh()
-        person = self._known.get(user or "")
-        if person is None:
+        peer = self._known.get(user or "")
+        if peer is None:
             raise RobotError("unauthorised", "The robot does not know this key (any more).")
         if self._flaw is not None and not isinstance(request, _STOPPING):
             raise RobotError(
                 "unauthorised", "The robot cannot read its list of clients.", advice=_MEND
             )
-        if request.TYPE not in MAY[Role(person.role)]:
+        if request.TYPE not in MAY[Role(peer.role)]:
             raise RobotError(
-                "unauthorised", f"{person.name} is a {person.role} here and may not {request.TYPE}."
+                "unauthorised", f"{peer.name} is a {peer.role} here and may not {request.TYPE}."
             )
 
-    def _read(self) -> Mapping[str, Known]:
+    def _read(self) -> Mapping[str, KnownPeer]:
         known = self._keys.known(must_exist=self._listed)
-        return {person.public: person for person in known if person.role != ROBOT}
+        return {peer.public: peer for peer in known if peer.role != ROBOT}

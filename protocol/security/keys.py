@@ -64,7 +64,7 @@ class ClientKeys:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Known:
+class KnownPeer:
     """Somebody who is known; ``role`` is one of ``ROLES``."""
 
     name: str
@@ -125,54 +125,54 @@ class KeyDirectory:
             raise KeysError(f"{place}: the two keys do not belong together.")
         return pair
 
-    def known(self, *, must_exist: bool = False) -> tuple[Known, ...]:
+    def known(self, *, must_exist: bool = False) -> tuple[KnownPeer, ...]:
         """Whom this computer knows; empty where there is no list yet, unless it must exist."""
         place = self._file(_KNOWN)
         if not must_exist and not place.exists():
             return ()
         entries = self._read(place, closed=0o022)
-        people = tuple(_known_of(name, entry, place) for name, entry in entries.items())
-        if len({person.public for person in people}) != len(people):
+        peers = tuple(_known_of(name, entry, place) for name, entry in entries.items())
+        if len({peer.public for peer in peers}) != len(peers):
             raise KeysError(f"{place}: two names have the same key; remove one of them.")
-        return people
+        return peers
 
     def client_keys(self) -> ClientKeys:
         """The keys for a client of the one robot that is known here."""
-        robots = [person for person in self.known() if person.role == ROBOT]
+        robots = [peer for peer in self.known() if peer.role == ROBOT]
         if not robots:
             raise KeysError(
                 f"{self.path} knows no robot: get the robot's .public file from its owner, then "
                 f"say robotd keys add FILE --role robot --keys {self.path}"
             )
         if len(robots) > 1:
-            names = ", ".join(person.name for person in robots)
+            names = ", ".join(peer.name for peer in robots)
             raise KeysError(
                 f"{self.path} knows more than one robot ({names}): keep a directory for each."
             )
         return ClientKeys(own=self.pair(), robot=robots[0].public)
 
-    def add(self, person: Known) -> None:
+    def add(self, peer: KnownPeer) -> None:
         """Adds somebody to the known."""
-        check_name(person.name)
-        check_key(person.public, "the key")
-        if person.role not in ROLES:
-            raise KeysError(f"There is no role {person.role!r}: choose {', '.join(ROLES)}.")
+        check_name(peer.name)
+        check_key(peer.public, "the key")
+        if peer.role not in ROLES:
+            raise KeysError(f"There is no role {peer.role!r}: choose {', '.join(ROLES)}.")
         with self._locked():
-            people = self.known()
-            for other in people:
-                if other.name == person.name:
-                    raise KeysError(f"{person.name} is known here already: remove it first.")
-                if other.public == person.public:
+            peers = self.known()
+            for other in peers:
+                if other.name == peer.name:
+                    raise KeysError(f"{peer.name} is known here already: remove it first.")
+                if other.public == peer.public:
                     raise KeysError(f"This key is known here already, as {other.name}.")
-            self._write_known((*people, person))
+            self._write_known((*peers, peer))
 
     def remove(self, name: str) -> None:
         """Removes somebody from the known; a running robot disconnects it at once."""
         with self._locked():
-            people = self.known()
-            rest = tuple(person for person in people if person.name != name)
-            if len(rest) == len(people):
-                names = ", ".join(person.name for person in people) or "nobody"
+            peers = self.known()
+            rest = tuple(peer for peer in peers if peer.name != name)
+            if len(rest) == len(peers):
+                names = ", ".join(peer.name for peer in peers) or "nobody"
                 raise KeysError(f"{name!r} is not known in {self.path}; known: {names}.")
             self._write_known(rest)
 
@@ -207,10 +207,9 @@ class KeyDirectory:
         check_private(self.path, state, owners=owners, closed=0o022)
         return owners
 
-    def _write_known(self, people: tuple[Known, ...]) -> None:
+    def _write_known(self, peers: tuple[KnownPeer, ...]) -> None:
         entries = (
-            f"\n[{person.name}]\n" + _lines(public=person.public, role=person.role)
-            for person in people
+            f"\n[{peer.name}]\n" + _lines(public=peer.public, role=peer.role) for peer in peers
         )
         self._write(_KNOWN, _KNOWN_HEAD + "".join(entries))
 
@@ -285,11 +284,11 @@ def _key_of(entries: Mapping[str, Any], name: str, place: Path) -> str:
     return key
 
 
-def _known_of(name: str, entry: Any, place: Path) -> Known:
+def _known_of(name: str, entry: Any, place: Path) -> KnownPeer:
     check_name(name)
     if not isinstance(entry, dict):
         raise KeysError(f"{place}: [{name}] must be a table with public and role.")
     role = entry.get("role")
     if role not in ROLES:
         raise KeysError(f"{place}: [{name}] has the role {role!r:.60}; write {', '.join(ROLES)}.")
-    return Known(name=name, public=_key_of(entry, "public", place), role=role)
+    return KnownPeer(name=name, public=_key_of(entry, "public", place), role=role)

@@ -11,7 +11,7 @@ import socket
 from pathlib import Path
 
 from protocol.rules.roles import Role
-from protocol.security.keys import ROLES, KeyDirectory, Known, read_public
+from protocol.security.keys import ROLES, KeyDirectory, KnownPeer, read_public
 
 HELP = "make keys, and say whom this computer knows"
 
@@ -60,18 +60,18 @@ def _new(keys: KeyDirectory, options: argparse.Namespace) -> None:
 
 def _add(keys: KeyDirectory, options: argparse.Namespace) -> None:
     name, public = read_public(Path(options.key))
-    person = Known(name=options.name or name, public=public, role=options.role)
-    keys.add(person)
-    print(f"{person.name} is known as {person.role} now.")
+    peer = KnownPeer(name=options.name or name, public=public, role=options.role)
+    keys.add(peer)
+    print(f"{peer.name} is known as {peer.role} now.")
 
 
 def _list(keys: KeyDirectory, options: argparse.Namespace) -> None:
     del options
     print(f"this computer  {keys.pair().public}")
-    people = keys.known()
-    width = max((len(person.name) for person in people), default=0)
-    for person in people:
-        print(f"{person.role:<{len(Role.CONTROLLER)}}  {person.name:<{width}}  {person.public}")
+    peers = keys.known()
+    width = max((len(peer.name) for peer in peers), default=0)
+    for peer in peers:
+        print(f"{peer.role:<{len(Role.CONTROLLER)}}  {peer.name:<{width}}  {peer.public}")
 
 
 def _remove(keys: KeyDirectory, options: argparse.Namespace) -> None:

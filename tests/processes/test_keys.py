@@ -12,7 +12,7 @@ import pytest
 from estimator.robot_link import open_robot
 from protocol.__main__ import main as protocol_main
 from protocol.errors import RobotUnreachableError
-from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer, read_public
 from protocol.sockets.endpoints import Endpoint
 from protocol.transport.client import RobotClient
 from tests.processes.simulator import simulator
@@ -36,8 +36,8 @@ def test_a_researcher_reaches_a_robot_with_keys(
     robot, ann = KeyDirectory(tmp_path / "robot"), KeyDirectory(tmp_path / "ann")
     _, robots_key = read_public(robot.create("crawler"))
     _, anns_key = read_public(ann.create("ann"))
-    robot.add(Known(name="ann", public=anns_key, role="controller"))
-    ann.add(Known(name="crawler", public=robots_key, role=ROBOT))
+    robot.add(KnownPeer(name="ann", public=anns_key, role="controller"))
+    ann.add(KnownPeer(name="crawler", public=robots_key, role=ROBOT))
     with simulator("--keys", str(robot.path), bind="tcp://0.0.0.0:*") as running:
         uri = f"tcp://127.0.0.1:{Endpoint.parse(running.uri).port}"
         assert protocol_main([uri, "status"]) == 1

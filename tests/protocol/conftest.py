@@ -15,7 +15,7 @@ import pytest
 from bench.still_robot import still_robot
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, Progressed, RobotEvent, Snapshot
-from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer, read_public
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from protocol.wire.messages import (
@@ -197,7 +197,7 @@ class Keyring:
         """A client that knows the robot, but not the other way round."""
         keys = KeyDirectory(self._folder / name)
         keys.create(name)
-        keys.add(Known(name="robot", public=read_public(self._public)[1], role=ROBOT))
+        keys.add(KnownPeer(name="robot", public=read_public(self._public)[1], role=ROBOT))
         return keys.path
 
     def client(self, name: str, role: str) -> Path:
@@ -208,7 +208,7 @@ class Keyring:
 
     def add(self, name: str, role: str) -> None:
         public = KeyDirectory(self._folder / name).pair().public
-        KeyDirectory(self.robot).add(Known(name=name, public=public, role=role))
+        KeyDirectory(self.robot).add(KnownPeer(name=name, public=public, role=role))
 
     def remove(self, name: str) -> None:
         KeyDirectory(self.robot).remove(name)

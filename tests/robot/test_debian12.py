@@ -21,7 +21,7 @@ import logging, sys, threading
 sys.path.append(sys.argv[1])  # has bench; what was installed comes first
 from importlib import resources
 from protocol.transport.client import RobotClient
-from protocol.security.keys import ROBOT, KeyDirectory, Known, read_public
+from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer, read_public
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from robot.host.clock import WallClock
@@ -30,8 +30,8 @@ from bench.still_robot import still_robot
 ours, theirs = KeyDirectory("robot-keys"), KeyDirectory("client-keys")
 name, robot_key = read_public(ours.create("robot"))
 theirs.create("ann")
-theirs.add(Known(name=name, public=robot_key, role=ROBOT))
-ours.add(Known(name="ann", public=theirs.pair().public, role="controller"))
+theirs.add(KnownPeer(name=name, public=robot_key, role=ROBOT))
+ours.add(KnownPeer(name="ann", public=theirs.pair().public, role="controller"))
 
 log = logging.getLogger("robotd")
 with still_robot(WallClock(), housekeeping=None, log=log) as robot:

@@ -15,7 +15,14 @@ import pytest
 import zmq
 
 from protocol.errors import KeysError
-from protocol.security.keys import ROBOT, ClientKeys, KeyDirectory, Known, check_key, read_public
+from protocol.security.keys import (
+    ROBOT,
+    ClientKeys,
+    KeyDirectory,
+    KnownPeer,
+    check_key,
+    read_public,
+)
 from robot.cli import keys as command
 
 
@@ -23,8 +30,8 @@ def fresh_key() -> str:
     return zmq.curve_keypair()[0].decode()
 
 
-def person(name: str, role: str = "viewer") -> Known:
-    return Known(name=name, public=fresh_key(), role=role)
+def person(name: str, role: str = "viewer") -> KnownPeer:
+    return KnownPeer(name=name, public=fresh_key(), role=role)
 
 
 @pytest.fixture
@@ -80,7 +87,7 @@ def test_who_is_known_already_is_not_added_twice(keys: KeyDirectory) -> None:
     with pytest.raises(KeysError, match="ann is known here already: remove it first"):
         keys.add(person("ann", "controller"))
     with pytest.raises(KeysError, match="This key is known here already, as ann"):
-        keys.add(Known(name="eve", public=ann.public, role="controller"))
+        keys.add(KnownPeer(name="eve", public=ann.public, role="controller"))
     assert keys.known() == (ann,)
 
 
@@ -103,7 +110,7 @@ def test_what_cannot_be_a_name(keys: KeyDirectory, name: str) -> None:
 @pytest.mark.parametrize("key", ["", "x" * 39, "x" * 41, '"' * 40, "é" * 40, "~" * 40, "#" * 40])
 def test_what_is_no_key(keys: KeyDirectory, key: str) -> None:
     with pytest.raises(KeysError, match="the key is no key: a key has 40 characters"):
-        keys.add(Known(name="ann", public=key, role="viewer"))
+        keys.add(KnownPeer(name="ann", public=key, role="viewer"))
     check_key(fresh_key(), "this one")
 
 
