@@ -47,7 +47,8 @@ class Registry(Generic[T]):
 
     def names(self) -> tuple[str, ...]:
         """All names there are: our own, then those of installed packages."""
-        return tuple(dict.fromkeys((*self.own, *metadata.entry_points(group=self.group).names)))
+        theirs = sorted(metadata.entry_points(group=self.group).names - self.own.keys())
+        return (*self.own, *theirs)
 
     def check(self, name: str) -> None:
         """Refuses a name that nothing has; imports nothing.

@@ -1,30 +1,14 @@
 """A package from elsewhere, as ``pip install`` leaves it: one module and its metadata."""
 
+import re
 from pathlib import Path
 
-PHYSICS = '''
-"""Physics by a rule of thumb: the body leans as its side legs are turned."""
+_PAGE = (Path(__file__).parents[2] / "docs" / "physics.md").read_text(encoding="utf-8")
+((PHYSICS, _TABLE),) = re.findall(r"```python\n(.*?)```.*?```toml\n(.*?)```", _PAGE, re.DOTALL)
+"""The back-end that ``docs/physics.md`` shows."""
 
-from estimator.physics.base import BackEnd, Readings, sensor_count
-
-
-class Thumb(BackEnd):
-    def __init__(self, settings):
-        super().__init__()
-        self.settings = settings
-
-    def read(self, pairs):
-        self.simulations += len(pairs)
-        self.steps += len(pairs)
-        readings = Readings.empty(len(pairs), sensor_count(pairs))
-        readings.valid[:] = True
-        readings.clearance[:] = self.settings.clearance_cap
-        readings.tilt[:, 0] = [body.parts[0].length * program[0] for body, program in pairs]
-        return readings
-
-    def close(self):
-        pass
-'''
+THUMB = re.sub(r'project\.entry-points\.|"', "", _TABLE)
+"""Its entry point, as an installer writes it down."""
 
 
 def install(

@@ -28,10 +28,9 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
 from tests.estimator.model_robot import make_capabilities, make_order
-from tests.estimator.outside_package import PHYSICS, install
+from tests.estimator.outside_package import PHYSICS, THUMB, install
 
 ROOT = Path(__file__).parents[3]
-THUMB = "[bodyschema.physics]\nthumb = bodyschema_thumb:Thumb\n"
 WORLD = WorldSettings()
 BALL = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
 READINGS = """\
@@ -105,15 +104,19 @@ def test_a_run_with_the_physics_of_another_package(
         (
             THUMB,
             "import absent_engine",
-            r"physics 'thumb' of bodyschema-thumb 0.3 cannot be loaded from bodyschema_thumb:Thumb:"
-            r" ModuleNotFoundError: No module named 'absent_engine'",
+            r"physics 'thumb' of bodyschema-thumb 0.3 cannot be loaded from "
+            r"bodyschema_thumb:RuleOfThumb: ModuleNotFoundError: No module named 'absent_engine'",
         ),
-        (THUMB, "", r"cannot be loaded from bodyschema_thumb:Thumb: AttributeError: .*'Thumb'"),
-        (THUMB, "Thumb = object", r"'thumb' of bodyschema-thumb 0.3 lacks `abilities`"),
+        (
+            THUMB,
+            "",
+            r"cannot be loaded from bodyschema_thumb:RuleOfThumb: AttributeError: .*'RuleOfThumb'",
+        ),
+        (THUMB, "RuleOfThumb = object", r"'thumb' of bodyschema-thumb 0.3 lacks `abilities`"),
         (
             THUMB,
             "from estimator.physics.base import *\n"
-            "class Thumb(BackEnd):\n    abilities = Abilities(arrays=True)",
+            "class RuleOfThumb(BackEnd):\n    abilities = Abilities(arrays=True)",
             r"declares `arrays` and has no method `read_bodies`",
         ),
         (
