@@ -94,7 +94,7 @@ class Lengths:
         flat = moved.reshape(count * (lengths + 1), -1)
         readings = self._predictor.read_all(flat, self._data.programs)
         which = np.tile(np.arange(turns), len(flat))
-        residuals = self._data.residuals(readings, which).reshape(count, lengths + 1, turns, 3)
+        residuals = self._data.residuals(readings, which).reshape(count, lengths + 1, turns, -1)
         own = np.arange(len(which)).reshape(count, lengths + 1, turns)[:, 0].ravel()
         misfits = self._data.misfits(readings[own], which[own]).reshape(count, turns, MISFITS)
         change = (residuals[:, 1:] - residuals[:, :1]) / sign[:, :, None, None]

@@ -14,9 +14,11 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.likelihood import WRONG, Likelihood, Noise, SensorData
+from estimator.posterior.densities import DENSITIES, SCALED
+from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.unknowns import Predictor
+from estimator.readings.modalities.registry import MODALITIES
 
 SURE_PATH: Final = math.radians(1.0)
 """A body answers for an interaction where its path margin is larger, rad."""
@@ -85,9 +87,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
         for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
     )
     share = np.mean(posterior.scales > math.log(TOO_NOISY), axis=0)
-    noisy = tuple(
-        name for name, one in zip(("tilt", "clearance"), share, strict=True) if one > _SURELY
-    )
+    noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
     return FitVerdict(unexplained=unexplained, noisy=noisy)
 
 
@@ -117,15 +117,9 @@ def deviations(
     """
     readings = predictor.read_all(point, data.programs)
     turns = np.arange(len(data))
-    residuals = data.residuals(readings, turns)
-    misfits = data.misfits(readings, turns)
-    tilt = residuals[:, :2] / noise.tilt
-    widest = np.argmax(np.abs(tilt), axis=1)
-    per_bit = math.sqrt(-2 * math.log(noise.touch))
     return {
-        "touch": misfits[:, WRONG] * per_bit,
-        "tilt": tilt[turns, widest],
-        "clearance": residuals[:, 2] / noise.clearance,
+        name: DENSITIES[name].deviation(data.felt[name][turns], readings, noise.of(name))
+        for name in MODALITIES
     }
 
 

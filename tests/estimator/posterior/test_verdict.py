@@ -35,7 +35,7 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
 ) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     for turn in (1, 4):
-        data.tilt[turn] += 0.3
+        data.felt["tilt"].values[turn] += 0.3
     verdict = judge(certain(), predictor, data, NOISE)
     assert not verdict.explained
     assert [(item.interaction, item.sensors) for item in verdict.unexplained] == [
@@ -47,7 +47,7 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
 
 def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
-    data.tilt[2] += 0.3
+    data.felt["tilt"].values[2] += 0.3
     verdict = judge(certain(), predictor, data, NOISE)
     assert [item.interaction for item in verdict.unexplained] == [2]
     assert verdict.explained
@@ -63,8 +63,8 @@ def test_a_sensor_that_is_surely_noisier_than_announced_is_named(predictor: Pred
 def test_deviations_are_in_units_of_the_noise(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     before = deviations(POINT[None], predictor, data, NOISE)
-    data.clearance[0] += 5 * NOISE.clearance
-    data.tilt[1, 0] += 40 * NOISE.tilt
+    data.felt["clearance"].values[0] += 5 * NOISE.clearance
+    data.felt["tilt"].values[1, 0] += 40 * NOISE.tilt
     after = deviations(POINT[None], predictor, data, NOISE)
     assert after["clearance"][0] - before["clearance"][0] == pytest.approx(5)
     assert abs(after["tilt"][1]) > 30

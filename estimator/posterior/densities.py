@@ -1,0 +1,271 @@
+"""How likely the readings of one modality are: what ``likelihood`` mixes.
+
+What a body predicts enters through few numbers per interaction, its *misfits*, whatever the noise.
+So the noise can be widened, as it is on the hotter levels of a search, without a simulation.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from estimator.body.morphology import Array
+from estimator.physics.base import Flags, Readings
+from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.observation import Observation
+
+MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know
+MODEL_CLEARANCE: Final = 0.8e-3
+
+_BEYOND: Final = 0.1  # share of the poses anywhere whose clearance lies beyond the range
+_WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
+_ROOT: Final = math.sqrt(2 * math.pi)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Felt:
+    """One modality's readings of k interactions.
+
+    Attributes:
+        values: Shape (k, values); NaN where missing.
+        beyond: Whether what is measured lies beyond the sensor's range, shape (k,); ``None`` for
+            sensors that have no such end.
+    """
+
+    values: Array
+    beyond: Flags | None = None
+
+    def __getitem__(self, turns: NDArray[np.intp]) -> Felt:
+        """Those of some of the interactions."""
+        beyond = None if self.beyond is None else self.beyond[turns]
+        return Felt(values=self.values[turns], beyond=beyond)
+
+    @property
+    def known(self) -> Known:
+        """How much was read."""
+        return Known(count=np.sum(~np.isnan(self.values), axis=1), beyond=self.beyond)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """How much of one modality was read.
+
+    Attributes:
+        count: Values that are not missing, shape (k,) or (n, k).
+        beyond: As in ``Felt``, of the same shape.
+    """
+
+    count: NDArray[np.int64]
+    beyond: Flags | None
+
+    def __getitem__(self, turns: NDArray[np.intp]) -> Known:
+        """Of some of the interactions."""
+        beyond = None if self.beyond is None else self.beyond[turns]
+        return Known(count=self.count[turns], beyond=beyond)
+
+
+class Density(ABC):
+    """The probability of one modality's readings.
+
+    Attributes:
+        name: Of the modality.
+        misfits: How many numbers say how far a prediction is from what was felt.
+        residuals: How many of the readings' values lie on a continuous scale.
+        scaled: Whether the robot's noise may be another than announced, by an unknown factor.
+    """
+
+    name: ClassVar[str]
+    misfits: ClassVar[int]
+    residuals: ClassVar[int]
+    scaled: ClassVar[bool]
+
+    def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
+        """The readings of some interactions; all are missing where the modality does not count."""
+        modality = MODALITIES[self.name]
+        values = np.array([modality.values(item) for item in observations], dtype=float)
+        if not counts:
+            values[...] = np.nan
+        return Felt(values=values)
+
+    @abstractmethod
+    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+        """Of n predictions from what was felt, into an array of shape (n, misfits)."""
+
+    @abstractmethod
+    def residual(self, felt: Felt, readings: Readings) -> Array:
+        """Felt minus predicted, shape (n, residuals); 0 where unknown."""
+
+    @abstractmethod
+    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+        """Felt minus predicted in units of the noise, shape (n,); 0 where nothing was read."""
+
+    def widened(self, noise: float, factor: Array) -> Array:
+        """The noise times a factor, as far as it may grow."""
+        return noise * factor
+
+    @abstractmethod
+    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
+        """Adds the logarithm of the readings' density, given a body; nothing for what is missing.
+
+        Args:
+            logs: Of each interaction, shape (n, k).
+            misfits: Shape (n, k, misfits).
+            known: Of shape (k,) or (n, k).
+            noise: As ``widened`` gives it, shape (n, 1).
+        """
+
+    @abstractmethod
+    def log_anywhere(self, known: Known, cap: float) -> Array:
+        """Logarithm of the density of what a robot might feel anywhere, shape (k,).
+
+        Args:
+            known: Of shape (k,).
+            cap: The range of the distance sensor, m.
+        """
+
+
+class TouchDensity(Density):
+    """Bits that are wrong by chance. Misfits: those that differ, and those that are doubtful."""
+
+    name = "touch"
+    misfits = 2
+    residuals = 0
+    scaled = False
+
+    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+        """How many bits differ, and of how many the model is not sure."""
+        into[:, 0] = self._wrong(felt, readings)
+        into[:, 1] = np.sum(~np.isnan(felt.values) & readings.touch_doubtful, axis=1)
+
+    def residual(self, felt: Felt, readings: Readings) -> Array:
+        """None."""
+        return np.empty((len(felt.values), 0))
+
+    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+        """The bits that differ, each as many standard deviations as it is unlikely."""
+        return self._wrong(felt, readings) * math.sqrt(-2 * math.log(noise))
+
+    def widened(self, noise: float, factor: Array) -> Array:
+        """At most a little less than chance."""
+        return np.minimum(noise * factor, _WORST_TOUCH)
+
+    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
+        """Bernoulli; a doubtful bit is even."""
+        wrong, doubtful = misfits[..., 0], misfits[..., 1]
+        logs += (known.count - doubtful - wrong) * np.log1p(-noise)
+        logs += wrong * np.log(noise)
+        logs += doubtful * math.log(0.5)
+
+    def log_anywhere(self, known: Known, cap: float) -> Array:
+        """Even."""
+        logs: Array = math.log(0.5) * known.count.astype(float)
+        return logs
+
+    @staticmethod
+    def _wrong(felt: Felt, readings: Readings) -> Array:
+        told = ~np.isnan(felt.values) & ~readings.touch_doubtful
+        wrong: Array = np.sum(told & (felt.values != readings.touch), axis=1).astype(float)
+        return wrong
+
+
+class TiltDensity(Density):
+    """Normal, each angle by itself. Misfit: the sum of the squared residuals, rad²."""
+
+    name = "tilt"
+    misfits = 1
+    residuals = 2
+    scaled = True
+
+    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+        """The sum of the squared residuals, rad²."""
+        into[:, 0] = np.nansum((felt.values - readings.tilt) ** 2, axis=1)
+
+    def residual(self, felt: Felt, readings: Readings) -> Array:
+        """Both angles, rad."""
+        return np.nan_to_num(felt.values - readings.tilt)
+
+    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+        """The larger of the two."""
+        both = self.residual(felt, readings) / noise
+        larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
+        return larger
+
+    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
+        """Normal."""
+        logs -= misfits[..., 0] / (2 * noise**2)
+        logs -= known.count * np.log(noise * _ROOT)
+
+    def log_anywhere(self, known: Known, cap: float) -> Array:
+        """Uniform over ±90°."""
+        logs: Array = -math.log(math.pi) * known.count.astype(float)
+        return logs
+
+
+class ClearanceDensity(Density):
+    """Normal within the sensor's range. Misfit: felt minus predicted, m.
+
+    Of a reading at the end of the range it is the tail beyond; the misfit is -inf where the model's
+    lies there too.
+    """
+
+    name = "clearance"
+    misfits = 1
+    residuals = 1
+    scaled = True
+
+    def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
+        """With the interactions in which the ground lay beyond the range."""
+        values = super().felt(observations, counts=counts).values
+        saturated = np.array([item.clearance_saturated for item in observations], dtype=bool)
+        return Felt(values=values, beyond=saturated & ~np.isnan(values[:, 0]))
+
+    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+        """Felt minus predicted, m."""
+        into[:, 0] = np.nan_to_num(felt.values[:, 0] - readings.clearance)
+        if felt.beyond is not None:
+            into[readings.saturated & felt.beyond, 0] = -np.inf
+
+    def residual(self, felt: Felt, readings: Readings) -> Array:
+        """The distance, m; 0 beyond the range too."""
+        residual = np.nan_to_num(felt.values[:, 0] - readings.clearance)
+        if felt.beyond is not None:
+            residual[felt.beyond] = 0.0
+        return residual[:, None]
+
+    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+        """The residual in units of the noise."""
+        return self.residual(felt, readings)[:, 0] / noise
+
+    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
+        """Normal, and its tail."""
+        residual = misfits[..., 0]
+        with np.errstate(invalid="ignore"):
+            density = -0.5 * (residual / noise) ** 2 - np.log(noise * _ROOT)
+            if known.beyond is not None and known.beyond.any():
+                density = np.where(known.beyond, log_ndtr(-residual / noise), density)
+        logs += np.where(known.count > 0, density, 0.0)
+
+    def log_anywhere(self, known: Known, cap: float) -> Array:
+        """Uniform over the range, and a share beyond it."""
+        logs = np.where(known.count > 0, math.log((1 - _BEYOND) / cap), 0.0)
+        if known.beyond is not None:
+            logs[known.beyond] = math.log(_BEYOND)
+        return logs
+
+
+DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(
+    {density.name: density for density in (TiltDensity(), ClearanceDensity(), TouchDensity())}
+)
+"""In the order in which terms are added up, and in which misfits, residuals and noise factors are
+columns of arrays."""
+
+SCALED: Final = tuple(name for name, density in DENSITIES.items() if density.scaled)
+"""Modalities whose noise has an unknown factor, in the order of the factors."""
