@@ -64,10 +64,10 @@ def toml_section(text: str, file: str) -> Section:
 class Section:
     """One table of a TOML file."""
 
-    def __init__(self, file: str, path: str, found: dict[str, Any]):
+    def __init__(self, file: str, path: str, values: dict[str, Any]):
         self._file = file
         self._path = path
-        self._found = found
+        self._values = values
         self._asked: set[str] = set()
 
     def refuse(self, key: str, reason: str) -> ConfigError:
@@ -76,7 +76,7 @@ class Section:
 
     def done(self) -> None:
         """Refuses keys that nobody asked for."""
-        for key in self._found.keys() - self._asked:
+        for key in self._values.keys() - self._asked:
             near = difflib.get_close_matches(key, self._asked, n=1)
             hint = (
                 f" Did you mean '{near[0]}'?"
@@ -95,7 +95,7 @@ class Section:
     def has(self, key: str) -> bool:
         """Whether an optional key or table is present."""
         self._asked.add(key)
-        return key in self._found
+        return key in self._values
 
     def tables(self, key: str) -> list[Section]:
         """A required array of tables, at least one."""
@@ -133,8 +133,8 @@ class Section:
         value = self._take(key, default)
         if isinstance(value, bool) or not isinstance(value, int) or value not in choices:
             known = ", ".join(written.format(choice) for choice in choices)
-            found = written.format(value) if isinstance(value, int) else repr(value)
-            raise self.refuse(key, f"must be one of {known}, not {found}.")
+            given = written.format(value) if isinstance(value, int) else repr(value)
+            raise self.refuse(key, f"must be one of {known}, not {given}.")
         return value
 
     def number(self, key: str, least: float, most: float, default: float | None = None) -> float:
@@ -196,8 +196,8 @@ class Section:
 
     def _take(self, key: str, default: Any = None) -> Any:
         self._asked.add(key)
-        if key in self._found:
-            return self._found[key]
+        if key in self._values:
+            return self._values[key]
         if default is None:
             raise self.refuse(key, "is missing.")
         return default

@@ -37,9 +37,11 @@ _SHORTEST_RANGE: Final = 10.0
 def check_count(root: Section, head: Section, key: str, table: str, least: int) -> None:
     """A file that lost its end would otherwise describe a smaller robot."""
     said = head.integer(key, least, 32)
-    found = len(root.tables(table)) if root.has(table) else 0
-    if said != found:
-        raise head.refuse(key, f"says {said}, but {found} [[{table}]] tables follow; lost the end?")
+    tables = len(root.tables(table)) if root.has(table) else 0
+    if said != tables:
+        raise head.refuse(
+            key, f"says {said}, but {tables} [[{table}]] tables follow; lost the end?"
+        )
 
 
 def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:

@@ -83,12 +83,12 @@ class Slew:
     def due(self, now: float, *, at_most: int) -> dict[int, int]:
         """Outputs and counts to send now: those that waited longest, ``at_most`` of them."""
         waiting = sorted(self._tracks, key=lambda track: track.updated)
-        found: dict[int, int] = {}
+        counts: dict[int, int] = {}
         for track in waiting:
             count = track.next_count(now, self._speed, self._period)
-            if count != track.count and len(found) < at_most:
-                found[track.joint.output] = count
-        return found
+            if count != track.count and len(counts) < at_most:
+                counts[track.joint.output] = count
+        return counts
 
     def sent(self, counts: Mapping[int, int], now: float) -> None:
         """Notes that counts went out at ``now``."""

@@ -188,14 +188,14 @@ class ComediInput:
     def _ranges(self) -> list[tuple[float, float]]:
         """Ends of each range in volts, by the board's own numbering; NaN for another unit."""
         count = self._library.comedi_get_n_ranges(self._device, self._inputs, 0)
-        found = []
+        ranges = []
         for number in range(count):
             one = self._library.comedi_get_range(self._device, self._inputs, 0, number)
             if one and one.contents.unit == _VOLT:
-                found.append((round(one.contents.min, 6), round(one.contents.max, 6)))
+                ranges.append((round(one.contents.min, 6), round(one.contents.max, 6)))
             else:
-                found.append((math.nan, math.nan))
-        return found
+                ranges.append((math.nan, math.nan))
+        return ranges
 
     def _convert(self, channel: int) -> float:
         sample = c_uint()

@@ -168,23 +168,24 @@ class DMM32:
             self._write(_HIGH, 0xFF)
             self._write(_RANGE, 0x0C)
             self._clock.sleep(100e-6)
-            found = [self._read(offset) for offset, _ in _PROBE]
+            registers = [self._read(offset) for offset, _ in _PROBE]
         expected = [value for _, value in _PROBE]
-        if found == expected:
+        if registers == expected:
             return
-        if all(value == _FLOATING for value in found):
+        if all(value == _FLOATING for value in registers):
             raise self._missing("everything there reads 0xFF")
         calm = [
-            value & ~_FLAGS.get(offset, 0) for (offset, _), value in zip(_PROBE, found, strict=True)
+            value & ~_FLAGS.get(offset, 0)
+            for (offset, _), value in zip(_PROBE, registers, strict=True)
         ]
         if calm == expected:
-            raise self._hangs(_SETTLING if found[-1] & _WAIT else _CONVERTING, 1e-3)
-        if [value | 0x60 for value in found] == [value | 0x60 for value in expected]:
+            raise self._hangs(_SETTLING if registers[-1] & _WAIT else _CONVERTING, 1e-3)
+        if [value | 0x60 for value in registers] == [value | 0x60 for value in expected]:
             raise DeviceDataError(
                 f"The DMM-32 at 0x{self._base:x} has differential inputs.",
                 "Set its jumper J5 to 32 single-ended inputs.",
             )
-        read = " ".join(f"{value:02x}" for value in found)
+        read = " ".join(f"{value:02x}" for value in registers)
         wanted = " ".join(f"{value:02x}" for value in expected)
         raise self._missing(f"registers 2, 3, 7, 8, 9, 11 read {read} instead of {wanted}")
 
@@ -238,8 +239,8 @@ class DMM32:
         if (before | after) & _OVERFLOW:
             raise self._broken("its FIFO overflowed")
         if before & _EMPTY or not after & _EMPTY:
-            found = "fewer" if before & _EMPTY else "more"
-            raise self._broken(f"its FIFO held {found} samples than the {count} channels")
+            relation = "fewer" if before & _EMPTY else "more"
+            raise self._broken(f"its FIFO held {relation} samples than the {count} channels")
         return [volts(int.from_bytes(two, "little", signed=True)) for two in data]
 
     def _await(self, offset: int, flag: int, nominal: float, what: str) -> int:

@@ -192,8 +192,8 @@ class SV203:
             DeviceDataError: The board was reset.
             DeviceError: As ``read_counts``.
         """
-        suspects = [n for n, found in self.read_counts(expected).items() if found != expected[n]]
-        differing = [n for n, found in self.read_counts(suspects).items() if found != expected[n]]
+        suspects = [n for n, count in self.read_counts(expected).items() if count != expected[n]]
+        differing = [n for n, count in self.read_counts(suspects).items() if count != expected[n]]
         for output in differing:
             self._sent.pop(output, None)
         return sorted(differing)

@@ -47,10 +47,10 @@ def complain(program: str, error: Exception) -> None:
 def reads_journal(fd: int, environment: Mapping[str, str] = os.environ) -> bool:
     """Whether a file descriptor leads to systemd's journal, which then says so itself."""
     try:
-        found = os.fstat(fd)
+        status = os.fstat(fd)
     except OSError:
         return False
-    return environment.get("JOURNAL_STREAM") == f"{found.st_dev}:{found.st_ino}"
+    return environment.get("JOURNAL_STREAM") == f"{status.st_dev}:{status.st_ino}"
 
 
 class PlainFormatter(logging.Formatter):

@@ -30,18 +30,18 @@ class Servos(FaultSwitch):
 
     def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:
         """What the servos do when the board sends these pulses; 0 is limp."""
-        found = list(pulses)
+        driven = list(pulses)
         faults = self.faults
         swapped, dead, jammed = (faults.get(name) for name in ("swapped", "dead", "jammed"))
-        if swapped is not None and 1 <= swapped < len(found):
-            found[swapped - 1], found[swapped] = found[swapped], found[swapped - 1]
-        if dead is not None and 1 <= dead <= len(found):
-            found[dead - 1] = 0
-        if jammed is not None and 1 <= jammed <= len(found):
+        if swapped is not None and 1 <= swapped < len(driven):
+            driven[swapped - 1], driven[swapped] = driven[swapped], driven[swapped - 1]
+        if dead is not None and 1 <= dead <= len(driven):
+            driven[dead - 1] = 0
+        if jammed is not None and 1 <= jammed <= len(driven):
             if self._jammed is None:
-                self._jammed = (self._last or found)[jammed - 1]
-            found[jammed - 1] = self._jammed
+                self._jammed = (self._last or driven)[jammed - 1]
+            driven[jammed - 1] = self._jammed
         else:
             self._jammed = None
-        self._last = tuple(found)
+        self._last = tuple(driven)
         return self._last

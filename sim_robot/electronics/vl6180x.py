@@ -170,10 +170,10 @@ class VL6180XEmulator(FaultSwitch):
         self._measurements += 1
         if "frozen" in self._faults and self._frozen is not None:
             return self._frozen
-        found = (*self._see(distance), self._count())
+        measurement = (*self._see(distance), self._count())
         if "frozen" in self._faults:
-            self._frozen = found
-        return found
+            self._frozen = measurement
+        return measurement
 
     def _see(self, distance: float | None) -> tuple[int, int]:
         if "error" in self._faults:

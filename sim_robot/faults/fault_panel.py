@@ -90,18 +90,18 @@ class FaultSpec:
         Raises:
             FaultError: It cannot be; the message says what to write instead.
         """
-        found = _SPEC.fullmatch(text)
-        if found is None:
+        match = _SPEC.fullmatch(text)
+        if match is None:
             raise FaultError(
                 f"{text!r} is no fault: write DEVICE.FAULT[=N][@START][+DURATION], for instance "
                 "daq.stuck_channel=3@2i+10s."
             )
-        name = check_name(found["name"])
+        name = check_name(match["name"])
         device, _, fault = name.partition(".")
-        duration = Span.parse(found["duration"])
+        duration = Span.parse(match["duration"])
         if duration is not None and fault in DEVICES[device].EVENTS:
             raise FaultError(f"{text!r}: {name} happens once, so leave out the duration.")
-        return cls(device, fault, int(found["value"] or 0), Span.parse(found["start"]), duration)
+        return cls(device, fault, int(match["value"] or 0), Span.parse(match["start"]), duration)
 
     @property
     def name(self) -> str:

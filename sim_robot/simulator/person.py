@@ -101,56 +101,56 @@ class SimulatedPerson:
             CommandError: Nobody told this person what to do then.
         """
         for pattern, act in self._answers:
-            found = re.match(pattern, prompt)
-            if found is not None:
-                answer = act(found)
+            match = re.match(pattern, prompt)
+            if match is not None:
+                answer = act(match)
                 self._echo(f"{prompt} > {answer}")
                 return answer
         raise CommandError(f"the simulated person does not understand {prompt!r}")
 
-    def _on_the_stand(self, found: re.Match[str]) -> str:
-        del found
+    def _on_the_stand(self, match: re.Match[str]) -> str:
+        del match
         self._hold(STAND)
         return ""
 
-    def _in_position(self, found: re.Match[str]) -> str:
+    def _in_position(self, match: re.Match[str]) -> str:
         lean = np.tan(np.radians(self._rng.uniform(-UNEVEN, UNEVEN, 3)))
-        up = [u or float(slope) for u, slope in zip(_UP[found["position"]], lean, strict=True)]
+        up = [u or float(slope) for u, slope in zip(_UP[match["position"]], lean, strict=True)]
         length = math.hypot(*up)
         self._hold(STAND, tuple(u / length for u in up))
         return ""
 
-    def _on_the_ground(self, found: re.Match[str]) -> str:
-        del found
+    def _on_the_ground(self, match: re.Match[str]) -> str:
+        del match
         self._world.lay_down()
         self._wait()
         return ""
 
-    def _over_a_plate(self, found: re.Match[str]) -> str:
-        self._hold(float(found["height"]) / 1000)
+    def _over_a_plate(self, match: re.Match[str]) -> str:
+        self._hold(float(match["height"]) / 1000)
         return ""
 
-    def _unloaded(self, found: re.Match[str]) -> str:
-        del found
+    def _unloaded(self, match: re.Match[str]) -> str:
+        del match
         self._hold(STAND)
         return ""
 
-    def _loaded(self, found: re.Match[str]) -> str:
+    def _loaded(self, match: re.Match[str]) -> str:
         for name in self._body.touch:
-            self._world.press(name, WEIGHT_G * 9.81e-3 if name == found["name"] else 0.0)
+            self._world.press(name, WEIGHT_G * 9.81e-3 if name == match["name"] else 0.0)
         self._clock.sleep(_STILL)
         return f"{WEIGHT_G} g"
 
-    def _at_zero(self, found: re.Match[str]) -> str:
-        return f"{self._protractor(self._index(found['name'])):.1f}"
+    def _at_zero(self, match: re.Match[str]) -> str:
+        return f"{self._protractor(self._index(match['name'])):.1f}"
 
-    def _at_a_count(self, found: re.Match[str]) -> str:
-        if self._joint.name != found["name"]:
-            self._joint = _Joint(found["name"])
-        index = self._index(found["name"])
+    def _at_a_count(self, match: re.Match[str]) -> str:
+        if self._joint.name != match["name"]:
+            self._joint = _Joint(match["name"])
+        index = self._index(match["name"])
         motor = self._body.motors[index]
         limits = math.degrees(motor.lower), math.degrees(motor.upper)
-        return self._joint.next(int(found["count"]), self._protractor(index), limits)
+        return self._joint.next(int(match["count"]), self._protractor(index), limits)
 
     def _index(self, name: str) -> int:
         return [motor.name for motor in self._body.motors].index(name)

@@ -247,11 +247,11 @@ class _Checker:
         return 0.006
 
     def _group(self, name: str) -> frozenset[str]:
-        found = {name}
+        links = {name}
         for joint in self._robot.joints:  # parents come first, so one pass is enough
-            if joint.type == "fixed" and joint.parent.link in found:
-                found.add(joint.child.link)
-        return frozenset(found)
+            if joint.type == "fixed" and joint.parent.link in links:
+                links.add(joint.child.link)
+        return frozenset(links)
 
     def _touch(self, root: str, moving: list[Joint]) -> dict[str, frozenset[str]]:
         groups = {joint.child.link: self._group(joint.child.link) for joint in moving}

@@ -54,7 +54,7 @@ def load_noise(choice: str) -> NoiseLevels:
     if choice == "none":
         return NO_NOISE
     try:
-        found = parse_toml(Path(choice).read_text(encoding="utf-8"))
+        values = parse_toml(Path(choice).read_text(encoding="utf-8"))
     except OSError as error:
         raise NoiseError(
             f"{choice}: cannot be read: {error.strerror}. Write default, none or a file."
@@ -62,11 +62,11 @@ def load_noise(choice: str) -> NoiseLevels:
     except (TomlError, UnicodeDecodeError) as error:
         raise NoiseError(f"{choice}: is not valid TOML: {error}.") from error
     known = [item.name for item in fields(NoiseLevels)]
-    for key in found:
+    for key in values:
         if key not in known:
             raise NoiseError(f"{choice}: {key}: is not a known key. Known: {', '.join(known)}.")
     try:
-        return NoiseLevels(**found)
+        return NoiseLevels(**values)
     except NoiseError as error:
         raise NoiseError(f"{choice}: {error}") from error
 

@@ -15,9 +15,9 @@ from tests.robot.stepped import Bench, SteppedClock
 def bench() -> Iterator[Bench]:
     clock = SteppedClock()
     with still_robot(clock, housekeeping=None, log=logging.getLogger("test")) as robot:
-        found = Bench(robot, clock)
-        robot.controller.set_notify(found.notify)
+        stepped = Bench(robot, clock)
+        robot.controller.set_notify(stepped.notify)
         robot.controller.start()
-        yield found
+        yield stepped
         clock.free()
         assert robot.controller.shut_down()

@@ -66,14 +66,14 @@ def main() -> None:
     print("| body | feet | touching | the rules disagree | gap of 0 to 2 mm |")
     print("| --- | --- | --- | --- | --- |")
     for name, path in shipped_bodies().items():
-        found = list(feet(load_body(path), options.programs))
+        all_feet = list(feet(load_body(path), options.programs))
         counts = (
-            sum(foot.load > LOADED for foot in found),
-            sum(foot.disputed for foot in found),
-            sum(foot.doubtful for foot in found),
+            sum(foot.load > LOADED for foot in all_feet),
+            sum(foot.disputed for foot in all_feet),
+            sum(foot.doubtful for foot in all_feet),
         )
-        shares = (f"{count} ({100 * count / len(found):.1f} %)" for count in counts)
-        print(f"| {name} | {len(found):,} | {' | '.join(shares)} |", flush=True)
+        shares = (f"{count} ({100 * count / len(all_feet):.1f} %)" for count in counts)
+        print(f"| {name} | {len(all_feet):,} | {' | '.join(shares)} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -49,18 +49,18 @@ def run(body: Body, script: Script) -> AxesCalibration | None:
 
 def test_six_positions_find_zero_gain_and_sign() -> None:
     body = Body()
-    found = run(body, Script("six", *body.six()))
-    assert found is not None
-    assert found.zero == pytest.approx(ZERO, abs=1e-3)
-    assert found.volts_per_g == pytest.approx(GAIN, abs=1e-3)
+    calibration = run(body, Script("six", *body.six()))
+    assert calibration is not None
+    assert calibration.zero == pytest.approx(ZERO, abs=1e-3)
+    assert calibration.volts_per_g == pytest.approx(GAIN, abs=1e-3)
 
 
 def test_leaning_by_3_degrees_costs_little() -> None:
     body = Body()
-    found = run(body, Script("six", *body.six(lean=math.tan(math.radians(3)))))
-    assert found is not None
+    calibration = run(body, Script("six", *body.six(lean=math.tan(math.radians(3)))))
+    assert calibration is not None
     # cos 3° twice (two axes lean): 0.3 % of the gain, 0.1° at 30°.
-    assert found.volts_per_g == pytest.approx(GAIN, rel=4e-3)
+    assert calibration.volts_per_g == pytest.approx(GAIN, rel=4e-3)
 
 
 def test_a_position_that_leans_too_much_is_asked_for_again() -> None:
@@ -68,11 +68,11 @@ def test_a_position_that_leans_too_much_is_asked_for_again() -> None:
     six = body.six()
     six[2] = (body.into(1, 1, 0.3), "")
     script = Script("six", *six, (body.into(1, 1), ""))
-    found = run(body, script)
+    calibration = run(body, script)
     assert script.heard("'left side up'")
     assert script.prompts[-1].startswith("left side up")
-    assert found is not None
-    assert found.volts_per_g == pytest.approx(GAIN, abs=1e-3)
+    assert calibration is not None
+    assert calibration.volts_per_g == pytest.approx(GAIN, abs=1e-3)
 
 
 def test_swapped_wires_are_named() -> None:
@@ -109,10 +109,10 @@ def test_level_finds_the_zeros_whatever_the_table_leans() -> None:
         (lambda x=x, y=y: body.put(x, y, 1), "")  # type: ignore[misc]
         for x, y in ((lean, 0.0), (0.0, lean), (-lean, 0.0), (0.0, -lean))
     ]
-    found = run(body, Script("level", *quarters))
-    assert found is not None
-    assert found.zero[:2] == pytest.approx(ZERO[:2], abs=1e-3)
-    assert found.volts_per_g == BELIEVED.volts_per_g
+    calibration = run(body, Script("level", *quarters))
+    assert calibration is not None
+    assert calibration.zero[:2] == pytest.approx(ZERO[:2], abs=1e-3)
+    assert calibration.volts_per_g == BELIEVED.volts_per_g
 
 
 def test_level_refuses_what_it_cannot_know() -> None:

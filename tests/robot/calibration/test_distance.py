@@ -58,10 +58,10 @@ def placed(ruler: Ruler, height: float, times: int) -> list[Answer]:
 def test_many_placements_find_zero_and_scale() -> None:
     ruler = Ruler()
     script = Script("", *placed(ruler, 0, 16), "150", *placed(ruler, 150, 16))
-    found = run(ruler, script)
+    calibration = run(ruler, script)
     assert script.left == 0
-    assert found is not None
-    sensor = BellySensor(zero=found.zero, scale=found.scale, reach=0.2)
+    assert calibration is not None
+    sensor = BellySensor(zero=calibration.zero, scale=calibration.scale, reach=0.2)
     for height in (0, 75, 150):  # four standard errors
         assert sensor.clearance((14.2 + height / 0.97) / 1000) == pytest.approx(
             height / 1000, abs=1e-3
@@ -71,8 +71,8 @@ def test_many_placements_find_zero_and_scale() -> None:
 @pytest.mark.parametrize(("noise", "placements"), [(0.1e-3, 3), (1e-3, 16), (1.0, 25)])
 def test_a_noisier_sensor_is_placed_more_often(noise: float, placements: int) -> None:
     dialogue = Questions(Script())
-    found = DistanceSession(BELIEVED, Ruler(), noise=noise, dialogue=dialogue)
-    assert found.placements == placements
+    session = DistanceSession(BELIEVED, Ruler(), noise=noise, dialogue=dialogue)
+    assert session.placements == placements
 
 
 def test_three_placements_are_the_least() -> None:
@@ -81,10 +81,10 @@ def test_three_placements_are_the_least() -> None:
         "", *placed(ruler, 0, 2), "done", *placed(ruler, 0, 1), "done",
         "100", *placed(ruler, 100, 4), "done",
     )  # fmt: skip
-    found = run(ruler, script)
+    calibration = run(ruler, script)
     assert script.left == 0
-    assert found is not None
-    assert found.scale == pytest.approx(0.97, abs=0.01)
+    assert calibration is not None
+    assert calibration.scale == pytest.approx(0.97, abs=0.01)
 
 
 def test_a_plate_at_another_height_than_said_is_noticed() -> None:

@@ -42,7 +42,7 @@ class Desk:
     def measured(self, before: Calibration, script: Script, *only: str) -> Calibration:
         """What a session that is not left comes to."""
         saved = [before]
-        self.session(script, *only).run(before, lambda name, found: saved.append(found))
+        self.session(script, *only).run(before, lambda name, calibration: saved.append(calibration))
         return saved[-1]
 
     def pulses(self) -> tuple[int, ...]:
@@ -88,21 +88,25 @@ def desk() -> Iterator[Desk]:
 def test_it_measures_what_is_asked_for_and_keeps_the_rest(desk: Desk) -> None:
     before = Calibration(robot="quadruped", distance=RulerCalibration(zero=0.02, scale=1.1))
     script = Script(*desk.answers())
-    found = desk.measured(before, script, *ONLY)
+    calibration = desk.measured(before, script, *ONLY)
     assert script.left == 0
-    assert list(found.joints) == ["hip_left"]
-    assert found.joints["hip_left"].scale.count(0.0) == 161
-    assert found.accelerometer is not None
-    assert found.gauges["lower_left"].volts_per_newton == pytest.approx(0.2, rel=0.01)
-    assert found.distance is not None
-    assert found.distance.zero == pytest.approx(0.008)
-    assert found.distance.scale == pytest.approx(0.98)
+    assert list(calibration.joints) == ["hip_left"]
+    assert calibration.joints["hip_left"].scale.count(0.0) == 161
+    assert calibration.accelerometer is not None
+    assert calibration.gauges["lower_left"].volts_per_newton == pytest.approx(0.2, rel=0.01)
+    assert calibration.distance is not None
+    assert calibration.distance.zero == pytest.approx(0.008)
+    assert calibration.distance.scale == pytest.approx(0.98)
     only_joint = Script("", "-20", "u 20", "u 20", "4", "done", "0", "yes")
     assert desk.measured(before, only_joint, "hip_left").distance == before.distance
     desk.robot.world.volts[0] += 0.01
     only_level = Script("level", "", "", "", "", "yes")
-    kept = desk.measured(found, only_level, "accelerometer")
-    assert (kept.joints, kept.gauges, kept.distance) == (found.joints, found.gauges, found.distance)
+    kept = desk.measured(calibration, only_level, "accelerometer")
+    assert (kept.joints, kept.gauges, kept.distance) == (
+        calibration.joints,
+        calibration.gauges,
+        calibration.distance,
+    )
 
 
 def test_everything_is_asked_for_when_nothing_is_said(desk: Desk) -> None:
@@ -166,9 +170,14 @@ def test_it_can_be_left_at_every_question(desk: Desk, tmp_path: Path, way: str) 
         assert script.prompts == whole.prompts[: length + 1]
         names = ["calibration.toml"]
         if written:  # and so no measurement is lost but that of the part at which it was left
-            found = read_calibration(file, COUNTS)
-            assert found.revision == 2
-            parts_now = (found.joints, found.accelerometer, found.gauges, found.distance)
+            calibration = read_calibration(file, COUNTS)
+            assert calibration.revision == 2
+            parts_now = (
+                calibration.joints,
+                calibration.accelerometer,
+                calibration.gauges,
+                calibration.distance,
+            )
             assert [bool(part) for part in parts_now] == [n < len(written) for n in range(4)]
             names.append("calibration.toml.1")
             assert (tmp_path / names[1]).read_bytes() == before
@@ -196,15 +205,15 @@ def test_an_interrupt_in_mid_motion_leaves_the_joint_where_it_is(desk: Desk) -> 
         only=["hip_left"],
     )
     with pytest.raises(AbandonedError):
-        session.run(Calibration(robot="quadruped"), lambda name, found: None)
+        session.run(Calibration(robot="quadruped"), lambda name, calibration: None)
     assert 128 < desk.pulses()[0] < 188
 
 
 def test_no_is_no(desk: Desk) -> None:
     answers = [*desk.answers()[:-1], "no"]
-    found = desk.measured(Calibration(robot="quadruped"), Script(*answers), *ONLY)
-    assert found.distance is None
-    assert found.gauges
+    calibration = desk.measured(Calibration(robot="quadruped"), Script(*answers), *ONLY)
+    assert calibration.distance is None
+    assert calibration.gauges
 
 
 def test_what_could_not_be_read_again_is_not_taken(desk: Desk) -> None:

@@ -33,13 +33,13 @@ def run(board: Board, script: Script) -> JointCalibration | None:
 
 def test_a_swapped_shifted_and_stretched_joint_is_put_right() -> None:
     board, script = Board(), Script(*GOOD, "done", "")
-    found = run(board, script)
-    assert found is not None
-    assert found.scale.count(0.0) == 108
-    assert math.degrees(found.scale.angle(148)) == pytest.approx(-30)
+    calibration = run(board, script)
+    assert calibration is not None
+    assert calibration.scale.count(0.0) == 108
+    assert math.degrees(calibration.scale.angle(148)) == pytest.approx(-30)
     assert script.heard("other way")
     assert board.counts[2] == 108  # where it shows its new zero
-    assert math.degrees(found.upper_limit) == pytest.approx(74)  # nobody marked another one
+    assert math.degrees(calibration.upper_limit) == pytest.approx(74)  # nobody marked another one
 
 
 def test_it_moves_one_count_at_a_time_and_slower_than_the_servo_may() -> None:
@@ -106,27 +106,27 @@ def test_too_little_is_not_enough(answers: tuple[str, ...], words: str) -> None:
 
 def test_an_angle_can_be_measured_again_or_dropped() -> None:
     script = Script("-14", "-15", "u 20", "-31", "drop", "-30", "done", "")
-    found = run(Board(), script)
-    assert found is not None
-    assert [round(math.degrees(angle), 1) for _, angle in found.scale.points] == [-15, -30]
+    calibration = run(Board(), script)
+    assert calibration is not None
+    assert [round(math.degrees(angle), 1) for _, angle in calibration.scale.points] == [-15, -30]
 
 
 def test_a_wrong_table_shows_at_its_zero() -> None:
     # 0.5° and 1.4° a count: one of them was misread, and the new zero is not level.
     script = Script("-15", "u 20", "-25", "done", "6", "drop", "-30", "done", "0.3")
     board = Board()
-    found = run(board, script)
+    calibration = run(board, script)
     assert script.heard("It should be 0° and is 6°")
-    assert found is not None
-    assert len(found.scale.points) == 2
+    assert calibration is not None
+    assert len(calibration.scale.points) == 2
 
 
 def test_marked_limits_are_taken_over() -> None:
     script = Script(*GOOD, "upper", "u 20", "u 20", "u 20", "lower", "done", "")
-    found = run(Board(), script)
-    assert found is not None
-    assert math.degrees(found.upper_limit) == pytest.approx(15)
-    assert math.degrees(found.lower_limit) == pytest.approx(-30)
+    calibration = run(Board(), script)
+    assert calibration is not None
+    assert math.degrees(calibration.upper_limit) == pytest.approx(15)
+    assert math.degrees(calibration.lower_limit) == pytest.approx(-30)
 
 
 def test_limits_that_were_mixed_up_are_refused() -> None:

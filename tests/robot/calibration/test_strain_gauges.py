@@ -42,30 +42,30 @@ def run(foot: Foot, script: Script) -> GaugeCalibration | None:
 @pytest.mark.parametrize(("typed", "newtons"), [("1.5", 1.5), ("200 g", 1.962), ("200g", 1.962)])
 def test_a_known_load_gives_the_gain(gain: float, typed: str, newtons: float) -> None:
     foot = Foot(gain)
-    found = run(foot, Script("", (lambda: foot.load(newtons), typed)))
-    assert found is not None
-    assert found.tare == pytest.approx(0.35, abs=1e-4)
-    assert found.volts_per_newton == pytest.approx(gain, rel=2e-3)
-    assert (found.on, found.off) == (0.1, 0.05)
+    calibration = run(foot, Script("", (lambda: foot.load(newtons), typed)))
+    assert calibration is not None
+    assert calibration.tare == pytest.approx(0.35, abs=1e-4)
+    assert calibration.volts_per_newton == pytest.approx(gain, rel=2e-3)
+    assert (calibration.on, calibration.off) == (0.1, 0.05)
 
 
 def test_a_noisy_foot_gets_a_higher_threshold_and_says_so() -> None:
     foot = Foot(0.1, noise=0.005)  # 0.05 N of noise; a threshold of 0.1 N would be crossed
     script = Script("", (lambda: foot.load(2), "2"))
-    found = run(foot, script)
-    assert found is not None
-    assert 0.25 < found.on < 0.4
-    assert found.off == pytest.approx(found.on / 2)
+    calibration = run(foot, script)
+    assert calibration is not None
+    assert 0.25 < calibration.on < 0.4
+    assert calibration.off == pytest.approx(calibration.on / 2)
     assert script.heard("noise")
 
 
 def test_a_load_on_another_foot_is_noticed() -> None:
     foot = Foot(0.1)
     script = Script("", "1", (lambda: foot.load(1), "1"))
-    found = run(foot, script)
+    calibration = run(foot, script)
     assert script.heard("channel 2")
-    assert found is not None
-    assert found.volts_per_newton == pytest.approx(0.1, rel=2e-3)
+    assert calibration is not None
+    assert calibration.volts_per_newton == pytest.approx(0.1, rel=2e-3)
 
 
 @pytest.mark.parametrize("load", ["0", "-1", "900", "heavy", "g", ""])

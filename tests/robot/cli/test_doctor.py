@@ -46,11 +46,11 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
     file = robot_toml(tmp_path)
     calibration = Calibration(robot="quadruped", revision=7, made="2026-11-20T03:57:20Z")
     save_calibration(tmp_path / "calibration.toml", calibration)
-    found = describe_config(load_config(file), file)
-    assert found.verdict is Severity.LOOK
-    assert "revision 7 of 2026-11-20" in found.text
-    assert "not calibrated yet: hip_left, hip_front" in found.text
-    assert "lower_back, distance" in found.text
+    finding = describe_config(load_config(file), file)
+    assert finding.verdict is Severity.LOOK
+    assert "revision 7 of 2026-11-20" in finding.text
+    assert "not calibrated yet: hip_left, hip_front" in finding.text
+    assert "lower_back, distance" in finding.text
     config = load_config(EXAMPLE)
     whole = Calibration(
         robot="quadruped",

@@ -130,23 +130,23 @@ calibrations = st.builds(
 def test_what_is_written_comes_back(tmp_path: Path, calibration: Calibration) -> None:
     file = tmp_path / "calibration.toml"
     file.write_text(to_toml(calibration), encoding="utf-8")
-    found = read_calibration(file, COUNTS)
-    assert (found.robot, found.revision, found.made) == (
+    read = read_calibration(file, COUNTS)
+    assert (read.robot, read.revision, read.made) == (
         calibration.robot,
         calibration.revision,
         calibration.made,
     )
-    assert found.accelerometer == calibration.accelerometer
-    assert found.gauges == calibration.gauges
-    assert found.joints.keys() == calibration.joints.keys()
+    assert read.accelerometer == calibration.accelerometer
+    assert read.gauges == calibration.gauges
+    assert read.joints.keys() == calibration.joints.keys()
     for name, joint in calibration.joints.items():
         for count in (1, 100, 255):
-            assert found.joints[name].scale.angle(count) == pytest.approx(
+            assert read.joints[name].scale.angle(count) == pytest.approx(
                 joint.scale.angle(count), abs=1e-4
             )
     if calibration.distance is not None:
-        assert found.distance is not None
-        assert found.distance.scale == pytest.approx(calibration.distance.scale, abs=1e-5)
+        assert read.distance is not None
+        assert read.distance.scale == pytest.approx(calibration.distance.scale, abs=1e-5)
 
 
 @pytest.mark.parametrize(

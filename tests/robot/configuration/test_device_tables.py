@@ -23,14 +23,16 @@ def section(folder: Path, text: str) -> Section:
 
 
 def test_degrees_and_millimetres_become_radians_and_metres(tmp_path: Path) -> None:
-    found = section(tmp_path, "limits_deg = [-90, 45]\nzero_mm = 12\nscale = 0.9")
-    assert device_tables.read_limits(found) == pytest.approx((-math.pi / 2, math.pi / 4))
-    assert device_tables.read_ruler(found) == (0.012, 0.9)
+    table = section(tmp_path, "limits_deg = [-90, 45]\nzero_mm = 12\nscale = 0.9")
+    assert device_tables.read_limits(table) == pytest.approx((-math.pi / 2, math.pi / 4))
+    assert device_tables.read_ruler(table) == (0.012, 0.9)
 
 
 def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> None:
-    found = device_tables.read_distance(section(tmp_path, "bus = 1\nzero_mm = 10\nrange_mm = 200"))
-    assert found.sensor.clearance(0.110) == pytest.approx(0.1)
+    distance = device_tables.read_distance(
+        section(tmp_path, "bus = 1\nzero_mm = 10\nrange_mm = 200")
+    )
+    assert distance.sensor.clearance(0.110) == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

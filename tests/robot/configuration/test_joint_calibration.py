@@ -49,14 +49,14 @@ def test_a_table_may_bend_and_fall() -> None:
 
 
 def test_a_joint_stays_within_limits_and_says_when_it_is_at_the_end() -> None:
-    found = joint(HIP, lower=-30)
-    count = found.quantise(math.radians(-30))
+    narrow = joint(HIP, lower=-30)
+    count = narrow.quantise(math.radians(-30))
     assert math.radians(-30) <= HIP.angle(count) < math.radians(-29)
-    assert found.at_end(count)
-    assert not found.at_end(count + 1)
-    assert found.quantise(0.0) == 144
-    assert not found.at_end(144)
-    assert found.at_end(count - 20)  # where a board that was reset may stand
+    assert narrow.at_end(count)
+    assert not narrow.at_end(count + 1)
+    assert narrow.quantise(0.0) == 144
+    assert not narrow.at_end(144)
+    assert narrow.at_end(count - 20)  # where a board that was reset may stand
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,6 @@ class Clinic:
 
     def bad(self, *, move: bool = False) -> dict[str, Finding]:
         """What is bad, by subject; each with advice."""
-        found = [one for one in self.examine(move=move) if one.verdict is Severity.BAD]
-        assert all(one.advice for one in found)
-        return {one.subject: one for one in found}
+        findings = [one for one in self.examine(move=move) if one.verdict is Severity.BAD]
+        assert all(one.advice for one in findings)
+        return {one.subject: one for one in findings}

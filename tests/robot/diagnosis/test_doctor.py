@@ -28,9 +28,9 @@ ALL = {
 
 
 def test_a_sound_robot_is_found_sound_part_by_part(clinic: Clinic) -> None:
-    found = clinic.examine()
-    assert {one.subject for one in found} == ALL
-    assert [one for one in found if one.verdict is Severity.BAD] == []
+    findings = clinic.examine()
+    assert {one.subject for one in findings} == ALL
+    assert [one for one in findings if one.verdict is Severity.BAD] == []
 
 
 @pytest.mark.parametrize(
@@ -61,9 +61,9 @@ def test_a_fault_is_found_where_it_is_and_nowhere_else(
     part, fault, value = injected
     emulator = getattr(clinic.robot, part)
     emulator.inject(fault, value)
-    found = clinic.bad()
-    assert list(found) == [subject]
-    assert words in found[subject].text, found[subject].text
+    bad = clinic.bad()
+    assert list(bad) == [subject]
+    assert words in bad[subject].text, bad[subject].text
     emulator.mend()
     assert not clinic.bad()
 
@@ -77,17 +77,17 @@ def test_several_faults_are_all_found(clinic: Clinic) -> None:
 
 def test_an_unplugged_adapter_is_found(clinic: Clinic) -> None:
     clinic.robot.servo_board.unplug()
-    found = clinic.bad()
-    assert list(found) == ["servo board"]
-    assert "cannot be opened" in found["servo board"].text
+    bad = clinic.bad()
+    assert list(bad) == ["servo board"]
+    assert "cannot be opened" in bad["servo board"].text
 
 
 def test_a_robot_that_another_program_drives_is_left_alone(clinic: Clinic) -> None:
     before = clinic.clock.now()
     with open_serial(clinic.robot.servo_board.port, 9600):
-        found = clinic.examine(move=True)
-    assert [one.verdict for one in found] == [Severity.BAD, Severity.LOOK]
-    assert "other program" in found[0].advice
+        findings = clinic.examine(move=True)
+    assert [one.verdict for one in findings] == [Severity.BAD, Severity.LOOK]
+    assert "other program" in findings[0].advice
     assert clinic.clock.now() == before  # every access to a device would have taken time
 
 

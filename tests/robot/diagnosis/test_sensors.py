@@ -14,8 +14,8 @@ from tests.robot.diagnosis.clinic import Clinic
 
 
 def of(clinic: Clinic, subject: str) -> Finding:
-    (found,) = [one for one in clinic.examine() if one.subject == subject]
-    return found
+    (finding,) = [one for one in clinic.examine() if one.subject == subject]
+    return finding
 
 
 class Trembling(list[float]):
@@ -61,17 +61,17 @@ def test_tilt_noise_and_rates_are_told(clinic: Clinic) -> None:
 )
 def test_gravity_that_cannot_be_is_bad(clinic: Clinic, volts: list[float], words: str) -> None:
     clinic.robot.world.volts[:3] = volts
-    found = of(clinic, "accelerometer")
-    assert found.verdict is Severity.BAD
-    assert words in found.text
-    assert "calibrate --only accelerometer" in found.advice
+    finding = of(clinic, "accelerometer")
+    assert finding.verdict is Severity.BAD
+    assert words in finding.text
+    assert "calibrate --only accelerometer" in finding.advice
 
 
 def test_a_robot_that_never_comes_to_rest_is_told_of(clinic: Clinic) -> None:
     clinic.robot.world.volts = Trembling(clinic.robot.world.volts, 0, 0.01)
-    found = of(clinic, "accelerometer")
-    assert found.verdict is Severity.BAD
-    assert "rest is at most 0.5°" in found.text
+    finding = of(clinic, "accelerometer")
+    assert finding.verdict is Severity.BAD
+    assert "rest is at most 0.5°" in finding.text
 
 
 def test_a_leaning_robot_is_worth_a_look(clinic: Clinic) -> None:
@@ -91,28 +91,28 @@ def test_the_ground_pushes_and_does_not_pull(
     gauge = replace(clinic.config.gauges[point.name], volts_per_newton=0.05)
     config = replace(clinic.config, touch=(replace(point, driver=gauge),))
     clinic.robot = replace(clinic.robot, config=config)
-    found = of(clinic, "touch lower_front")
-    assert found.verdict is verdict
-    assert f"{force:+.1f}" in found.text
+    finding = of(clinic, "touch lower_front")
+    assert finding.verdict is verdict
+    assert f"{force:+.1f}" in finding.text
     if verdict is Severity.OK:
-        assert found.text.endswith("touching" if force else "free")
+        assert finding.text.endswith("touching" if force else "free")
     else:
-        assert "calibrate --only lower_front" in found.advice
+        assert "calibrate --only lower_front" in finding.advice
 
 
 def test_a_threshold_within_the_noise_flickers(clinic: Clinic) -> None:
     clinic.robot.world.volts = Trembling(clinic.robot.world.volts, 4, 0.01)  # 0.05 N
-    found = of(clinic, "touch lower_front")
-    assert found.verdict is Severity.BAD
-    assert "flicker" in found.text
+    finding = of(clinic, "touch lower_front")
+    assert finding.verdict is Severity.BAD
+    assert "flicker" in finding.text
 
 
 def test_a_slow_board_cannot_keep_the_rate(clinic: Clinic) -> None:
     settling = replace(clinic.config.settling, rate=50_000)
     clinic.robot = replace(clinic.robot, config=replace(clinic.config, settling=settling))
-    found = of(clinic, "analogue inputs")
-    assert found.verdict is Severity.BAD
-    assert "settling.rate_hz" in found.text
+    finding = of(clinic, "analogue inputs")
+    assert finding.verdict is Severity.BAD
+    assert "settling.rate_hz" in finding.text
 
 
 @pytest.mark.parametrize(
@@ -129,9 +129,9 @@ def test_a_distance_that_cannot_be_is_bad(
 ) -> None:
     lean(clinic, across, 0)
     clinic.robot.world.distance_mm = millimetres
-    found = of(clinic, "distance")
-    assert found.verdict is verdict, found
-    assert words in found.text
+    finding = of(clinic, "distance")
+    assert finding.verdict is verdict, finding
+    assert words in finding.text
 
 
 def test_a_robot_without_distance_sensor_is_no_fault(clinic: Clinic) -> None:

@@ -15,15 +15,15 @@ from tests.robot.diagnosis.clinic import Clinic
 
 
 def joint(clinic: Clinic, count: int) -> Finding:
-    (found,) = check_joints(clinic.config.joints[:1], {1: count})
-    return found
+    (finding,) = check_joints(clinic.config.joints[:1], {1: count})
+    return finding
 
 
 def test_a_joint_shows_where_it_stands_and_how_far_it_goes(clinic: Clinic) -> None:
-    found = joint(clinic, 144)
-    assert found.verdict is Severity.OK
+    finding = joint(clinic, 144)
+    assert finding.verdict is Severity.OK
     for words in ("count 144", "-0.1°", "-96.0° to 74.0°", "0.68° a count"):
-        assert words in found.text
+        assert words in finding.text
 
 
 def test_a_limp_joint_is_no_fault(clinic: Clinic) -> None:
@@ -32,15 +32,15 @@ def test_a_limp_joint_is_no_fault(clinic: Clinic) -> None:
 
 def test_a_joint_outside_its_limits_is_one(clinic: Clinic) -> None:
     narrow = replace(clinic.config.joints[0], upper_limit=0.1)
-    (found,) = check_joints([narrow], {1: 200})
-    assert found.verdict is Severity.BAD
-    assert "--only hip_left" in found.advice
+    (finding,) = check_joints([narrow], {1: 200})
+    assert finding.verdict is Severity.BAD
+    assert "--only hip_left" in finding.advice
 
 
 def test_an_unusual_scale_is_mentioned(clinic: Clinic) -> None:
     flat = replace(clinic.config.joints[0], scale=JointScale(((1, -0.5), (255, 0.5)), COUNTS))
-    (found,) = check_joints([flat], {1: 128})
-    assert found.verdict is Severity.LOOK
+    (finding,) = check_joints([flat], {1: 128})
+    assert finding.verdict is Severity.LOOK
 
 
 def test_a_board_at_neutral_was_just_switched_on(clinic: Clinic) -> None:
@@ -72,18 +72,18 @@ def test_one_repeated_query_is_worth_a_look_and_does_not_keep_the_joints_still(
     clinic: Clinic,
 ) -> None:
     clinic.robot.servo_board.inject("garbage", QUERIES)
-    found = clinic.examine(move=True)
-    (board,) = (one for one in found if "repeated" in one.text)
+    findings = clinic.examine(move=True)
+    (board,) = (one for one in findings if "repeated" in one.text)
     assert board.verdict is Severity.LOOK
     assert f"1 of {QUERIES + 1} queries" in board.text
-    assert sum(one.subject.startswith("move ") for one in found) == len(clinic.config.joints)
+    assert sum(one.subject.startswith("move ") for one in findings) == len(clinic.config.joints)
 
 
 def test_moves_are_small_slow_one_after_another_and_back(clinic: Clinic) -> None:
     board = Board()
     before = dict(board.counts)
-    found = list(move_joints(clinic.config.joints, board.counts | {}, board, board.clock))
-    assert [one.verdict for one in found] == [Severity.OK] * 8
+    findings = list(move_joints(clinic.config.joints, board.counts | {}, board, board.clock))
+    assert [one.verdict for one in findings] == [Severity.OK] * 8
     assert board.counts == before
     outputs = [output for _, output, _ in board.sent]
     assert outputs == sorted(outputs)
@@ -104,8 +104,8 @@ def test_a_joint_at_its_upper_end_is_moved_down(clinic: Clinic) -> None:
 def test_a_joint_that_is_limp_or_outside_is_not_moved(clinic: Clinic, count: int) -> None:
     narrow = replace(clinic.config.joints[0], upper_limit=0.1)
     board = Board(counts={1: count})
-    (found,) = move_joints([narrow], {1: count}, board, board.clock)
-    assert found.verdict is Severity.LOOK
+    (finding,) = move_joints([narrow], {1: count}, board, board.clock)
+    assert finding.verdict is Severity.LOOK
     assert not board.sent
 
 
@@ -119,14 +119,14 @@ def test_a_supply_that_drops_under_load_is_found_and_ends_the_moves(clinic: Clin
     board = Weak()
     before = board.counts | {1: 100}
     board.counts[1] = 100
-    found = list(move_joints(clinic.config.joints, before, board, board.clock))
-    assert [one.verdict for one in found] == [Severity.OK, Severity.OK, Severity.BAD]
-    assert "supply" in found[-1].advice
+    findings = list(move_joints(clinic.config.joints, before, board, board.clock))
+    assert [one.verdict for one in findings] == [Severity.OK, Severity.OK, Severity.BAD]
+    assert "supply" in findings[-1].advice
 
 
 def test_nothing_moves_over_a_line_that_loses_bytes(clinic: Clinic) -> None:
     clinic.robot.servo_board.inject("garbage", 3)
-    found = clinic.examine(move=True)
-    assert not any(one.subject.startswith("move ") for one in found)
-    assert "moves" in {one.subject for one in found}
+    findings = clinic.examine(move=True)
+    assert not any(one.subject.startswith("move ") for one in findings)
+    assert "moves" in {one.subject for one in findings}
     assert clinic.robot.servo_board.pulses() == (128,) * 8

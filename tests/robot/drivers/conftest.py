@@ -32,6 +32,6 @@ def servos(servo_board: SV203Emulator, clock: InstantClock) -> Iterator[SV203]:
 
 @pytest.fixture
 def wire() -> Iterator[Wire]:
-    found = Wire()
-    yield found
-    found.close()
+    bare = Wire()
+    yield bare
+    bare.close()

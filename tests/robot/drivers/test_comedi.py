@@ -86,9 +86,9 @@ class FakeComedi:
 
     def _range(self, device: int, subdevice: int, channel: int, number: int) -> int:
         low, high, unit = self.ranges[number]
-        found = ComediRange(low, high, unit)
-        self._kept.append(found)
-        return ctypes.addressof(found)
+        limits = ComediRange(low, high, unit)
+        self._kept.append(limits)
+        return ctypes.addressof(limits)
 
     def _read(self, *arguments: Any) -> int:
         *where, sample = arguments
@@ -105,9 +105,9 @@ def fake() -> FakeComedi:
 
 
 def opened(fake: FakeComedi, range_: str = "±5V") -> ComediInput:
-    found = ComediInput("/dev/comedi0", range_=range_, library=fake)
-    found.probe()
-    return found
+    board = ComediInput("/dev/comedi0", range_=range_, library=fake)
+    board.probe()
+    return board
 
 
 def test_codes_become_volts(fake: FakeComedi) -> None:

@@ -30,9 +30,9 @@ def board(clock: InstantClock) -> DMM32Emulator:
 
 @pytest.fixture
 def driver(board: DMM32Emulator, clock: InstantClock) -> DMM32:
-    found = DMM32(board, clock=clock)
-    found.probe()
-    return found
+    probed = DMM32(board, clock=clock)
+    probed.probe()
+    return probed
 
 
 class Glitch:
@@ -225,11 +225,11 @@ def test_a_board_that_drops_off_the_bus_never_yields_a_wrong_voltage(
         DMM32(board, clock=clock, range_="±10V").scan(0, 6)
         driver = DMM32(Glitch(board, first, count), clock=clock)
         try:
-            found = driver.scan(low, high)
+            volts = driver.scan(low, high)
         except DeviceError as error:
             outcomes.add(type(error))
         else:
-            assert found == [pytest.approx(staircase(n), abs=1e-4) for n in range(low, high + 1)]
+            assert volts == [pytest.approx(staircase(n), abs=1e-4) for n in range(low, high + 1)]
             outcomes.add(type(None))
     assert len(outcomes) > 1
 

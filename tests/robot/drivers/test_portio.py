@@ -19,16 +19,16 @@ IOPORTS = """\
 
 @pytest.fixture
 def claims(tmp_path: Path) -> str:
-    found = tmp_path / "ioports"
-    found.write_text(IOPORTS)
-    return str(found)
+    file = tmp_path / "ioports"
+    file.write_text(IOPORTS)
+    return str(file)
 
 
 @pytest.fixture
 def ports(tmp_path: Path) -> str:
-    found = tmp_path / "port"
-    found.write_bytes(bytes(range(256)) * 4)
-    return str(found)
+    file = tmp_path / "port"
+    file.write_bytes(bytes(range(256)) * 4)
+    return str(file)
 
 
 def test_ports_are_offsets_in_the_file(ports: str) -> None:

@@ -171,12 +171,12 @@ def test_garbage_is_never_taken_for_a_count(chunks: list[bytes]) -> None:
     replies = iter(chunks * 3)
     driver = on_line(Line(lambda: next(replies)), InstantClock())
     try:
-        found = driver.read_counts([1])[1]
+        count = driver.read_counts([1])[1]
     except DeviceError:
         return
     sound = [chunk.partition(b"\r") for chunk in chunks]
-    assert found in [int(text) for text, end, _ in sound if end and text.strip(b"\n ").isdigit()]
-    assert 0 <= found <= 255
+    assert count in [int(text) for text, end, _ in sound if end and text.strip(b"\n ").isdigit()]
+    assert 0 <= count <= 255
 
 
 def test_open_serial_says_why_it_cannot(tmp_path: Path, servo_board: SV203Emulator) -> None:

@@ -38,9 +38,9 @@ def chip(target: Target, clock: InstantClock) -> VL6180XEmulator:
 
 @pytest.fixture
 def sensor(chip: VL6180XEmulator, clock: InstantClock) -> VL6180X:
-    found = VL6180X(chip, clock=clock)
-    found.start()
-    return found
+    started = VL6180X(chip, clock=clock)
+    started.start()
+    return started
 
 
 @pytest.mark.parametrize(
@@ -55,11 +55,11 @@ def test_distances(
 
 
 def test_every_measurement_is_fresh(sensor: VL6180X, target: Target) -> None:
-    found = []
+    distances = []
     for distance in (10.0, None, 30.0, 40.0):
         target.distance = distance
-        found.append(sensor.range_mm())
-    assert found == [10, None, 30, 40]
+        distances.append(sensor.range_mm())
+    assert distances == [10, None, 30, 40]
 
 
 def test_starting_again_without_a_reset_keeps_the_settings(
@@ -185,10 +185,10 @@ def test_noise_on_the_bus_ends_in_a_reading_or_an_error(data: bytes) -> None:
     clock = InstantClock()
     sensor = VL6180X(Noise(data), clock=clock)
     try:
-        found = sensor.range_mm()
+        distance = sensor.range_mm()
     except DeviceError:
-        found = None
-    assert found is None or 0 <= found <= 255
+        distance = None
+    assert distance is None or 0 <= distance <= 255
     assert clock.now() < 1.0
 
 

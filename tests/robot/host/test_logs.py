@@ -12,14 +12,14 @@ from robot.host.logs import LineHandler, complain, reads_journal
 
 
 def logger(fd: int) -> logging.Logger:
-    found = logging.Logger("robotd")
-    found.addHandler(LineHandler(fd))
-    return found
+    logger = logging.Logger("robotd")
+    logger.addHandler(LineHandler(fd))
+    return logger
 
 
 def journal(monkeypatch: pytest.MonkeyPatch, fd: int) -> None:
-    found = os.fstat(fd)
-    monkeypatch.setenv("JOURNAL_STREAM", f"{found.st_dev}:{found.st_ino}")
+    status = os.fstat(fd)
+    monkeypatch.setenv("JOURNAL_STREAM", f"{status.st_dev}:{status.st_ino}")
 
 
 def test_a_terminal_gets_the_time_and_the_journal_a_priority(

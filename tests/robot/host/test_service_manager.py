@@ -24,10 +24,10 @@ PATIENCE = 0.2  # s; the manager's, as WatchdogSec
 
 @contextmanager
 def ear(name: str) -> Iterator[socket.socket]:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as found:
-        found.bind(name)
-        found.settimeout(5)
-        yield found
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as receiver:
+        receiver.bind(name)
+        receiver.settimeout(5)
+        yield receiver
 
 
 def environment(address: str) -> dict[str, str]:

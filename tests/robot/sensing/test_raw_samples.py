@@ -11,9 +11,9 @@ from tests.robot.sensing.test_sensors import Leaning
 
 
 def test_a_spread_by_hand() -> None:
-    found = spread([1.0, 2.0, 3.0, 6.0])
-    assert (found.mean, found.least, found.most, found.count) == (3.0, 1.0, 6.0, 4)
-    assert found.deviation == pytest.approx((14 / 3) ** 0.5)  # 4 + 1 + 0 + 9, over n − 1
+    by_hand = spread([1.0, 2.0, 3.0, 6.0])
+    assert (by_hand.mean, by_hand.least, by_hand.most, by_hand.count) == (3.0, 1.0, 6.0, 4)
+    assert by_hand.deviation == pytest.approx((14 / 3) ** 0.5)  # 4 + 1 + 0 + 9, over n − 1
     assert spread([5.0]).deviation == 0.0
 
 
@@ -41,9 +41,9 @@ class Finder(Leaning):
 
 
 def test_a_distance_is_that_of_the_measurements_that_saw_something() -> None:
-    found = sample_distance(Finder(10, None, 12, None), count=4)
-    assert found is not None
-    assert (found.mean, found.count) == (11.0, 2)
+    distance = sample_distance(Finder(10, None, 12, None), count=4)
+    assert distance is not None
+    assert (distance.mean, distance.count) == (11.0, 2)
 
 
 def test_a_distance_that_is_mostly_not_seen_is_none() -> None:

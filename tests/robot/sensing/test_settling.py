@@ -23,15 +23,15 @@ def rest_time(tilt: Callable[[float], float], until: float = 5.0) -> float | Non
 
 
 def test_a_still_robot_rests_after_one_window() -> None:
-    found = rest_time(lambda _: 3.0)
-    assert found is not None
-    assert 0.25 <= found <= 0.35
+    seconds = rest_time(lambda _: 3.0)
+    assert seconds is not None
+    assert 0.25 <= seconds <= 0.35
 
 
 def test_a_swinging_robot_does_not_rest_until_it_has_died_down() -> None:
-    found = rest_time(lambda t: 5 * math.exp(-2 * t) * math.cos(30 * t))
-    assert found is not None
-    assert found > 1.0
+    seconds = rest_time(lambda t: 5 * math.exp(-2 * t) * math.cos(30 * t))
+    assert seconds is not None
+    assert seconds > 1.0
 
 
 def test_a_robot_that_tips_over_slowly_is_not_at_rest() -> None:

@@ -112,9 +112,9 @@ def test_a_wrong_calibration_is_put_right(seed: int, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The calibration of the robot that is wrong by seed 5."""
-    found = tmp_path_factory.mktemp("robot") / "calibration.toml"
-    calibrated(5, found, [])
-    return found
+    written = tmp_path_factory.mktemp("robot") / "calibration.toml"
+    calibrated(5, written, [])
+    return written
 
 
 def test_a_second_session_begins_with_the_first(file: Path, tmp_path: Path) -> None:

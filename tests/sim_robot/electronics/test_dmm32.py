@@ -57,8 +57,8 @@ def test_the_probe_of_the_kernel_driver(bench: Bench) -> None:
     bench.write(3, 0xFF)
     bench.write(11, 0x0C)
     bench.clock.sleep(100e-6)
-    found = [bench.read(offset) for offset in (2, 3, 7, 8, 9, 11)]
-    assert found == [0x00, 0x1F, 0x80, 0x60, 0x00, 0x0C]
+    registers = [bench.read(offset) for offset in (2, 3, 7, 8, 9, 11)]
+    assert registers == [0x00, 0x1F, 0x80, 0x60, 0x00, 0x0C]
 
 
 @pytest.mark.parametrize(
@@ -121,10 +121,10 @@ def test_busy_for_four_microseconds_and_nothing_to_read_before(bench: Bench) -> 
 def test_the_channel_advances_and_wraps(bench: Bench) -> None:
     bench.volts.update({5: 0.5, 6: 0.6, 7: 0.7})
     bench.select(5, 7)
-    found = []
+    volts_read = []
     for _ in range(4):
-        found.append(bench.convert() / 32768 * 5)
-    assert found == [pytest.approx(volts, abs=1e-3) for volts in (0.5, 0.6, 0.7, 0.5)]
+        volts_read.append(bench.convert() / 32768 * 5)
+    assert volts_read == [pytest.approx(volts, abs=1e-3) for volts in (0.5, 0.6, 0.7, 0.5)]
     assert bench.read(8) & 0x1F == 6
 
 
@@ -147,8 +147,8 @@ def test_a_scan_fills_the_fifo_in_order(bench: Bench) -> None:
     assert bench.read(8) & 0x80  # eight times 20 µs are not over
     bench.clock.sleep(10e-6)
     assert not bench.read(8) & 0x80
-    found = [bench.sample() / 32768 * 5 for _ in range(8)]
-    assert found == [pytest.approx(n / 10, abs=1e-3) for n in range(8)]
+    volts_read = [bench.sample() / 32768 * 5 for _ in range(8)]
+    assert volts_read == [pytest.approx(n / 10, abs=1e-3) for n in range(8)]
     assert bench.read(7) & 0x80
 
 

@@ -21,9 +21,9 @@ NEUTRAL = (128,) * 8
 
 @pytest.fixture
 def emulator() -> Iterator[SV203Emulator]:
-    found = SV203Emulator()
-    yield found
-    found.close()
+    board = SV203Emulator()
+    yield board
+    board.close()
 
 
 def after(*lines: bytes) -> Board:
@@ -155,12 +155,12 @@ def test_an_idle_emulator_costs_no_time(emulator: SV203Emulator) -> None:
 
 
 def test_unplugging_wakes_those_who_wait(emulator: SV203Emulator) -> None:
-    found: list[bool] = []
-    waiter = threading.Thread(target=lambda: found.append(emulator.wait_until_read(5, 30.0)))
+    waited: list[bool] = []
+    waiter = threading.Thread(target=lambda: waited.append(emulator.wait_until_read(5, 30.0)))
     waiter.start()
     emulator.unplug()
     waiter.join(10.0)
-    assert found == [True]
+    assert waited == [True]
 
 
 def test_the_name_survives_unplugging_and_the_pose_too(emulator: SV203Emulator) -> None:

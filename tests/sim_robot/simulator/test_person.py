@@ -21,8 +21,8 @@ BODY = load_body(default_body_path())
 def parts() -> Iterator[Emulation]:
     with emulation(
         BODY, seed=0, levels=NO_NOISE, real_time=False, log=logging.getLogger("test"), wrong=8
-    ) as found:
-        yield found
+    ) as emulated:
+        yield emulated
 
 
 @pytest.fixture

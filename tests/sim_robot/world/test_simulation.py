@@ -22,8 +22,8 @@ LOG = logging.getLogger("world")
 
 @pytest.fixture
 def world() -> Iterator[World]:
-    with World(load_body(default_body_path()), log=LOG) as found:
-        yield found
+    with World(load_body(default_body_path()), log=LOG) as default:
+        yield default
 
 
 def rest(world: World, degrees: list[float], seconds: float = 3.0) -> None:
@@ -64,10 +64,10 @@ def enlarged(path: Path, scale: float, folder: Path) -> Path:
 def test_a_body_of_any_size_holds_its_poses(tmp_path: Path, scale: float) -> None:
     body = load_body(enlarged(default_body_path(), scale, tmp_path))
     rng = np.random.default_rng(8)
-    with World(body, log=LOG) as found:
+    with World(body, log=LOG) as world:
         for degrees in rng.uniform(-30, 30, (24, 4)):
-            rest(found, [*degrees, 0.0, 0.0, 0.0, 0.0], seconds=4.0)
-            assert math.degrees(found.largest_miss()) < 0.1, degrees
+            rest(world, [*degrees, 0.0, 0.0, 0.0, 0.0], seconds=4.0)
+            assert math.degrees(world.largest_miss()) < 0.1, degrees
 
 
 def test_laid_down_it_lies_flat(world: World) -> None:
@@ -92,8 +92,8 @@ def test_no_file_is_left_even_by_one_that_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    with World(load_body(default_body_path()), log=LOG) as found:
-        found.lay_down()
+    with World(load_body(default_body_path()), log=LOG) as world:
+        world.lay_down()
         assert not list(tmp_path.iterdir())
 
 
