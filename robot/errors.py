@@ -1,4 +1,4 @@
-"""Everything that can go wrong on the robot's side.
+"""The errors of the robot's side.
 
 The tree::
 
@@ -41,7 +41,7 @@ class AbandonedError(BodyschemaError):
 
 
 class CommandError(BodyschemaError, ValueError):
-    """You asked a driver for something that its device cannot do (servo output 9, count 300)."""
+    """A driver was asked for something that its device cannot do (servo output 9, count 300)."""
 
 
 class DeviceError(BodyschemaError):

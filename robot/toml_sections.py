@@ -204,7 +204,7 @@ class Section:
 
 
 def numbered(key: str, number: int, name: object) -> str:
-    """How a person finds one of several tables: ``joint 2 (hip_front)``, counted from 1."""
+    """The name of one of several tables in sentences: ``joint 2 (hip_front)``, counted from 1."""
     return f"{key} {number} ({name:.64})" if name and isinstance(name, str) else f"{key} {number}"
 
 

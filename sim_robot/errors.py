@@ -1,4 +1,4 @@
-"""What can be wrong with what a simulated robot is given.
+"""Errors in what a simulated robot is given.
 
 The tree::
 

@@ -161,7 +161,7 @@ class _Measuring:
         )
 
     def take(self, answer: str) -> None:
-        """Does what an answer asks for."""
+        """Carries out one answer."""
         move = re.fullmatch(r"([ud]) *(\d*)", answer)
         angle = number(answer)
         if move is not None:

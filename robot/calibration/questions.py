@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Terminal(Protocol):
-    """Who sits there: a person, or a test that plays one."""
+    """The terminal of a session: a person, or a test in their place."""
 
     def say(self, text: str) -> None:
         """Shows some lines."""

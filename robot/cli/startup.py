@@ -1,4 +1,4 @@
-"""How a command starts: what a person sees who stops it before it got to its work."""
+"""Starts a command: an interrupt or a missing library while it loads ends in one sentence."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ _SHORTEST_RANGE: Final = 10.0
 
 
 def check_count(root: Section, head: Section, key: str, table: str, least: int) -> None:
-    """A file that lost its end would otherwise describe a smaller robot."""
+    """Checks that as many tables follow as ``[robot]`` says: a file may have lost its end."""
     said = head.integer(key, least, 32)
     tables = len(root.tables(table)) if root.has(table) else 0
     if said != tables:

@@ -76,7 +76,7 @@ class Controller:
     # --- called by the server's thread ------------------------------------------------------------
 
     def set_notify(self, notify: Callable[[], None]) -> None:
-        """``notify`` is called, from any thread, when events wait."""
+        """Sets what is called, from any thread, when events are waiting."""
         self._outbox.notify = notify
 
     def submit(self, ticket: int, request: RobotRequest) -> None:
@@ -103,12 +103,12 @@ class Controller:
         self._tell(overtaken)  # after the control thread has heard of it: they may be very many
 
     def controller_changed(self, client: str | None) -> None:
-        """The next zero pose is the new controller's reference for lying flat."""
+        """Another client takes control: the next zero pose is its reference for lying flat."""
         del client
         self._interaction.forget_flat()
 
     def silence(self, reason: str) -> None:
-        """Nobody steers any more: a motion ends, and the robot holds."""
+        """The controlling client has fallen silent: ends a motion; the robot holds."""
         with self._lock:
             overtaken = self._end({Event.PERFORM: RobotError("aborted_silent", reason)})
         self._tell(overtaken)
@@ -125,7 +125,7 @@ class Controller:
             )
 
     def events(self) -> list[RobotEvent]:
-        """What happened since the last call, or some of it."""
+        """Takes some of the waiting events, in order; calls ``notify`` again if it leaves any."""
         return self._outbox.take()
 
     # --- life -------------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ class Controller:
             self._enter(Event.PERFORM)
 
     def _enter(self, event: Event) -> None:
-        """What happened to the robot, if it means a change."""
+        """Changes the state as the table of transitions says."""
         self._state = TRANSITIONS.get((self._state, event), self._state)
 
     def _end(self, errors: Mapping[Event, RobotError]) -> list[Job]:

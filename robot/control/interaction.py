@@ -36,7 +36,7 @@ Report = Callable[[str, float], None]
 
 
 class Attendant(Protocol):
-    """Who is with the robot.
+    """A person beside the robot, or what takes their place.
 
     Attributes:
         lays_down: Whether the attendant puts the robot back on its belly, so that nobody needs to
@@ -51,7 +51,7 @@ class Attendant(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class InteractionResult:
-    """What one interaction, or one reading, gave."""
+    """The result of one interaction or one reading."""
 
     reading: Reading
     saturated_joints: tuple[str, ...]

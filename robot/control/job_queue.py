@@ -23,21 +23,21 @@ class JobQueue:
         self._reads: deque[Job] = deque()
 
     def __bool__(self) -> bool:
-        """Whether some wait."""
+        """Whether any request is waiting."""
         return bool(self._commands or self._reads)
 
     def put(self, job: Job) -> None:
-        """Adds one at the end of its kind."""
+        """Appends a request to those of its kind."""
         (self._reads if job.event is Event.READ else self._commands).append(job)
 
     def take(self) -> Job | None:
-        """The next one, which is under way from now on; ``None``: none waits."""
+        """Removes the next request, which is under way from now on; ``None`` if none is waiting."""
         waiting = self._commands or self._reads
         self.under_way = waiting.popleft() if waiting else None
         return self.under_way
 
     def withdraw(self, events: Collection[Event]) -> list[Job]:
-        """Takes out those of some kinds that wait, in their order."""
+        """Removes the waiting requests of some kinds, and returns them in order."""
         withdrawn = [job for job in self._commands if job.event in events]
         self._commands = deque(job for job in self._commands if job.event not in events)
         if Event.READ in events:
@@ -46,7 +46,7 @@ class JobQueue:
         return withdrawn
 
     def leads_to(self, state: State) -> State:
-        """The state in which the robot will be when everything here is done.
+        """The state of the robot once all accepted requests are done.
 
         A fault lasts until the devices are found in order, so a ``clear`` that has yet to see to
         that does not count; neither does the rest of a motion that was interrupted.

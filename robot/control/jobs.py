@@ -79,11 +79,11 @@ class Job:
 
     @cached_property
     def event(self) -> Event:
-        """Its row in the table of states."""
+        """The event of the request in the table of transitions."""
         return Event(self.request.TYPE)
 
     def progresses(self, phase: str, now: float) -> bool:
-        """Notes how far it is, and tells whether clients want to hear of that, too.
+        """Records progress, and returns whether clients should be told.
 
         Args:
             phase: As in ``protocol.wire.messages.Progress``.
@@ -98,7 +98,7 @@ class Job:
     def observation(
         self, outcome: InteractionResult, sequence: int, angles: Mapping[str, float]
     ) -> ObservationReply:
-        """Its answer when it measured something; ``angles`` are the joints', rad."""
+        """The reply to a request that measured something; ``angles`` are the joints', rad."""
         reading = outcome.reading
         return ObservationReply(
             id=self.request.id,
@@ -117,7 +117,7 @@ class Job:
         )
 
     def error(self, error: RobotError) -> ErrorReply:
-        """Its answer when it failed."""
+        """The reply to a request that failed."""
         return ErrorReply.of(error, request_id=self.request.id)
 
 

@@ -1,4 +1,4 @@
-"""What clients have yet to be told: commands first, for a stop may have ended very many reads."""
+"""Events on their way to clients: commands first, for a stop may have ended very many reads."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ AT_A_TIME: Final = 64
 
 
 class Outbox:
-    """Filled by any thread, emptied by the server's.
+    """A queue of events, filled by any thread and emptied by the server's.
 
     Attributes:
         notify: Called, from any thread, when events wait.
@@ -27,18 +27,18 @@ class Outbox:
         self._of_reads: deque[RobotEvent] = deque()
 
     def finish(self, job: Job, reply: FinalReply) -> None:
-        """A request ended."""
+        """Adds the reply with which a request ended."""
         self._put(job, Finished(ticket=job.ticket, reply=reply))
 
     def progress(self, job: Job, phase: str, fraction: float, now: float) -> None:
-        """A motion or a read went on, at this robot time (s); most of that is not worth telling."""
+        """Adds progress at robot time ``now`` (s), unless some was added a moment before."""
         if job.progresses(phase, now):
             self._put(
                 job, Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
             )
 
     def take(self) -> list[RobotEvent]:
-        """Takes some events out, and notifies again if it leaves others."""
+        """Removes up to ``AT_A_TIME`` events; notifies again if others are left."""
         taken: list[RobotEvent] = []
         while waiting := self._of_commands or self._of_reads:
             if len(taken) == AT_A_TIME:

@@ -1,4 +1,4 @@
-"""What was found about one thing."""
+"""The findings of an examination."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """What was found.
+    """A finding about one device, joint or sensor.
 
     Attributes:
         subject: What was looked at.
         verdict: How bad it is.
-        text: What was found.
+        text: What was observed.
         advice: What to check; empty when all is well.
     """
 
@@ -37,27 +37,27 @@ class Finding:
     advice: str = ""
 
     def lines(self) -> Iterator[str]:
-        """As a person reads it."""
+        """The finding as lines of text."""
         yield f"{self.verdict:<5} {self.subject:<{_SUBJECT_WIDTH}} {self.text}"
         if self.advice:
             yield f"{'':5} {'':{_SUBJECT_WIDTH}} -> {self.advice}"
 
 
 def ok(subject: str, text: str) -> Finding:
-    """All is well."""
+    """A finding that all is well."""
     return Finding(subject=subject, verdict=Severity.OK, text=text)
 
 
 def look(subject: str, text: str, advice: str) -> Finding:
-    """Works, but somebody should know."""
+    """A finding of something that works, and that somebody should know of."""
     return Finding(subject=subject, verdict=Severity.LOOK, text=text, advice=advice)
 
 
 def bad(subject: str, text: str, advice: str) -> Finding:
-    """Does not work."""
+    """A finding of something that does not work."""
     return Finding(subject=subject, verdict=Severity.BAD, text=text, advice=advice)
 
 
 def failed(subject: str, error: DeviceError) -> Finding:
-    """A device failed."""
+    """A finding of a device that failed."""
     return bad(subject, error.message, error.advice)

@@ -70,7 +70,7 @@ def check_board(
 
 
 def check_joints(joints: Sequence[DrivenJoint], counts: Mapping[int, int]) -> Iterator[Finding]:
-    """What each joint's calibration makes of the count that it stands at."""
+    """Checks each joint's count against its calibration and limits."""
     for joint in joints:
         yield _check_joint(joint, counts[joint.output])
 

@@ -20,7 +20,7 @@ from robot.host.clock import Clock
 
 @dataclass(frozen=True, kw_only=True)
 class Buses:
-    """What a driver opens its link with; each opener raises ``DeviceMissingError``.
+    """The buses of one computer; each opener raises ``DeviceMissingError``.
 
     Attributes:
         clock: The robot clock: paces a driver and measures its deadlines.

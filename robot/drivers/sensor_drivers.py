@@ -53,7 +53,7 @@ class Accelerometer(SensorDriver, Protocol):
 
 
 class TouchSensor(SensorDriver, Protocol):
-    """What one part feels of the ground."""
+    """A sensor of contact between one part and the ground."""
 
     def load(self) -> float | bool:
         """One sample: the load on the part, N; or, of a switch, whether it is pressed.
@@ -65,7 +65,7 @@ class TouchSensor(SensorDriver, Protocol):
 
 
 class DistanceSensor(SensorDriver, Protocol):
-    """Looks down from the belly."""
+    """A sensor of the distance below the belly."""
 
     def distance(self) -> float | None:
         """One sample: from the sensor to what is in front of it, m; ``None`` beyond its sight.

@@ -21,13 +21,8 @@ class ServoBus(Protocol):
         repeats: Queries that had to be asked again, because the answer was damaged or did not come.
     """
 
-    @property
-    def name(self) -> str:
-        """See above."""
-
-    @property
-    def repeats(self) -> int:
-        """See above."""
+    name: str
+    repeats: int
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Commands outputs to counts, and returns when they are sent.

@@ -111,7 +111,7 @@ class SV203:
         repeats: Queries that had to be asked again, because the answer was damaged or did not come.
     """
 
-    name: Final = SV203Settings.name
+    name = SV203Settings.name
 
     def __init__(
         self,

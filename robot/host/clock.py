@@ -46,7 +46,7 @@ class WallClock:
 
 
 class WatchedClock:
-    """A clock that tells somebody whenever it is slept on, which all code that gets on does often.
+    """A clock with a callback before each sleep; code that is not stuck sleeps often.
 
     Args:
         clock: The clock.
@@ -60,6 +60,6 @@ class WatchedClock:
         self.charge = clock.charge
 
     def sleep(self, seconds: float) -> None:
-        """Tells, then lets ``seconds`` pass."""
+        """Calls back, then lets ``seconds`` pass."""
         self._on_sleep()
         self._clock.sleep(seconds)

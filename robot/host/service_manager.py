@@ -1,4 +1,4 @@
-"""The service manager's ear: ready, alive, stopping, in the protocol of sd_notify(3).
+"""Notifies the service manager: ready, alive, stopping, in the protocol of sd_notify(3).
 
 A service that systemd starts with ``Type=notify`` finds a socket's address in ``$NOTIFY_SOCKET``,
 and with ``WatchdogSec=`` in ``$WATCHDOG_USEC`` the longest silence, in µs, that it will bear before
@@ -19,7 +19,7 @@ _GLANCE: Final = 0.05  # … and one that should; a sign of life is repeated and
 
 
 class ServiceManager:
-    """Tells the service manager how the daemon is.
+    """A connection to the service manager.
 
     Only the control loop may call ``alive``: a daemon whose server still answers while its
     control loop hangs must be killed.
@@ -39,19 +39,19 @@ class ServiceManager:
         self._told_at = -float("inf")
 
     def ready(self, status: str) -> None:
-        """The daemon serves; ``status`` is shown by ``systemctl status``."""
+        """Notifies that the daemon serves; ``systemctl status`` shows ``status``."""
         self._tell("READY=1", f"STATUS={status}", patience=_PATIENCE)
 
     def status(self, status: str) -> None:
-        """One line on what the daemon is doing."""
+        """Sends a line on what the daemon is doing."""
         self._tell(f"STATUS={status}", patience=_GLANCE)
 
     def stopping(self, status: str) -> None:
-        """The daemon has begun to shut down."""
+        """Notifies that the daemon has begun to shut down."""
         self._tell("STOPPING=1", f"STATUS={status}", patience=_PATIENCE)
 
     def alive(self) -> None:
-        """The control loop goes round; cheap enough to be called at every turn."""
+        """Notifies the watchdog; cheap enough to be called at every turn of the control loop."""
         if self.period is None:
             return
         now = time.monotonic()

@@ -19,7 +19,7 @@ MAX_GAP: Final = 2.0
 
 
 class SteadyClock:
-    """Never runs backwards, whatever the clock below does, and tells when that one jumped.
+    """A clock that never runs backwards, and that detects jumps of the clock below.
 
     Args:
         clock: The robot clock.
@@ -52,12 +52,12 @@ class SteadyClock:
         self._clock.charge(seconds)
 
     def watch(self) -> None:
-        """Forgets jumps so far: something begins that a jump would spoil."""
+        """Starts to look for jumps: something begins that a jump would spoil."""
         self._looked = self.now()
         self._backwards = 0.0
 
     def check(self, at_most: float = MAX_GAP) -> None:
-        """To be called again and again while that goes on.
+        """Checks for a jump since the last call; to be called again and again meanwhile.
 
         Args:
             at_most: Seconds that may have passed since the last call, or since ``watch``.

@@ -13,7 +13,7 @@ from robot.host.clock import Clock
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """What some samples of one thing look like; all in its unit."""
+    """Statistics of some samples, all in their unit."""
 
     mean: float
     deviation: float

@@ -64,7 +64,7 @@ def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
 
 
 class Senses(Protocol):
-    """What an interaction needs of the sensors."""
+    """The sensors, as an interaction reads them."""
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""

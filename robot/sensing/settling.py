@@ -1,4 +1,4 @@
-"""Has the robot come to rest? Judged from the tilt alone, which every pose change disturbs.
+"""Whether the robot has come to rest, judged from the tilt, which every change of pose disturbs.
 
 Rest means: within the window the tilt neither swings (peak to peak) nor drifts (mean of the first
 half against the second). A body that tips over slowly drifts long before it swings.
@@ -30,7 +30,7 @@ class RestCriterion:
 
 
 class RestDetector:
-    """Fed with samples, says when the robot rests."""
+    """Decides from tilt samples whether the robot rests."""
 
     def __init__(self, criterion: RestCriterion):
         self._criterion = criterion

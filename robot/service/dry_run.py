@@ -40,22 +40,22 @@ class NullServos:
         self._counts.update(counts)
 
     def read_counts(self, outputs: Iterable[int]) -> dict[int, int]:
-        """Gives them back."""
+        """Returns the remembered counts."""
         return {output: self._counts[output] for output in outputs}
 
     def release(self, outputs: Iterable[int]) -> None:
-        """Remembers that nothing is commanded."""
+        """Remembers that the outputs are limp."""
         self._counts.update(dict.fromkeys(outputs, 0))
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares what it remembers."""
+        """The outputs whose remembered count is another one."""
         return [output for output, count in expected.items() if self._counts[output] != count]
 
     def forget(self) -> None:
         """Does nothing: everything is sent every time."""
 
     def seconds_for(self, changed: int) -> float:
-        """As long as over the usual line."""
+        """The time over the usual serial line, s."""
         return changed * _SECONDS_PER_SERVO
 
     def reopen(self) -> None:
@@ -66,17 +66,17 @@ class NullServos:
 
 
 class NoSensors:
-    """What a robot without sensors feels."""
+    """Sensors of a robot without hardware: their readings are empty."""
 
     def __init__(self, clock: Clock):
         self._clock = clock
 
     def tilt(self) -> tuple[float, float]:
-        """Keeps the control loop going; it is shown to nobody."""
+        """Level, for the control loop; no client is shown it."""
         return 0.0, 0.0
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
-        """A reading that holds nothing; messages demand that it counts for one sample."""
+        """An empty reading of one sample, the least that a message may say."""
         del samples
         report(1.0)
         return Reading(

@@ -1,4 +1,4 @@
-"""What ``sim-robotd`` understands and does."""
+"""The command line of ``sim-robotd``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The clocks of a simulated robot: whoever sleeps moves the world.
+"""The clocks of a simulated robot, which advance the world when they are slept on.
 
 Both wait, before they let time pass, until the emulated servo board has read every byte that was
 written to it: otherwise a command could take effect before or after it was due, by the luck of the
@@ -104,7 +104,7 @@ class Follower:
 
 
 class HostClock(FaultSwitch):
-    """What the daemon takes for the time.
+    """The clock of the computer that the daemon runs on; a fault can make it jump.
 
     Args:
         clock: The time in which the world goes on.

@@ -40,7 +40,7 @@ class Dither:
         self.restart()
 
     def restart(self) -> None:
-        """Begins anew, so that what is done again reads the same."""
+        """Restarts the sequence, so that a repeated observation reads the same."""
         self._scans = 0
 
     def next_scan(self) -> float:
@@ -137,7 +137,7 @@ class DMM32Emulator(FaultSwitch):
             self._paged[self._page][offset - 12] = value
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Does nothing."""
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them; a stuck channel moves again."""

@@ -29,7 +29,7 @@ class Servos(FaultSwitch):
         self._jammed: int | None = None
 
     def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:
-        """What the servos do when the board sends these pulses; 0 is limp."""
+        """The pulses that the servos follow when the board sends ``pulses``; 0 is limp."""
         driven = list(pulses)
         faults = self.faults
         swapped, dead, jammed = (faults.get(name) for name in ("swapped", "dead", "jammed"))

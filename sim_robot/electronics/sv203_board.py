@@ -115,7 +115,7 @@ class Board:
             self.on_move(servo, before, count)
 
     def _delay(self, milliseconds: int) -> None:
-        """Delays nothing: the emulated processor has no time of its own."""
+        """Does nothing: the emulated processor has no time of its own."""
 
     def _set_pin(self, pin: int) -> None:
         self._drive_pin(pin, True)
@@ -134,7 +134,7 @@ class Board:
         return self.analogue[channel - 1]
 
     def _spi_out(self, value: int) -> None:
-        """Goes nowhere: nothing hangs on the SPI port."""
+        """Does nothing: no device is on the SPI port."""
 
     def _spi_in(self) -> int:
         return 0

@@ -124,7 +124,7 @@ class VL6180XEmulator(FaultSwitch):
                 self._write(bytes(message))
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Does nothing."""
 
     def _happen(self, event: str, value: int) -> None:
         self.power_cycle()

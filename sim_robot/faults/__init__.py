@@ -1,9 +1,9 @@
-"""Things that go wrong on order.
+"""Faults that are injected on request.
 
 ======================= =========================================================================
 Module                  What is in it
 ======================= =========================================================================
 ``fault_panel``         which fault, from when on, for how long
-``control_socket``      who can reach it can make things fail
+``control_socket``      a socket through which faults are injected
 ======================= =========================================================================
 """

@@ -1,4 +1,4 @@
-"""The control socket of a simulated robot: who can reach it can make things fail.
+"""The control socket of a simulated robot, through which faults are injected.
 
 A stream socket, Unix-domain or loopback. Each connection carries one request, one line of JSON::
 
@@ -159,7 +159,7 @@ class FaultClient:
         return self._ask({"do": "mend"} if fault is None else {"do": "mend", "fault": fault})
 
     def report(self) -> dict[str, Any]:
-        """What is broken, and how the robot fares."""
+        """The active and waiting faults, and the state of the robot."""
         return self._ask({"do": "report"})
 
     def _ask(self, request: Mapping[str, str]) -> dict[str, Any]:

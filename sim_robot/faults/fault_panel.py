@@ -1,4 +1,4 @@
-"""Faults on order: which one, from when on, for how long.
+"""Faults to inject: which one, from when on, for how long.
 
 A fault is written ``DEVICE.FAULT[=N][@START][+DURATION]``, for instance ``servo_board.unplugged``,
 ``daq.stuck_channel=3@2i``, ``distance.nak@12.5s+3i``, ``servo_board.brown_out@4i``.
@@ -75,7 +75,7 @@ class Span:
 
 @dataclass(frozen=True)
 class FaultSpec:
-    """One fault on order."""
+    """One fault to inject."""
 
     device: str
     fault: str
@@ -189,19 +189,19 @@ class FaultPanel:
             return [str(spec) for spec in self._waiting]
 
     def advance(self) -> None:
-        """Robot time went on."""
+        """Injects and mends what is due; called when robot time has advanced."""
         if self._waiting or self._ending:
             with self._lock:
                 self._look()
 
     def begin_interaction(self) -> None:
-        """The robot lies in its zero pose, and the next interaction begins."""
+        """Counts interactions; called when one begins, in the zero pose."""
         with self._lock:
             self.interactions += 1
             self._look()
 
     def close(self) -> None:
-        """Forgets what is still to come."""
+        """Cancels the faults that have not begun."""
         with self._lock:
             self._waiting.clear()
             self._ending.clear()

@@ -61,7 +61,7 @@ class Emulation:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedRobot:
-    """A robot, and the parts behind it that a test may want to touch."""
+    """A simulated robot and its parts."""
 
     controller: Controller
     clock: HostClock

@@ -91,7 +91,7 @@ class SimulatedPerson:
         )
 
     def say(self, text: str) -> None:
-        """Listens."""
+        """Shows the text to ``echo``."""
         self._echo(text)
 
     def ask(self, prompt: str) -> str:
@@ -176,7 +176,7 @@ class SimulatedPerson:
 
 
 class _Joint:
-    """How this person goes through one joint: up to its end, then down to the other one."""
+    """The order in which one joint is measured: up to its end, then down to the other one."""
 
     def __init__(self, name: str = ""):
         self.name = name
@@ -186,7 +186,7 @@ class _Joint:
         self._done = False
 
     def next(self, count: int, angle: float, limits: tuple[float, float]) -> str:
-        """What to type at a count where the protractor shows an angle, both limits in degrees."""
+        """The answer at a count where the protractor shows an angle, degrees, as are the limits."""
         nearest = min((abs(count - other) for other in self._points), default=_EVERY)
         steps = self._steps(count, angle, limits)
         if nearest >= (_EVERY if steps else _APART):

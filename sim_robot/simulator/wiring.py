@@ -92,7 +92,7 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
 
 
 class Wiring:
-    """What the emulators ask the world, noise included.
+    """Volts and distances at the emulated electronics, computed from the world, with noise.
 
     Args:
         truth: How the electronics are really calibrated, whatever the daemon believes.

@@ -188,7 +188,7 @@ class World(Closable):
         self._calm = 0
 
     def _load(self, position: Sequence[float], orientation: Sequence[float]) -> int:
-        """Has PyBullet read the body from a file that is there for this moment alone.
+        """Loads the body into PyBullet, from a file that exists only meanwhile.
 
         So who is killed leaves nothing behind. The name stays: PyBullet remembers each for ever.
         """
@@ -256,7 +256,7 @@ class World(Closable):
             )
 
     def _watch(self) -> None:
-        """Says, once a pose, when the robot rests without having reached its angles."""
+        """Logs, once a pose, that the robot rests without having reached its angles."""
         self._calm = self._calm + 1 if self.speed() < _CALM_SPEED else 0
         if self._calm == _CALM_STEPS and self._slews():
             self._calm = 0  # legs in the air leave the main body still
