@@ -107,11 +107,11 @@ class RobotClient(Closable):
         self._holding = False
         self._core = ClientCore(self._client, peer=self._uri, now=time.monotonic())
         client_keys = KeyDirectory(keys).client_keys() if keys is not None else None
-        self._link = ClientThread(self._uri, self._core, keys=client_keys)
+        self._thread = ClientThread(self._uri, self._core, keys=client_keys)
         try:
             self._meet(client_keys)
         except BaseException:
-            self._link.close()
+            self._thread.close()
             raise
 
     def close(self) -> None:
@@ -123,7 +123,7 @@ class RobotClient(Closable):
         except BodyschemaError:
             return  # the robot frees itself of a controller that it no longer hears
         finally:
-            self._link.close()
+            self._thread.close()
 
     # --- what is known ----------------------------------------------------------------------------
 
@@ -312,7 +312,7 @@ class RobotClient(Closable):
             call = Call(request, patience=patience or self._timeout, limit=limit)
             if request.id == self._next_id:
                 self._next_id += 1
-            self._link.ask(call)
+            self._thread.ask(call)
         try:
             while True:
                 answer = call.answers.get()
@@ -325,4 +325,4 @@ class RobotClient(Closable):
                 elif isinstance(answer, FINAL_REPLIES):
                     raise RemoteProtocolError(f"{call} was answered with {answer.TYPE}.")
         finally:
-            self._link.forget(call)
+            self._thread.forget(call)

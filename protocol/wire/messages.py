@@ -193,7 +193,7 @@ class Status(Reply):
 
 @dataclass(frozen=True, kw_only=True)
 class Accepted(Reply):
-    """The motion is allowed and begins."""
+    """The robot has taken on a ``Perform`` or a ``Read``; more follows."""
 
     TYPE: ClassVar[str] = "accepted"
 

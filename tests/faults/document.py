@@ -55,6 +55,9 @@ GRAMMAR = """
     python -m sim_robot.faults.control_socket ipc:///tmp/faults mend
     python -m sim_robot.faults.control_socket ipc:///tmp/faults report
 
+The control socket is for this computer alone: a Unix-domain socket (`ipc://PATH`), or a loopback
+port (`tcp://127.0.0.1:PORT`), which every user of the computer can reach.
+
 A fault is written `DEVICE.FAULT[=N][@START][+DURATION]`. START is `3i`, in the zero pose of the
 third interaction, or `12.5s`, at that robot time; without it the fault begins at once. DURATION is
 `2i` (interactions), `5s` (robot time) or `5w` (seconds on the wall: the virtual time of a robot

@@ -30,7 +30,7 @@ from protocol.wire.messages import (
 )
 from protocol.wire.states import State
 from robot.control.controller import Controller
-from tests.protocol.rules.core_bench import Bench
+from tests.protocol.rules.core_bench import ServerCoreBench
 from tests.robot.stepped import SteppedClock
 
 
@@ -223,8 +223,8 @@ def capabilities() -> Capabilities:
 
 
 @pytest.fixture
-def bench(capabilities: Capabilities) -> Bench:
-    return Bench(capabilities)
+def bench(capabilities: Capabilities) -> ServerCoreBench:
+    return ServerCoreBench(capabilities)
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ def observation(request_id: int, sequence: int = 1) -> ObservationReply:
     )
 
 
-class Bench:
+class ServerCoreBench:
     """A core, and short words for what clients do with it."""
 
     def __init__(self, capabilities: Capabilities, **options: Any):

@@ -32,7 +32,7 @@ from protocol.wire.messages import (
 LOOSE = FIRST_LOOSE_ID + 1
 
 
-class Bench:
+class ClientCoreBench:
     """A client core; the test plays the robot."""
 
     def __init__(self, capabilities: Any):
@@ -109,17 +109,17 @@ def answers(call: Call) -> list[Answer]:
 
 
 @pytest.fixture
-def bench(capabilities: Any) -> Bench:
-    return Bench(capabilities)
+def bench(capabilities: Any) -> ClientCoreBench:
+    return ClientCoreBench(capabilities)
 
 
 @pytest.fixture
-def opened(bench: Bench) -> Bench:
+def opened(bench: ClientCoreBench) -> ClientCoreBench:
     bench.open()
     return bench
 
 
-def test_the_words_of_a_motion_arrive_in_order(opened: Bench) -> None:
+def test_the_words_of_a_motion_arrive_in_order(opened: ClientCoreBench) -> None:
     call = opened.ask(perform(1))
     assert [frame["type"] for frame in opened.send()] == ["perform"]
     progress = Progress(id=1, phase="moving", fraction=0.5, robot_time=1.0)
@@ -128,7 +128,7 @@ def test_the_words_of_a_motion_arrive_in_order(opened: Bench) -> None:
     assert answers(call) == [Accepted(id=1), progress, observation(1, 1)]
 
 
-def test_a_heartbeat_goes_out_every_second_from_hello_on(opened: Bench) -> None:
+def test_a_heartbeat_goes_out_every_second_from_hello_on(opened: ClientCoreBench) -> None:
     assert opened.send() == []
     beats = []
     for _ in range(5):
@@ -137,11 +137,11 @@ def test_a_heartbeat_goes_out_every_second_from_hello_on(opened: Bench) -> None:
     assert beats == [(101.0 + second, "heartbeat") for second in range(5)]
 
 
-def test_nothing_is_said_unasked_before_hello(bench: Bench) -> None:
+def test_nothing_is_said_unasked_before_hello(bench: ClientCoreBench) -> None:
     assert bench.step(20.0) == []
 
 
-def test_an_unanswered_request_is_repeated_with_the_same_frame(opened: Bench) -> None:
+def test_an_unanswered_request_is_repeated_with_the_same_frame(opened: ClientCoreBench) -> None:
     opened.ask(perform(1), patience=60.0)
     first = opened.send()
     opened.step(1.5)
@@ -150,7 +150,7 @@ def test_an_unanswered_request_is_repeated_with_the_same_frame(opened: Bench) ->
     assert again == first
 
 
-def test_progress_postpones_the_repetition(opened: Bench) -> None:
+def test_progress_postpones_the_repetition(opened: ClientCoreBench) -> None:
     opened.ask(perform(1), patience=60.0)
     opened.send()
     opened.step(1.5)
@@ -159,7 +159,9 @@ def test_progress_postpones_the_repetition(opened: Bench) -> None:
     assert "perform" in [kind for _, kind in opened.step(0.5)]
 
 
-def test_frames_that_could_not_leave_stay_due_in_the_order_of_asking(opened: Bench) -> None:
+def test_frames_that_could_not_leave_stay_due_in_the_order_of_asking(
+    opened: ClientCoreBench,
+) -> None:
     opened.ask(perform(1))
     opened.ask(perform(2))
     opened.now += 0.1
@@ -167,7 +169,7 @@ def test_frames_that_could_not_leave_stay_due_in_the_order_of_asking(opened: Ben
     assert opened.core.send_at <= opened.now
 
 
-def test_silence_about_a_request_ends_it(opened: Bench) -> None:
+def test_silence_about_a_request_ends_it(opened: ClientCoreBench) -> None:
     call = opened.ask(perform(1), patience=10.0)
     opened.step(9.5)
     assert answers(call) == []
@@ -178,7 +180,9 @@ def test_silence_about_a_request_ends_it(opened: Bench) -> None:
     assert "tcp://robot:1" in str(error)
 
 
-def test_a_motion_may_take_longer_than_the_patience_but_not_than_the_limit(opened: Bench) -> None:
+def test_a_motion_may_take_longer_than_the_patience_but_not_than_the_limit(
+    opened: ClientCoreBench,
+) -> None:
     call = opened.ask(perform(1), patience=3.0, limit=20.0)
     for _ in range(9):
         opened.step(2.0)
@@ -191,7 +195,9 @@ def test_a_motion_may_take_longer_than_the_patience_but_not_than_the_limit(opene
     assert "within 20 s" in str(error)
 
 
-def test_without_any_word_the_connection_is_made_anew_every_three_seconds(opened: Bench) -> None:
+def test_without_any_word_the_connection_is_made_anew_every_three_seconds(
+    opened: ClientCoreBench,
+) -> None:
     opened.ask(perform(1), patience=60.0)
     opened.send()
     happened = opened.step(7.0)
@@ -200,7 +206,7 @@ def test_without_any_word_the_connection_is_made_anew_every_three_seconds(opened
         assert {(moment, "perform"), (moment, "heartbeat")} <= set(happened)
 
 
-def test_being_suspended_is_not_the_robots_silence(opened: Bench) -> None:
+def test_being_suspended_is_not_the_robots_silence(opened: ClientCoreBench) -> None:
     call = opened.ask(perform(1), patience=10.0)
     opened.send()
     opened.now += 3600.0
@@ -209,7 +215,7 @@ def test_being_suspended_is_not_the_robots_silence(opened: Bench) -> None:
     assert answers(call) == []
 
 
-def test_a_long_rest_before_hello_costs_no_patience(bench: Bench) -> None:
+def test_a_long_rest_before_hello_costs_no_patience(bench: ClientCoreBench) -> None:
     bench.now += 3600.0
     bench.core.wake(bench.now)
     call = bench.ask(Stop(id=LOOSE, client="c"), patience=10.0)
@@ -220,7 +226,7 @@ def test_a_long_rest_before_hello_costs_no_patience(bench: Bench) -> None:
 
 @pytest.mark.parametrize("through", ["heartbeat", "request"])
 def test_a_lost_session_ends_everything_and_nothing_is_repeated(
-    opened: Bench, through: str
+    opened: ClientCoreBench, through: str
 ) -> None:
     moving, reading = opened.ask(perform(1)), opened.ask(read(2))
     opened.send()
@@ -241,7 +247,7 @@ def test_a_lost_session_ends_everything_and_nothing_is_repeated(
     assert isinstance(answers(stale)[0], RobotRestartedError)
 
 
-def test_stop_survives_a_lost_session(opened: Bench) -> None:
+def test_stop_survives_a_lost_session(opened: ClientCoreBench) -> None:
     stop = opened.ask(Stop(id=LOOSE, client="c"))
     opened.answer(ErrorReply.of(RobotError("restarted", "Unknown."), request_id=FIRST_LOOSE_ID))
     assert [frame["type"] for frame in opened.send()] == ["stop"]
@@ -249,7 +255,7 @@ def test_stop_survives_a_lost_session(opened: Bench) -> None:
     assert answers(stop) == [Ok(id=LOOSE, state="stopped")]
 
 
-def test_an_observation_seen_before_is_stale_for_a_new_request(opened: Bench) -> None:
+def test_an_observation_seen_before_is_stale_for_a_new_request(opened: ClientCoreBench) -> None:
     first = opened.ask(perform(1))
     opened.answer(observation(1, 5))
     assert answers(first) == [observation(1, 5)]
@@ -264,14 +270,14 @@ def test_an_observation_seen_before_is_stale_for_a_new_request(opened: Bench) ->
     assert answers(fresh) == [observation(4, 6)]
 
 
-def test_a_repeated_request_may_bring_its_old_observation(opened: Bench) -> None:
+def test_a_repeated_request_may_bring_its_old_observation(opened: ClientCoreBench) -> None:
     for number, sequence in ((1, 1), (2, 2), (1, 1)):
         call = opened.ask(perform(number))
         opened.answer(observation(number, sequence))
         assert answers(call) == [observation(number, sequence)]
 
 
-def test_one_id_cannot_be_under_way_twice(opened: Bench) -> None:
+def test_one_id_cannot_be_under_way_twice(opened: ClientCoreBench) -> None:
     first, second = opened.ask(perform(1)), opened.ask(perform(1))
     assert isinstance(answers(second)[0], LocalProtocolError)
     opened.core.forget(second)
@@ -279,7 +285,7 @@ def test_one_id_cannot_be_under_way_twice(opened: Bench) -> None:
     assert answers(first) == [observation(1, 1)]
 
 
-def test_errors_come_as_exceptions(opened: Bench) -> None:
+def test_errors_come_as_exceptions(opened: ClientCoreBench) -> None:
     call = opened.ask(perform(1))
     sent = RobotError("busy", "The robot moves.", advice="Wait.")
     opened.answer(ErrorReply.of(sent, request_id=1))
@@ -291,7 +297,7 @@ def test_errors_come_as_exceptions(opened: Bench) -> None:
 
 @pytest.mark.parametrize("retryable", [True, False])
 def test_an_error_code_of_a_later_version_is_taken_by_its_retryable(
-    opened: Bench, retryable: bool
+    opened: ClientCoreBench, retryable: bool
 ) -> None:
     call = opened.ask(Read(id=1, client="c", session="s"))
     reply = ErrorReply(id=1, code="overheated", message="Hot.", advice="Wait.", retryable=retryable)
@@ -301,7 +307,7 @@ def test_an_error_code_of_a_later_version_is_taken_by_its_retryable(
     assert (error.code, str(error), error.retryable) == ("overheated", "Hot. Wait.", retryable)
 
 
-def test_answers_nobody_waits_for_and_garbage_change_nothing(opened: Bench) -> None:
+def test_answers_nobody_waits_for_and_garbage_change_nothing(opened: ClientCoreBench) -> None:
     call = opened.ask(perform(1))
     opened.answer(observation(99, 1))
     opened.answer(ErrorReply.of(RobotError("malformed", "What?"), request_id=None))

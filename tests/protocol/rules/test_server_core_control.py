@@ -10,10 +10,10 @@ import pytest
 from protocol.rules.robot_interface import Finished
 from protocol.rules.server_actions import ControllerChanged, Send, Silence, Submit
 from protocol.wire.messages import Ok
-from tests.protocol.rules.core_bench import TARGETS, Bench, observation, one
+from tests.protocol.rules.core_bench import TARGETS, ServerCoreBench, observation, one
 
 
-def test_one_controller_at_a_time_and_the_second_is_told_who(bench: Bench) -> None:
+def test_one_controller_at_a_time_and_the_second_is_told_who(bench: ServerCoreBench) -> None:
     bench.hello("c", software="estimator 1")
     changed = one(ControllerChanged, bench.send("c", "acquire", 1))
     assert changed.client == "c"
@@ -30,7 +30,7 @@ def test_one_controller_at_a_time_and_the_second_is_told_who(bench: Bench) -> No
 
 
 @pytest.mark.parametrize("kind", ["perform", "hold", "relax", "clear", "release"])
-def test_only_the_controller_may(bench: Bench, kind: str) -> None:
+def test_only_the_controller_may(bench: ServerCoreBench, kind: str) -> None:
     bench.control("c")
     bench.hello("d")
     fields = {"targets": TARGETS} if kind == "perform" else {}
@@ -39,7 +39,7 @@ def test_only_the_controller_may(bench: Bench, kind: str) -> None:
     assert "client c" in reply["message"]
 
 
-def test_anybody_may_read_and_stop(bench: Bench) -> None:
+def test_anybody_may_read_and_stop(bench: ServerCoreBench) -> None:
     bench.control("c")
     bench.hello("d")
     assert one(Submit, bench.send("d", "read", 1)).request.TYPE == "read"
@@ -50,7 +50,7 @@ def test_anybody_may_read_and_stop(bench: Bench) -> None:
     assert one(Send, reply).peer == b"stranger"
 
 
-def test_stop_and_heartbeat_need_no_fresh_id(bench: Bench) -> None:
+def test_stop_and_heartbeat_need_no_fresh_id(bench: ServerCoreBench) -> None:
     bench.control()
     bench.perform(9)
     for _ in range(2):
@@ -69,7 +69,7 @@ def test_stop_and_heartbeat_need_no_fresh_id(bench: Bench) -> None:
     ],
 )
 def test_targets_that_do_not_fit_never_reach_the_robot(
-    bench: Bench, targets: dict[str, float], code: str, named: str
+    bench: ServerCoreBench, targets: dict[str, float], code: str, named: str
 ) -> None:
     bench.control()
     reply = bench.reply(bench.send("c", "perform", 2, targets=targets))
@@ -77,7 +77,7 @@ def test_targets_that_do_not_fit_never_reach_the_robot(
     assert f" {named}" in reply["message"]
 
 
-def test_a_limit_itself_is_within_reach(bench: Bench) -> None:
+def test_a_limit_itself_is_within_reach(bench: ServerCoreBench) -> None:
     bench.control()
     one(Submit, bench.send("c", "perform", 2, targets={"a": 0.6, "b": -0.6}))
 
@@ -91,7 +91,7 @@ def test_a_limit_itself_is_within_reach(bench: Bench) -> None:
     ],
 )
 def test_whatever_lies_beyond_a_limit_is_refused_with_numbers_that_show_it(
-    bench: Bench, beyond: float, numbers: str
+    bench: ServerCoreBench, beyond: float, numbers: str
 ) -> None:
     bench.control()
     for number, sign in ((2, 1.0), (3, -1.0)):
@@ -104,7 +104,9 @@ def test_whatever_lies_beyond_a_limit_is_refused_with_numbers_that_show_it(
         assert len(set(shown)) == 3, reply["message"]
 
 
-def test_a_silent_controller_is_told_to_the_robot_once_then_loses_control(bench: Bench) -> None:
+def test_a_silent_controller_is_told_to_the_robot_once_then_loses_control(
+    bench: ServerCoreBench,
+) -> None:
     bench.control()
     deadlines = [bench.core.deadline]
     assert bench.core.tick(104.9) == []
@@ -117,12 +119,12 @@ def test_a_silent_controller_is_told_to_the_robot_once_then_loses_control(bench:
     assert bench.core.tick(1000.0) == []
 
 
-def test_a_stall_of_the_daemon_reports_both(bench: Bench) -> None:
+def test_a_stall_of_the_daemon_reports_both(bench: ServerCoreBench) -> None:
     bench.control()
     assert bench.core.tick(500.0) == [Silence(), ControllerChanged(None)]
 
 
-def test_any_word_ends_the_silence_and_a_new_one_is_told_again(bench: Bench) -> None:
+def test_any_word_ends_the_silence_and_a_new_one_is_told_again(bench: ServerCoreBench) -> None:
     bench.control()
     bench.core.tick(106.0)
     bench.now = 129.0
@@ -133,7 +135,7 @@ def test_any_word_ends_the_silence_and_a_new_one_is_told_again(bench: Bench) -> 
 
 
 @pytest.mark.parametrize("kind", ["stop", "hello-of-another", "garbage", "old-session"])
-def test_other_frames_are_no_sign_of_life(bench: Bench, kind: str) -> None:
+def test_other_frames_are_no_sign_of_life(bench: ServerCoreBench, kind: str) -> None:
     bench.control()
     bench.now = 104.0
     if kind == "stop":
@@ -147,21 +149,21 @@ def test_other_frames_are_no_sign_of_life(bench: Bench, kind: str) -> None:
     assert bench.core.tick(105.0) == [Silence()]
 
 
-def test_a_silence_says_that_it_is_one(bench: Bench) -> None:
+def test_a_silence_says_that_it_is_one(bench: ServerCoreBench) -> None:
     bench.control()
     assert "silent" in one(Silence, bench.core.tick(105.0)).reason
 
 
 @pytest.mark.parametrize("session", ["of nobody", None])
 def test_a_stop_is_carried_out_whoever_it_says_it_is_from(
-    bench: Bench, session: str | None
+    bench: ServerCoreBench, session: str | None
 ) -> None:
     bench.hello("d", user="one")
     actions = bench.send("d", "stop", 1, user="another", peer=b"p", session=session)
     assert one(Submit, actions).request.TYPE == "stop"
 
 
-def test_letting_go_in_mid_motion_lets_the_robot_hold(bench: Bench) -> None:
+def test_letting_go_in_mid_motion_lets_the_robot_hold(bench: ServerCoreBench) -> None:
     bench.control()
     bench.perform(2)
     actions = bench.send("c", "release", 3)
@@ -169,7 +171,7 @@ def test_letting_go_in_mid_motion_lets_the_robot_hold(bench: Bench) -> None:
     assert "released" in one(Silence, actions).reason
 
 
-def test_letting_go_at_rest_is_no_silence(bench: Bench) -> None:
+def test_letting_go_at_rest_is_no_silence(bench: ServerCoreBench) -> None:
     bench.control()
     bench.core.finish(Finished(ticket=bench.perform(2), reply=observation(2)))
     assert bench.send("c", "release", 3)[0] == ControllerChanged(None)

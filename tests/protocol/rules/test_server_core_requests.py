@@ -15,10 +15,12 @@ from protocol.rules.server_actions import Send, Submit
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode
 from protocol.wire.messages import ErrorReply, Perform
-from tests.protocol.rules.core_bench import TARGETS, Bench, observation, one
+from tests.protocol.rules.core_bench import TARGETS, ServerCoreBench, observation, one
 
 
-def test_a_retry_gets_progress_then_the_first_outcome_and_never_moves_again(bench: Bench) -> None:
+def test_a_retry_gets_progress_then_the_first_outcome_and_never_moves_again(
+    bench: ServerCoreBench,
+) -> None:
     bench.control()
     ticket = bench.perform(2)
 
@@ -37,14 +39,14 @@ def test_a_retry_gets_progress_then_the_first_outcome_and_never_moves_again(benc
     assert retry(b"fourth").frame == end.frame
 
 
-def test_both_zeros_are_the_same_target(bench: Bench) -> None:
+def test_both_zeros_are_the_same_target(bench: ServerCoreBench) -> None:
     bench.control()
     one(Submit, bench.send("c", "perform", 2, targets={"a": 0.0, "b": -0.0}))
     again = bench.send("c", "perform", 2, targets={"a": -0.0, "b": 0})
     assert again == []  # the same request, under way, and nothing to tell yet
 
 
-def test_the_order_of_targets_and_the_kind_of_number_do_not_matter(bench: Bench) -> None:
+def test_the_order_of_targets_and_the_kind_of_number_do_not_matter(bench: ServerCoreBench) -> None:
     bench.control()
     first = one(Submit, bench.send("c", "perform", 2, targets={"a": 0.0, "b": 0.5}))
     bench.core.accept(first.ticket)
@@ -57,21 +59,21 @@ def test_the_order_of_targets_and_the_kind_of_number_do_not_matter(bench: Bench)
     [("perform", {"targets": {"a": 0.1, "b": 0.2}}), ("read", {}), ("acquire", {})],
 )
 def test_another_request_with_the_same_id_is_refused(
-    bench: Bench, kind: str, fields: dict[str, Any]
+    bench: ServerCoreBench, kind: str, fields: dict[str, Any]
 ) -> None:
     bench.control()
     bench.perform(2)
     assert bench.reply(bench.send("c", kind, 2, **fields))["code"] == "id_reused"
 
 
-def test_an_overtaken_id_is_never_executed(bench: Bench) -> None:
+def test_an_overtaken_id_is_never_executed(bench: ServerCoreBench) -> None:
     bench.control()
     bench.perform(7)
     reply = bench.reply(bench.send("c", "perform", 6, targets=TARGETS))
     assert (reply["code"], reply["id"]) == ("expired", 6)
 
 
-def test_errors_are_outcomes_too(bench: Bench) -> None:
+def test_errors_are_outcomes_too(bench: ServerCoreBench) -> None:
     bench.hello("c")
     refused = bench.reply(bench.send("c", "perform", 1, targets=TARGETS))
     assert refused["code"] == "not_controller"
@@ -83,7 +85,7 @@ def test_errors_are_outcomes_too(bench: Bench) -> None:
     assert bench.reply(bench.send("c", "perform", 3, targets=TARGETS))["code"] == "busy"
 
 
-def test_outcomes_survive_release_and_are_forgotten_oldest_first(bench: Bench) -> None:
+def test_outcomes_survive_release_and_are_forgotten_oldest_first(bench: ServerCoreBench) -> None:
     bench.control()
     bench.core.finish(Finished(ticket=bench.perform(2), reply=observation(2)))
     bench.send("c", "release", 3)
@@ -96,7 +98,7 @@ def test_outcomes_survive_release_and_are_forgotten_oldest_first(bench: Bench) -
     assert bench.reply(bench.send("c", "release", 3))["type"] == "ok"
 
 
-def test_a_request_under_way_is_never_forgotten(bench: Bench) -> None:
+def test_a_request_under_way_is_never_forgotten(bench: ServerCoreBench) -> None:
     bench.control()
     ticket = bench.perform(2)
     for number in range(3, 3 + 3 * MAX_OUTCOMES):
@@ -105,7 +107,7 @@ def test_a_request_under_way_is_never_forgotten(bench: Bench) -> None:
     assert bench.reply(bench.send("c", "perform", 2, targets=TARGETS))["type"] == "observation"
 
 
-def test_too_many_requests_under_way(bench: Bench) -> None:
+def test_too_many_requests_under_way(bench: ServerCoreBench) -> None:
     bench.hello("c")
     for number in range(MAX_OUTCOMES):
         one(Submit, bench.send("c", "read", number))
@@ -114,7 +116,7 @@ def test_too_many_requests_under_way(bench: Bench) -> None:
     one(Submit, bench.send("c", "read", 100))
 
 
-def test_an_answer_with_the_wrong_id_is_a_bug(bench: Bench) -> None:
+def test_an_answer_with_the_wrong_id_is_a_bug(bench: ServerCoreBench) -> None:
     bench.control()
     ticket = bench.perform(2)
     with pytest.raises(ValueError, match="request 2 was answered with id 3"):
@@ -137,7 +139,7 @@ def test_no_order_of_frames_executes_an_id_twice(
     capabilities: Capabilities, script: list[tuple[str, int, float]]
 ) -> None:
     """Frames lost, repeated, reordered, changed; answers early or late."""
-    bench = Bench(capabilities)
+    bench = ServerCoreBench(capabilities)
     bench.control()
     executed: dict[int, dict[str, float]] = {}
     under_way: list[tuple[int, int]] = []

@@ -15,10 +15,10 @@ from protocol.rules.server_core import MAX_READS, ServerCore
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import encode
 from protocol.wire.messages import Request
-from tests.protocol.rules.core_bench import TARGETS, Bench, observation, one
+from tests.protocol.rules.core_bench import TARGETS, ServerCoreBench, observation, one
 
 
-def test_a_client_keeps_its_session_and_others_get_another(bench: Bench) -> None:
+def test_a_client_keeps_its_session_and_others_get_another(bench: ServerCoreBench) -> None:
     first = bench.hello("c")
     assert first["version"] == 1
     assert Capabilities.from_map(first["capabilities"]).robot == "fake"
@@ -27,9 +27,9 @@ def test_a_client_keeps_its_session_and_others_get_another(bench: Bench) -> None
 
 
 def test_sessions_cannot_be_guessed(capabilities: Capabilities) -> None:
-    cores = [ServerCore(capabilities, view=Bench.view) for _ in range(2)]
+    cores = [ServerCore(capabilities, view=ServerCoreBench.view) for _ in range(2)]
     frame = encode({"type": "hello", "id": 0, "client": "c", "versions": [1]})
-    sessions = [Bench.reply(core.receive(b"p", frame, 0.0))["session"] for core in cores]
+    sessions = [ServerCoreBench.reply(core.receive(b"p", frame, 0.0))["session"] for core in cores]
     assert sessions[0] != sessions[1]
     assert all(len(session) >= 32 for session in sessions)
 
@@ -38,11 +38,11 @@ def test_sessions_cannot_be_guessed(capabilities: Capabilities) -> None:
     ("versions", "code"),
     [([1], None), ([3, 2, 1], None), ([2], "unsupported_version"), ([], "unsupported_version")],
 )
-def test_versions(bench: Bench, versions: list[int], code: str | None) -> None:
+def test_versions(bench: ServerCoreBench, versions: list[int], code: str | None) -> None:
     assert bench.reply(bench.send("c", "hello", 0, versions=versions)).get("code") == code
 
 
-def test_an_unknown_session_is_answered_restarted_and_nothing_moves(bench: Bench) -> None:
+def test_an_unknown_session_is_answered_restarted_and_nothing_moves(bench: ServerCoreBench) -> None:
     bench.control()
     for client, session in (("c", "old"), ("stranger", "session-0")):
         actions = bench.send(client, "perform", 5, targets=TARGETS, session=session)
@@ -50,7 +50,7 @@ def test_an_unknown_session_is_answered_restarted_and_nothing_moves(bench: Bench
         assert bench.reply(actions)["id"] == 5
 
 
-def test_the_client_not_heard_of_for_longest_makes_room(bench: Bench) -> None:
+def test_the_client_not_heard_of_for_longest_makes_room(bench: ServerCoreBench) -> None:
     bench.control("controller")
     for number in range(MAX_CLIENTS - 1):
         bench.hello(f"viewer-{number}")
@@ -62,7 +62,7 @@ def test_the_client_not_heard_of_for_longest_makes_room(bench: Bench) -> None:
         assert bench.reply(bench.send(client, "heartbeat", 0))["type"] == "status"
 
 
-def test_clients_with_requests_under_way_stay(bench: Bench) -> None:
+def test_clients_with_requests_under_way_stay(bench: ServerCoreBench) -> None:
     for number in range(MAX_CLIENTS):
         bench.hello(f"c{number}")
         one(Submit, bench.send(f"c{number}", "read", 1))
@@ -72,7 +72,7 @@ def test_clients_with_requests_under_way_stay(bench: Bench) -> None:
     assert bench.reply(bench.send("c6", "read", 1))["code"] == "restarted"
 
 
-def test_another_user_cannot_take_a_client_over(bench: Bench) -> None:
+def test_another_user_cannot_take_a_client_over(bench: ServerCoreBench) -> None:
     assert bench.hello("c", user="ann")["type"] == "welcome"
     session = bench.sessions["c"]
     assert bench.hello("c", user="bob")["code"] == "unauthorised"
@@ -87,7 +87,7 @@ def test_every_request_is_authorised_replays_too(capabilities: Capabilities) -> 
         if request.TYPE not in allowed:
             raise RobotError("unauthorised", f"{user} may not {request.TYPE}.")
 
-    bench = Bench(capabilities, authorise=authorise)
+    bench = ServerCoreBench(capabilities, authorise=authorise)
     bench.control()
     bench.core.finish(Finished(ticket=bench.perform(2), reply=observation(2)))
     allowed.clear()
@@ -96,7 +96,7 @@ def test_every_request_is_authorised_replays_too(capabilities: Capabilities) -> 
         assert (reply["code"], reply["message"]) == ("unauthorised", f"None may not {kind}.")
 
 
-def test_a_user_who_crowds_in_pushes_out_nobody_else(bench: Bench) -> None:
+def test_a_user_who_crowds_in_pushes_out_nobody_else(bench: ServerCoreBench) -> None:
     bench.hello("bob", user="bob")  # not heard of for longest
     for number in range(MAX_CLIENTS + 10):
         assert bench.hello(f"eve-{number}", user="eve")["type"] == "welcome"
@@ -105,7 +105,7 @@ def test_a_user_who_crowds_in_pushes_out_nobody_else(bench: Bench) -> None:
     assert gone["code"] == "restarted"
 
 
-def test_a_user_who_watches_has_few_reads_under_way(bench: Bench) -> None:
+def test_a_user_who_watches_has_few_reads_under_way(bench: ServerCoreBench) -> None:
     bench.hello("bob", user="bob")
     bench.hello("bob2", user="bob")
     bench.hello("ann", user="ann")
@@ -125,7 +125,7 @@ def roles(**role_by_user: Role) -> Callable[[str | None], Role | None]:
     return lambda user: role_by_user.get(user or "")
 
 
-def test_a_user_who_may_no_longer_control_loses_control(bench: Bench) -> None:
+def test_a_user_who_may_no_longer_control_loses_control(bench: ServerCoreBench) -> None:
     bench.hello("c", user="ann")
     bench.send("c", "acquire", 1, user="ann")
     controllers = [bench.core.controller]
@@ -138,7 +138,7 @@ def test_a_user_who_may_no_longer_control_loses_control(bench: Bench) -> None:
     assert bench.core.review(roles(ann=Role.VIEWER)) == []
 
 
-def test_a_user_who_is_gone_is_forgotten_in_mid_motion(bench: Bench) -> None:
+def test_a_user_who_is_gone_is_forgotten_in_mid_motion(bench: ServerCoreBench) -> None:
     bench.hello("c", user="ann")
     bench.hello("d", user="bob")
     bench.send("c", "acquire", 1, user="ann")
@@ -156,7 +156,7 @@ def test_a_user_who_is_gone_is_forgotten_in_mid_motion(bench: Bench) -> None:
     assert bench.reply(bench.send("d", "heartbeat", 0, user="bob"))["type"] == "status"
 
 
-def test_names_cannot_play_tricks_on_a_terminal(bench: Bench) -> None:
+def test_names_cannot_play_tricks_on_a_terminal(bench: ServerCoreBench) -> None:
     bench.hello("c\x1b[2J", software="evil\r\n1")
     bench.send("c\x1b[2J", "acquire", 1)
     bench.hello("d")
