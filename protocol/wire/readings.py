@@ -48,6 +48,18 @@ def tilt_of(up: Direction) -> tuple[float, float]:
     return math.asin(max(-1.0, min(1.0, up[1]))), math.asin(max(-1.0, min(1.0, up[0])))
 
 
+def up_of(tilt: Sequence[float]) -> tuple[float, float, float]:
+    """The world's up in the frame of a body that is not on its back; ``tilt_of`` inverted.
+
+    Two tilts that no body can have both give a vector longer than 1.
+
+    Args:
+        tilt: Left/right and forward/back, rad.
+    """
+    x, y = math.sin(tilt[1]), math.sin(tilt[0])
+    return x, y, math.sqrt(max(0.0, 1.0 - x * x - y * y))
+
+
 def belly_ray(height: float, up: Direction) -> float:
     """Length of the ray from the middle of the belly along the belly's normal to the ground, m.
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from protocol.wire.readings import up_of
 from robot.errors import DeviceDataError
 
 LEAST_MARGIN: Final = 0.010
@@ -56,8 +57,7 @@ class Underside:
         Raises:
             DeviceDataError: It cannot.
         """
-        across, along = abs(math.sin(tilt[0])), abs(math.sin(tilt[1]))
-        upright = math.sqrt(max(0.0, 1.0 - across**2 - along**2))
+        along, across, upright = map(abs, up_of(tilt))
         if upright < _STEEPEST:
             return
         least = (self.length * along + self.width * across) / 2 / upright

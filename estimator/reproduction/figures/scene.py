@@ -16,7 +16,7 @@ import numpy as np
 
 from estimator.body.morphology import Array, Morphology, part_frames, rotation
 from estimator.evaluation.truth.urdf import Box, Cylinder, Origin, Sphere, Urdf, numbers
-from protocol.wire.readings import belly_ray
+from protocol.wire.readings import belly_ray, up_of
 
 Kind: TypeAlias = Literal["box", "cylinder", "sphere"]
 MAIN_BODY: Final = -1
@@ -144,9 +144,7 @@ def at_rest(solids: Sequence[Solid], attitude: Attitude) -> list[Solid]:
 
 def _up(attitude: Attitude, *, upright: bool) -> Array:
     """World up in the body's frame; the tilt leaves open whether the body lies on its back."""
-    left, ahead = attitude.tilt
-    x, y = math.sin(ahead), math.sin(left)
-    z = math.sqrt(max(0.0, 1 - x * x - y * y))
+    x, y, z = up_of(attitude.tilt)
     up = np.array([x, y, z if upright else -z])
     unit: Array = up / np.linalg.norm(up)
     return unit

@@ -13,6 +13,7 @@ from protocol.wire.readings import (
     touch_is_doubtful,
     touches,
     up_in_body,
+    up_of,
 )
 
 components = st.floats(-1.0, 1.0)
@@ -32,6 +33,16 @@ def test_up_is_a_unit_vector_and_no_tilt_exceeds_a_right_angle(
     up = up_in_body(orientation)
     assert math.hypot(*up) == pytest.approx(1.0, abs=1e-9)
     assert all(abs(angle) <= math.pi / 2 for angle in tilt_of(up))
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-0.5, 0.5))
+def test_up_follows_from_the_tilt_of_a_body_that_is_not_on_its_back(
+    left: float, ahead: float
+) -> None:
+    up = up_of((left, ahead))
+    assert tilt_of(up) == pytest.approx((left, ahead))
+    assert math.hypot(*up) == pytest.approx(1.0)
+    assert up[2] > 0
 
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.5, 1.5))
