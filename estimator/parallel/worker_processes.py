@@ -1,10 +1,10 @@
 """Worker processes on this computer.
 
-A worker does one task after the other, so what it has loaded serves them all. Each has a pipe of
-its own: one that dies harms no other, and its task is given to a new one. Ctrl-C in a terminal is
-for the process that started them; they end when it ends, also when it is killed.
+A worker does one task after the other and keeps what it has loaded. Each has a pipe of its own, so
+that one which dies affects no other; its task is given to a new worker. Workers ignore Ctrl-C in a
+terminal, which is for the process that started them, and end with it, also when it is killed.
 
-Workers come from a fork server, because forking a process with threads is unsafe.
+Workers are forked by a fork server, because forking a process with threads is unsafe.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Message = TypeVar("Message")
 Result = TypeVar("Result")
 
 Work: TypeAlias = Callable[[Task, Callable[[Message], None]], Result]
-"""What a worker does with a task; it may send messages meanwhile, by calling what it is given."""
+"""Does a task and returns its result; calls its second argument to send messages meanwhile."""
 
 _DEATHS: Final = 3
 """Workers that may die of one task before it is given up."""
@@ -40,27 +40,28 @@ _DEATHS: Final = 3
 
 @dataclass(frozen=True)
 class Returned(Generic[Result]):
-    """A task is done."""
+    """The result of a task."""
 
     result: Result
 
 
 @dataclass(frozen=True)
 class Raised:
-    """A task has failed. The worker's traceback is a note on the error."""
+    """The error of a task; the worker's traceback is a note on it."""
 
     error: Exception
 
 
 class WorkerProcesses(Generic[Task, Message, Result]):
-    """Processes that work for this one; a context manager, which ends them.
+    """A group of worker processes; a context manager, which ends them.
 
-    They start with the first tasks, as many as are needed, and stay for later ones.
+    Workers start with the first tasks, as many as are needed, and stay for later ones. They are
+    daemonic: they cannot start ``multiprocessing`` processes of their own.
 
     Args:
-        start: Called once in each worker, for what it is to do with its tasks. Picklable, like
-            tasks, messages and results.
-        jobs: Most workers at a time; at least 1.
+        start: Called once in each worker; returns the function that does its tasks. Must be
+            picklable, like tasks, messages and results.
+        jobs: Maximum number of workers, at least 1.
     """
 
     def __init__(self, start: Callable[[], Work[Task, Message, Result]], jobs: int):
@@ -77,7 +78,7 @@ class WorkerProcesses(Generic[Task, Message, Result]):
         self.close()
 
     def close(self) -> None:
-        """Ends the workers, whatever they are doing; may be called twice. Tasks start new ones."""
+        """Ends the workers, also busy ones; may be called twice. New tasks start new workers."""
         for process in self._processes.values():
             process.terminate()
         for connection in list(self._processes):
@@ -86,16 +87,16 @@ class WorkerProcesses(Generic[Task, Message, Result]):
     def do(
         self, tasks: Sequence[Task]
     ) -> Generator[tuple[int, Message | Returned[Result] | Raised], None, None]:
-        """Has tasks done, in the order given as far as there are workers.
+        """Does tasks, started in the order given, and yields events as they arrive.
 
-        Whoever breaks off closes the iterator, and so ends the workers that are busy.
+        Closing the iterator before its end ends the workers that are busy.
 
         Args:
-            tasks: Each is done once, unless a worker dies of it.
+            tasks: Each is done once, or again if its worker dies.
 
         Yields:
-            Index of a task, and a message about it, its result or why it failed. A task of which
-            several workers died has failed with a ``WorkerError``.
+            Index of a task, and a message about it, its result or its error: a ``WorkerError`` if
+            several workers died of it.
         """
         waiting = deque(range(len(tasks)))
         deaths: Counter[int] = Counter()
@@ -125,11 +126,11 @@ class WorkerProcesses(Generic[Task, Message, Result]):
                 self._end(connection)
 
     def results(self, tasks: Sequence[Task]) -> list[Result]:
-        """Results of tasks, in order.
+        """Does tasks and returns their results in order.
 
         Raises:
             WorkerError: Several workers died of one task.
-            Exception: Whatever a task raised first.
+            Exception: The first error of a task.
         """
         results: dict[int, Result] = {}
         with closing(self.do(tasks)) as events:
@@ -141,7 +142,7 @@ class WorkerProcesses(Generic[Task, Message, Result]):
         return [results[index] for index in range(len(tasks))]
 
     def _give(self, index: int, task: Task) -> None:
-        """Gives a task to a worker that is idle, or to a new one."""
+        """Sends a task to an idle worker, or to a new one."""
         for connection in self._processes.keys() - self._busy.keys():
             try:
                 connection.send(task)
@@ -165,14 +166,14 @@ class WorkerProcesses(Generic[Task, Message, Result]):
         return ours
 
     def _end(self, connection: Connection) -> None:
-        """Forgets a worker that is dead or about to die."""
+        """Waits for a worker that is dead or about to die, and forgets it."""
         self._busy.pop(connection, None)
         self._processes.pop(connection).join()
         connection.close()
 
 
 def _serve(connection: Connection, start: bytes) -> None:
-    """What a worker is: does tasks until nobody sends any more."""
+    """The main function of a worker: does tasks until the pipe is closed."""
     _silence_stdout()
     threading.Thread(target=_follow_parent, name="follow parent", daemon=True).start()
     work: Work[Any, Any, Any]
@@ -198,7 +199,7 @@ def _fail(error: Exception, *_: object) -> NoReturn:
 
 
 def _portable(error: Exception) -> Exception:
-    """The error, or a sentence where it cannot be sent to another process."""
+    """Returns the error, or one with its text if it cannot be sent to another process."""
     error.add_note("".join(["In a worker process:\n", *traceback.format_exception(error)]))
     try:
         pickle.loads(pickle.dumps(error))
@@ -216,7 +217,7 @@ def _given_up() -> WorkerError:
 
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
-    """Processes that are started inside inherit that Ctrl-C in a terminal does not reach them."""
+    """Blocks Ctrl-C; processes that are started inside inherit that."""
     resource_tracker.ensure_running()  # its own start would unblock them
     kept = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -226,14 +227,14 @@ def _interrupts_blocked() -> Iterator[None]:
 
 
 def _silence_stdout() -> None:
-    """Engines print to stdout, which is ours."""
+    """Discards what engines print to stdout."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.close(nowhere)
 
 
 def _follow_parent() -> None:
-    """Ends this process with the one that asked the fork server for it."""
+    """Ends this process when the one that started it through the fork server ends."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

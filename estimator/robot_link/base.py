@@ -48,7 +48,7 @@ class RobotLink(Protocol):
         Raises:
             RobotError: The robot refused, broke off or reported what cannot be; a fresh ticket is
                 needed to try again.
-            RobotRestartedError: The daemon restarted, and what became of the motion is unknown.
+            RobotRestartedError: The daemon restarted, and the outcome of the motion is unknown.
             RobotUnreachableError: Nothing answers any more.
         """
 
@@ -61,7 +61,7 @@ class RobotLink(Protocol):
             The observation, or ``None`` when the request was certainly not carried out.
 
         Raises:
-            RobotRestartedError: The daemon restarted since, so nobody knows.
+            RobotRestartedError: The daemon restarted since, so the outcome is unknown.
             RobotError: The request ended with this error.
         """
 
