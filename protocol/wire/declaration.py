@@ -29,12 +29,8 @@ def nested(kind: type[R]) -> Callable[[str, Any], R]:
     """A check for a record, or for the map that describes one."""
 
     def check(name: str, value: Any) -> R:
-        if isinstance(value, kind):
-            return value
-        if not isinstance(value, Mapping):
-            raise LocalProtocolError(f"'{name}' must be a map, not {value!r:.60}")
         try:
-            return kind.from_map(value)
+            return value if isinstance(value, kind) else kind.from_map(value)
         except LocalProtocolError as error:
             raise LocalProtocolError(f"{name}: {error}") from None
 
@@ -51,12 +47,15 @@ class Record:
             object.__setattr__(self, item.name, value)  # the frozen dataclass's own way
 
     @classmethod
-    def from_map(cls, values: Mapping[str, Any]) -> Self:
+    def from_map(cls, values: Any) -> Self:
         """The record that a decoded map describes; unknown keys are ignored.
 
         Raises:
-            LocalProtocolError: A field is missing or fails its check; the message names it.
+            LocalProtocolError: It is no map, or a field is missing or fails its check; the message
+                names the field.
         """
+        if not isinstance(values, Mapping):
+            raise LocalProtocolError(f"must be a map, not {values!r:.60}")
         known = fields(cls)
         missing = [
             item.name for item in known if item.default is MISSING and item.name not in values

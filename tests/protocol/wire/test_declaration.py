@@ -27,7 +27,7 @@ Map = dict[str, Any]
         ),
         (
             lambda said: said["joints"].append(5),
-            "welcome: capabilities: 'joints 3' must be a map, not 5",
+            "welcome: capabilities: joints 3: must be a map, not 5",
         ),
         (
             lambda said: said["sensors"][0].pop("unit"),
@@ -62,6 +62,10 @@ def test_a_map_becomes_the_record_that_it_came_from() -> None:
     assert Capabilities.from_map(known.to_map() | {"of a later version": 1}) == known
     with pytest.raises(LocalProtocolError, match=r"^missing name, resolution$"):
         Joint.from_map({"lower": -1.0, "upper": 1.0, "speed": 1.0})
+    wrongs: tuple[Any, ...] = (5, [], None, "joint")
+    for wrong in wrongs:
+        with pytest.raises(LocalProtocolError, match=r"^must be a map, not "):
+            Joint.from_map(wrong)
 
 
 def test_what_a_request_needs_is_declared_with_it() -> None:
