@@ -1,7 +1,7 @@
 """How often is the best model of a run excused from an interaction, and does that hide a misfit?
 
 ``python -m bench.excused RUN…`` takes finished runs that statics searched, such as those of
-``estimator identify --physics statics``, and prints a line for each and a total.
+``estimator identify --method paper --physics statics``, and prints a line for each and a total.
 
 A pose is *undecided* where the model is balanced, and then the model is excused from that
 interaction. What the excuse hides is told by the model's neighbours, whose genes differ by a

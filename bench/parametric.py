@@ -26,7 +26,8 @@ PAGE = ROOT / "docs" / "parametric.md"
 
 HEAD = """# What the parametric search finds
 
-`make parametric` wrote this page: `estimator identify --problem parametric` at the paper's budget
+`make parametric` wrote this page: `estimator identify --method paper --problem parametric` at the
+paper's budget
 (population 100, 10 generations, four random motor programs in ±30°, touch, tilt and clearance,
 models simulated in PyBullet), one simulated quadruped with default noise per seed. Seeds
 {first}–{last} were fixed before the first run; every run is listed. Truth: four legs of 220 mm.
@@ -67,7 +68,11 @@ def run(seed: int, folder: Path, truth: Path) -> dict[str, Any]:
     if not figures.exists():
         with _robot(seed) as uri:
             known = (place / "run.sqlite").exists()
-            start = ["resume", str(place)] if known else ["identify", "--problem", "parametric"]
+            start = (
+                ["resume", str(place)]
+                if known
+                else ["identify", "--method", "paper", "--problem", "parametric"]
+            )
             rest = [] if known else ["--seed", str(seed), "--out", str(place)]
             _estimator(*start, "--robot", uri, *rest)
             _estimator("validate", str(place), "--robot", uri)

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The whole path in five commands: a simulated robot, known only through the wire, is identified.
+# The whole path: a simulated robot, known only through the wire, is identified in two ways.
 # `make demo` runs it; each command is shown before it is run, so that it can be typed as well.
 set -euo pipefail
 out=${1:-demo}
@@ -20,12 +20,19 @@ until grep -q serving "$out/sim-robotd.log"; do
     sleep 0.1
 done
 
-show estimator identify --robot "$robot" --problem parametric --seed "$seed" --out "$out/run"
-show estimator validate "$out/run" --robot "$robot"
+# The paper's way: one population of models, optimised, and movements drawn at random.
+show estimator identify --robot "$robot" --problem parametric --method paper --seed "$seed" \
+    --out "$out/paper"
+
+# The whole body from nothing: every body that explains the readings, and movements that decide.
+show estimator identify --robot "$robot" --problem topological --interactions 6 --seed "$seed" \
+    --out "$out/body"
+show estimator validate "$out/body" --robot "$robot"
 
 # Only now, to score the result, do we look at the robot's true body.
 printf '\n\033[1m$ sim-robotd --print-body > %s/truth.urdf\033[0m\n' "$out"
 sim-robotd --print-body > "$out/truth.urdf"
-show estimator score "$out/run" --truth "$out/truth.urdf"
+show estimator score "$out/paper" --truth "$out/truth.urdf"
+show estimator score "$out/body" --truth "$out/truth.urdf"
 
-printf '\nThe run: %s\nIts plots: %s\n' "$out/run" "$(ls -d "$out"/run/plots/*.png | tr '\n' ' ')"
+printf '\nPlots:\n%s\n' "$(ls -d "$out"/*/plots/*.png)"

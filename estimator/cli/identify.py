@@ -5,19 +5,20 @@ from __future__ import annotations
 import secrets
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, cast
 
 import typer
 
 from estimator.cli.console import err, out, print_run_directory, sentences
-from estimator.cli.options import CORES, Dask, Jobs, Keys, PhysicsName, Robot, open_physics
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Robot, open_physics
 from estimator.cli.screen import Screen
-from estimator.identification.exploration import RULES
-from estimator.identification.run import Order, identify
-from estimator.physics.backends import REFERENCE
+from estimator.exploration.rules import RULES
+from estimator.identification.run import METHODS, MethodName, Order, identify
+from estimator.physics.backends import BACKENDS
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.run_files import write_report
 from estimator.report.terminal_tables import print_result
+from estimator.search.searches import SEARCHES
 
 
 def command(
@@ -27,10 +28,48 @@ def command(
     interactions: Annotated[
         int | None, typer.Option(min=1, help="Default: the problem's, or all that were recorded.")
     ] = None,
-    physics: PhysicsName = REFERENCE,
+    method: Annotated[
+        str,
+        typer.Option(
+            help="posterior: samples of every body that explains the readings, and how sure it is; "
+            "paper: one population, optimised as in the paper."
+        ),
+    ] = next(iter(METHODS)),
+    physics: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"What predicts a model's readings: {', '.join(BACKENDS.own)}, or a plug-in. "
+            "Default: the method's.",
+        ),
+    ] = None,
     explore: Annotated[
-        str, typer.Option(help=f"What chooses motor programs: {', '.join(RULES)}.")
-    ] = RULES[0],
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help=f"What chooses motor programs: {', '.join(RULES.own)}, or a plug-in. "
+            "Default: the method's.",
+        ),
+    ] = None,
+    search: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"What optimises the paper's population: {', '.join(SEARCHES.own)}, or a plug-in.",
+        ),
+    ] = next(iter(SEARCHES.own)),
+    sure: Annotated[
+        float | None,
+        typer.Option(
+            min=0.5,
+            max=0.999,
+            help="End as soon as the attachments are so probable and lengths known to 5 mm.",
+        ),
+    ] = None,
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="Exit code 1 where no body explains the readings."),
+    ] = False,
     modalities: Annotated[
         str, typer.Option(help="Sensors that count, separated by commas.")
     ] = ",".join(MODALITIES),
@@ -61,8 +100,11 @@ def command(
         robot=robot,
         problem=problem,
         seed=chosen,
+        method=cast(MethodName, method),  # identify refuses what is no method
         physics=physics,
+        search=search,
         explore=explore,
+        sure=sure,
         modalities=tuple(item.strip() for item in modalities.split(",")),
         interactions=interactions,
         population=population,
@@ -74,3 +116,5 @@ def command(
         result = identify(place, order, physics_of, screen, report=write_report)
     print_result(out, result)
     print_run_directory(place)
+    if strict and result.posterior is not None and not result.posterior.explained:
+        raise typer.Exit(1)

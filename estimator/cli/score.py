@@ -17,6 +17,7 @@ from estimator.physics.backends import REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.report.plots import plot_lengths
+from estimator.report.posterior_plots import plot_interval_lengths
 from estimator.report.run_files import LENGTHS_WITH_TRUTH
 from estimator.report.terminal_tables import print_score
 from estimator.storage.store import RunStore
@@ -51,10 +52,14 @@ def command(
 def _plot_with_truth(store: RunStore, run_score: Score) -> None:
     problem = problem_of(store)
     genome = Genome(problem, problem.base(store.capabilities))
+    joints, targets = run_score.joints, list(run_score.true_lengths_m)
+    beliefs = [belief for belief, _ in store.beliefs()]
     generations = with_last_word(store)
-    replace_file(
-        store.directory / LENGTHS_WITH_TRUTH,
-        lambda path: plot_lengths(
-            path, generations, genome, run_score.joints, list(run_score.true_lengths_m)
-        ),
-    )
+
+    def draw(path: Path) -> None:
+        if beliefs:
+            plot_interval_lengths(path, beliefs, genome, joints, targets)
+        else:
+            plot_lengths(path, generations, genome, joints, targets)
+
+    replace_file(store.directory / LENGTHS_WITH_TRUTH, draw)

@@ -69,6 +69,11 @@ class Screen(Listener):
         """Writes a line."""
         self._console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
+    def chosen(self, number: int, reason: str, bits: float | None) -> None:
+        """Says why a movement is made."""
+        expected = "" if bits is None else f"; expected {bits:.1f} bits"
+        self.say(f"Interaction {number + 1} {reason}{expected}.")
+
     def moving(self, number: int, phase: str, fraction: float) -> None:
         """Shows the phase of the motion."""
         description = f"interaction {number + 1}: {phase} {fraction:4.0%}"

@@ -20,9 +20,9 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import Limb, limbs
 from estimator.body.morphology import BASE, HINGES, SIDES, Morphology, Part
-from estimator.evaluation.equivalence import mirrored, turned
 from estimator.evaluation.truth.body import TrueLimb, true_limbs
 from estimator.evaluation.truth.robot import check_robot
+from estimator.physics.equivalence import mirrored, turned
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from protocol.wire.capabilities import Capabilities

@@ -18,7 +18,7 @@ import numpy as np
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
-from estimator.evaluation.equivalence import Reference
+from estimator.physics.equivalence import Reference
 
 _PROGRAMS: Final = 80  # compared in one round; the next round takes others
 _ROUNDS: Final = 4

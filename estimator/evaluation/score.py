@@ -17,11 +17,11 @@ from estimator.body.limbs import driven_limbs
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import TruthError
 from estimator.evaluation.attachments import Comparison, Configuration, Truth
-from estimator.evaluation.equivalence import PROGRAMS, Reference
 from estimator.evaluation.length_search import LengthSearch
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.fit import fit_bodies
 from estimator.physics.base import ArrayMarginPhysics, Physics
+from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched

@@ -1,4 +1,4 @@
-"""The models that a run ends with, best first."""
+"""The models that a run ends with, best first: a search's population, or samples of a posterior."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from estimator.storage.store import RunStore
 
 @dataclass(frozen=True, kw_only=True)
 class FinalPopulation:
-    """The population at a run's last checkpoint; empty before the first.
+    """The models at a run's last checkpoint; empty before the first.
 
     Attributes:
         genes: Shape (n, genes).
@@ -42,6 +42,8 @@ class FinalPopulation:
     @classmethod
     def of(cls, store: RunStore) -> Self:
         """Reads it from a run."""
+        if store.settings.method == "posterior":
+            return cls._of_beliefs(store)
         checkpoint = store.checkpoint()
         if checkpoint is None:
             nothing = np.empty(0)
@@ -62,6 +64,25 @@ class FinalPopulation:
                 errors[list(found.models)] = found.simulated
                 later[list(found.models)] = False
         return cls(genes=genes, errors=errors, searched=searched, order=np.lexsort((errors, later)))
+
+    @classmethod
+    def _of_beliefs(cls, store: RunStore) -> Self:
+        """The best body, with the medians of its lengths, and then the samples.
+
+        Samples have no subjective errors of their own.
+        """
+        beliefs = store.beliefs()
+        if not beliefs:
+            nothing = np.empty(0)
+            order = np.empty(0, dtype=np.intp)
+            return cls(genes=np.empty((0, 0)), errors=nothing, searched=nothing, order=order)
+        belief, _ = beliefs[-1]
+        with reading(store.directory):
+            genes = np.array([belief.best, *belief.genes], dtype=float)
+            weights = np.array([np.inf, *belief.weights], dtype=float)
+        unknown = np.full(len(genes), np.nan)
+        order = np.argsort(-weights, kind="stable")
+        return cls(genes=genes, errors=unknown, searched=unknown, order=order)
 
 
 def with_last_word(store: RunStore) -> list[Generation]:

@@ -18,6 +18,9 @@ class Listener:
     def worked(self, work: float, what: str) -> None:
         """Some of the work is done, and safe on disk; ``what`` says where the run stands."""
 
+    def chosen(self, number: int, reason: str, bits: float | None) -> None:
+        """An interaction's motor program was chosen: why, and how much it should tell."""
+
     def moving(self, number: int, phase: str, fraction: float) -> None:
         """How far an interaction is: its phase and the share of it that is done, 0 to 1."""
 

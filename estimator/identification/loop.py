@@ -1,26 +1,22 @@
-"""Act, sense, model: the estimation-exploration loop of the paper, with random motor programs."""
+"""Act, sense, model: the estimation-exploration loop."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 
-import numpy as np
-
 from estimator.errors import InteractionError
+from estimator.exploration.rules import RULES
+from estimator.exploration.situation import Choice, Situation
 from estimator.identification.acting import carry_out
-from estimator.identification.exploration import rule
 from estimator.identification.listener import Listener
-from estimator.identification.modelling import Modeller
-from estimator.physics.base import ArrayPhysics, Physics
-from estimator.problem.genome import Genome
+from estimator.identification.method import Method
+from estimator.physics.base import ArrayMarginPhysics, WorldSettings
 from estimator.problem.problem import Problem
-from estimator.readings.observation import Observation, Program
+from estimator.readings.observation import Observation
 from estimator.robot_link.base import RobotLink
-from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.search.randomness import Stream, generator
-from estimator.storage.records import Counters, Generation, InteractionRecord
+from estimator.storage.records import InteractionRecord
 from estimator.storage.store import RunStore
 
 Connect = Callable[[], RobotLink]
@@ -33,50 +29,36 @@ class Identification:
     Args:
         store: The run's memory; opened for writing.
         problem: The run's problem.
-        physics: Predicts what models feel.
+        method: Learns from interactions.
+        world: In which models live.
+        foresight: Predicts what models feel, for the choice of motor programs.
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
         listener: Hears what happens.
-        foresight: Guesses what models feel, where ``physics`` is slower.
     """
 
     def __init__(
         self,
         store: RunStore,
         problem: Problem,
-        physics: Physics,
+        method: Method,
+        world: WorldSettings,
+        *,
+        foresight: ArrayMarginPhysics,
         connect: Connect,
         listener: Listener,
-        *,
-        foresight: ArrayPhysics | None = None,
-    ):
+    ) -> None:
         self._store = store
         self._problem = problem
+        self._method = method
+        self._world = world
+        self._foresight = foresight
         self._connect = connect
         self._listener = listener
         self._link: RobotLink | None = None
-        self._genome = Genome(problem, problem.base(store.capabilities))
-        checkpoint = store.checkpoint()
-        self._done = 0 if checkpoint is None else checkpoint.generation + 1
-        counters = store.generations()[-1].counters if checkpoint else Counters()
-        self._seconds_before = counters.wall_seconds
-        self._started = time.monotonic()
-        self._modeller = Modeller(
-            self._genome, physics, store.settings.modalities, counters, foresight=foresight
-        )
-        operators = problem.search.operators()
-        if checkpoint is None:
-            self._search = DeterministicCrowding(
-                store.settings.population,
-                self._genome.size,
-                generator(store.settings.seed, Stream.SEARCH),
-                operators=operators,
-            )
-        else:
-            self._search = DeterministicCrowding.from_state(checkpoint.state, operators=operators)
 
     def run(self, after_iteration: Callable[[], object]) -> None:
-        """Goes through all interactions, each followed by the search.
+        """Goes through all interactions, each followed by the method.
 
         Args:
             after_iteration: Called whenever an iteration is over.
@@ -85,19 +67,23 @@ class Identification:
             InteractionError: The robot did not do its part; ``run`` of a new object goes on.
         """
         observations: list[Observation] = []
-        settings = self._store.settings
-        work = [self._work(n) for n in range(settings.interactions * (settings.generations + 1))]
-        self._listener.expect(sum(work), sum(work[: self._done]))
+        numbers = range(self._store.settings.interactions)
+        self._listener.expect(
+            sum(map(self._method.work, numbers)), sum(map(self._method.done, numbers))
+        )
         try:
-            for number in range(settings.interactions):
-                observations.append(self._act(number))
-                self._model(number, observations)
+            for number in numbers:
+                observations.append(self._act(number, observations))
+                self._method.learn(number, observations)
                 after_iteration()
+                if self._method.is_sure(number):
+                    break
         finally:
             if self._link is not None:
                 self._link.close()
+        self._method.finish(observations)
 
-    def _act(self, number: int) -> Observation:
+    def _act(self, number: int, observations: list[Observation]) -> Observation:
         """The observation of an interaction, which is performed if it was not yet."""
         interactions = self._store.interactions()
         planned = interactions[number] if number < len(interactions) else None
@@ -106,52 +92,36 @@ class Identification:
         if self._link is None:
             self._link = self._connect()
         if planned is None:
-            planned = InteractionRecord(program=self._program(number, self._link))
-            self._store.plan(number, planned.program)
+            choice = self._choice(number, self._link, observations)
+            planned = InteractionRecord(
+                program=choice.program, reason=choice.reason, bits=choice.bits
+            )
+            self._store.plan(number, choice.program, reason=choice.reason, bits=choice.bits)
+        if planned.reason:
+            self._listener.chosen(number, planned.reason, planned.bits)
         commit = partial(self._store.ask, number)
         observation = carry_out(self._link, number, planned, commit, self._listener)
         self._store.observe(number, observation)
         self._listener.observed(number, observation)
         return observation
 
-    def _program(self, number: int, link: RobotLink) -> Program:
+    def _choice(self, number: int, link: RobotLink, observations: list[Observation]) -> Choice:
+        settings = self._store.settings
         if link.recorded is None:
-            rng = generator(self._store.settings.seed, Stream.PROGRAMS, number)
-            return rule(self._store.settings.explore)(self._problem, self._store.capabilities, rng)
+            situation = Situation(
+                problem=self._problem,
+                capabilities=self._store.capabilities,
+                modalities=settings.modalities,
+                observations=tuple(observations),
+                models=self._method.models(),
+                physics=self._foresight,
+                clearance_cap=self._world.clearance_cap,
+                rng=generator(settings.seed, Stream.PROGRAMS, number),
+            )
+            return RULES.load(settings.explore)(situation)
         if number >= len(link.recorded):
             raise InteractionError(
                 f"interaction {number + 1} was never recorded: the record holds "
                 f"{len(link.recorded)}. Add it to the record and resume."
             )
-        return link.recorded[number]
-
-    def _model(self, iteration: int, observations: list[Observation]) -> None:
-        """The generations that follow an interaction; those already on disk are not repeated."""
-        settings = self._store.settings
-        first = iteration * (settings.generations + 1)
-        for number in range(first, first + settings.generations + 1):
-            if number < self._done:
-                continue
-            if number == first:
-                self._modeller.introduce(self._search, observations)
-            else:
-                self._modeller.evolve(self._search, observations)
-            seconds = self._seconds_before + time.monotonic() - self._started
-            generation = Generation(
-                number=number,
-                iteration=iteration,
-                errors=tuple(self._search.errors.tolist()),
-                best=tuple(np.asarray(self._search.population[self._search.best]).tolist()),
-                counters=self._modeller.counters(seconds),
-            )
-            self._store.save(generation, self._search.state())
-            self._listener.worked(
-                self._work(number),
-                f"interaction {iteration + 1}/{settings.interactions}, generation "
-                f"{number - first}/{settings.generations}, error {min(generation.errors):.2f}",
-            )
-
-    def _work(self, number: int) -> int:
-        """Simulations of a generation, before any early verdict."""
-        iteration, step = divmod(number, self._store.settings.generations + 1)
-        return self._store.settings.population * (iteration + 1 if step else 1)
+        return Choice(program=link.recorded[number])

@@ -9,7 +9,7 @@ from estimator.identification.fit import fit_genes
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
-from estimator.search.deterministic_crowding import DeterministicCrowding
+from estimator.search.searches import Search
 from estimator.storage.records import Counters
 
 
@@ -54,7 +54,7 @@ class Modeller:
             wall_seconds=wall_seconds,
         )
 
-    def introduce(self, search: DeterministicCrowding, observations: Sequence[Observation]) -> None:
+    def introduce(self, search: Search, observations: Sequence[Observation]) -> None:
         """Evaluates the population after an interaction, on all observations so far."""
         if len(observations) > 1:
             search.forget_errors()
@@ -62,7 +62,7 @@ class Modeller:
         self._requested += len(population) * len(observations)
         search.tell(self._errors(population, search.limits, observations))
 
-    def evolve(self, search: DeterministicCrowding, observations: Sequence[Observation]) -> None:
+    def evolve(self, search: Search, observations: Sequence[Observation]) -> None:
         """One generation of children, each competing with a parent."""
         children = search.ask()
         self._requested += len(children) * len(observations)

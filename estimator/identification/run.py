@@ -4,28 +4,39 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Collection, Mapping
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from types import MappingProxyType
+from typing import Final, Literal, NamedTuple, TypeAlias, TypeVar, cast
 
-import numpy as np
 from pydantic import ValidationError
 
 from estimator.errors import EstimatorError, InteractionError
-from estimator.identification.exploration import rule
+from estimator.exploration.rules import RULES
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
-from estimator.identification.reference_check import finish
-from estimator.physics.backends import BACKENDS, REFERENCE, OpenPhysics, abilities_of, foresight_of
-from estimator.physics.base import WorldSettings
-from estimator.problem.genome import Genome
+from estimator.identification.method import Method
+from estimator.identification.paper_method import PaperMethod
+from estimator.identification.posterior_method import PosteriorMethod
+from estimator.physics.backends import (
+    BACKENDS,
+    REFERENCE,
+    OpenPhysics,
+    abilities_of,
+    foresight_of,
+    maker,
+)
+from estimator.physics.base import ArrayMarginPhysics, WorldSettings
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.recheck import fine
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
 from estimator.readings.modalities.registry import MODALITIES, check_modalities
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
+from estimator.search.searches import SEARCHES
 from estimator.storage.records import RunSettings
 from estimator.storage.store import RunStore, first_id
 from protocol.wire.capabilities import Capabilities
@@ -35,6 +46,24 @@ Report: TypeAlias = Callable[[RunStore, Problem], Summary]
 """Writes what a run leaves beside its database, and sums the run up."""
 
 
+MethodName: TypeAlias = Literal["posterior", "paper"]
+
+
+class Defaults(NamedTuple):
+    """What a method works with where nobody asks for anything else."""
+
+    physics: str
+    explore: str
+
+
+METHODS: Final = MappingProxyType(
+    {
+        "posterior": Defaults(physics="statics", explore="information"),
+        "paper": Defaults(physics=REFERENCE, explore="random"),
+    }
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Order:
     """What a person asks of a new run; ``None`` leaves the choice to the problem or the record."""
@@ -42,8 +71,11 @@ class Order:
     robot: str
     problem: str
     seed: int
-    physics: str = "pybullet"
-    explore: str = "random"
+    method: MethodName = "posterior"
+    physics: str | None = None
+    search: str = "deterministic-crowding"
+    explore: str | None = None
+    sure: float | None = None
     modalities: tuple[str, ...] = tuple(MODALITIES)
     interactions: int | None = None
     population: int | None = None
@@ -76,8 +108,7 @@ def identify(
     """
     asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
-    abilities_of(order.physics)
-    rule(order.explore)
+    physics, explore = _choices(order)
     client_id = str(uuid.uuid4())
     link = open_robot(
         order.robot,
@@ -90,7 +121,7 @@ def identify(
         problem = asked.for_robot(link.capabilities)
         for sentence in problem.check_robot(link.capabilities, modalities):
             listener.say(f"Note: {sentence}.")
-        settings = _settings(order, problem, modalities, link)
+        settings = _settings(order, (physics, explore), problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
             return _work(store, problem, open_physics, lambda: link, listener, report=report)
 
@@ -119,12 +150,7 @@ def resume(
     """
     with RunStore.open(directory) as store:
         problem = problem_of(store)
-        packages = BACKENDS.package(store.settings.physics)
-        if packages != store.settings.plugins:
-            listener.say(
-                f"Note: the run was started with {_said(store.settings.plugins)}, and goes on with "
-                f"{_said(packages)}."
-            )
+        _compare_packages(store, listener)
         uri = robot or store.settings.robot
         connect = partial(reconnect, store, problem, uri, listener, keys=keys)
         return _work(store, problem, open_physics, connect, listener, report=report)
@@ -169,10 +195,6 @@ def reconnect(
     return link
 
 
-def _said(packages: Mapping[str, str]) -> str:
-    return ", ".join(map(" ".join, packages.items())) or "no plug-in"
-
-
 def _driven(problem: Problem) -> Callable[[Capabilities], Collection[int]]:
     return lambda capabilities: problem.for_robot(capabilities).motors.driven
 
@@ -187,9 +209,37 @@ def _body(capabilities: Capabilities) -> tuple[object, ...]:
     )
 
 
+def _packages(physics: str, search: str, explore: str) -> dict[str, str]:
+    """Version by name of the packages from outside that decide a run's outcome too."""
+    return {
+        **BACKENDS.package(physics),
+        **SEARCHES.package(search),
+        **RULES.package(explore),
+    }
+
+
+def _compare_packages(store: RunStore, listener: Listener) -> None:
+    settings = store.settings
+    now = _packages(settings.physics, settings.search, settings.explore)
+    if now != settings.plugins:
+        listener.say(
+            f"Note: the run was started with {_said(settings.plugins)}, and goes on with "
+            f"{_said(now)}."
+        )
+
+
+def _said(packages: Mapping[str, str]) -> str:
+    return ", ".join(map(" ".join, packages.items())) or "no plug-in"
+
+
 def _settings(
-    order: Order, problem: Problem, modalities: tuple[str, ...], link: RobotLink
+    order: Order,
+    chosen: tuple[str, str],
+    problem: Problem,
+    modalities: tuple[str, ...],
+    link: RobotLink,
 ) -> RunSettings:
+    physics, explore = chosen
     recorded = link.recorded
     interactions = order.interactions
     if interactions is None:
@@ -203,9 +253,12 @@ def _settings(
             robot=order.robot,
             problem=order.problem,
             problem_text=problem.source,
-            physics=order.physics,
-            plugins=BACKENDS.package(order.physics),
-            explore=order.explore,
+            method=order.method,
+            physics=physics,
+            search=order.search,
+            plugins=_packages(physics, order.search, explore),
+            explore=explore,
+            sure=order.sure,
             modalities=modalities,
             seed=order.seed,
             interactions=interactions,
@@ -217,6 +270,34 @@ def _settings(
         raise EstimatorError(complaint(error, "such a run cannot be")) from error
 
 
+def _choices(order: Order) -> tuple[str, str]:
+    """Physics and exploration rule of an order, by its method where it leaves them open.
+
+    Raises:
+        EstimatorError: There is no such thing, or the method cannot work with it.
+    """
+    if order.method not in METHODS:
+        raise EstimatorError(f"there is no method {order.method!r}: choose {' or '.join(METHODS)}")
+    defaults = METHODS[order.method]
+    physics = order.physics or defaults.physics
+    explore = order.explore or defaults.explore
+    abilities, search = abilities_of(physics), order.search
+    RULES.check(explore)
+    SEARCHES.check(search)
+    if order.method == "posterior" and (order.population or order.generations or order.full_steps):
+        raise EstimatorError(
+            "population, generations and full steps belong to the method paper: leave them out, or "
+            "add --method paper"
+        )
+    if order.method == "posterior" and not (abilities.arrays and abilities.path_margins):
+        raise EstimatorError(
+            f"the method posterior needs a physics that takes arrays of bodies and knows path "
+            f"margins, and {physics} does not: leave --physics out (then it is {defaults.physics}, "
+            f"and {REFERENCE} has the last word), or take --method paper"
+        )
+    return physics, explore
+
+
 def _work(
     store: RunStore,
     problem: Problem,
@@ -226,29 +307,40 @@ def _work(
     *,
     report: Report[Summary],
 ) -> Summary:
-    world = world_of(store, problem)
-    physics = open_physics(store.settings.physics, world)
-    with closing(physics):
+    world, settings = world_of(store, problem), store.settings
+    with ExitStack() as stack:
+        method: Method
+        if settings.method == "posterior":
+            make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
+            foresight = stack.enter_context(closing(make_physics()))
+            method = PosteriorMethod(
+                store,
+                problem,
+                world,
+                listener,
+                make_physics=make_physics,
+                open_reference=lambda: open_physics(REFERENCE, fine(world)),
+            )
+        else:
+            foresight = stack.enter_context(closing(StaticsPhysics(world)))
+            method = PaperMethod(
+                store,
+                problem,
+                stack.enter_context(closing(open_physics(settings.physics, world))),
+                listener,
+                foresight=foresight_of(settings.physics, world),
+                open_reference=None
+                if settings.physics == REFERENCE
+                else lambda: open_physics(REFERENCE, world),
+            )
         identification = Identification(
             store,
             problem,
-            physics,
-            connect,
-            listener,
-            foresight=foresight_of(store.settings.physics, world),
+            method,
+            world,
+            foresight=foresight,
+            connect=connect,
+            listener=listener,
         )
         identification.run(after_iteration=lambda: report(store, problem))
-    if store.settings.physics != REFERENCE and store.finish() is None:
-        checkpoint = store.checkpoint()
-        assert checkpoint is not None
-        with closing(open_physics(REFERENCE, world)) as reference:
-            found = finish(
-                Genome(problem, problem.base(store.capabilities)),
-                np.array(checkpoint.state["population"], dtype=float),
-                np.array(store.generations()[-1].errors, dtype=float),
-                observations=store.observations(),
-                modalities=store.settings.modalities,
-                physics=reference,
-            )
-        store.save_finish(found)
     return report(store, problem)

@@ -1,1 +1,19 @@
-"""What is believed of the body after some interactions: samples with weights."""
+"""The posterior: which bodies explain the readings, and how probable each is.
+
+======================= =========================================================================
+Module                  What is in it
+======================= =========================================================================
+``sampler``             ``Sampler``: discovers, weighs and samples, interaction after interaction
+``belief``              a posterior as it is kept and told
+``verdict``             does any body that the problem allows explain the readings?
+``recheck``             a simulator reweights samples
+``discovery``           the search that says where the posterior is
+``evidence``            how much probability each set of attachments holds
+``population``          chains on levels of noise: evolutionary Monte Carlo
+``moves``               their proposals
+``slopes``              how readings change with lengths, and which lengths fit best
+``likelihood``          the mixture: how likely an interaction is, given a body
+``unknowns``            the unit cube that all this is over
+``posterior``           samples and modes, as data
+======================= =========================================================================
+"""

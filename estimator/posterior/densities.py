@@ -15,10 +15,10 @@ from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags, Readings
+from estimator.posterior.special import log_ndtr
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
 
 from estimator.body.morphology import Array
 from estimator.posterior.likelihood import Likelihood, SensorData
 from estimator.posterior.slopes import Lengths
+from estimator.posterior.special import log_gamma, logsumexp, softmax
 from estimator.posterior.unknowns import SCALE_SPREAD, Predictor
 
 _FREEDOM: Final = 5.0  # of Student's t
@@ -105,7 +105,7 @@ class EvidenceEstimator:
             fits = np.concatenate([fit for fit, _ in kept])
             mixture = logsumexp([one.log_density(lengths) for one in proposals], axis=0)
             ratios = fits - mixture + math.log(len(proposals))
-            weights = np.exp(ratios - logsumexp(ratios))
+            weights = softmax(ratios)
             if len(proposals) == _ROUNDS:
                 break
             proposals.append(_Proposal.fitted(lengths, weights, rng))
@@ -153,8 +153,8 @@ class _Proposal:
         self._inverse = np.linalg.inv(self._root)
         size = len(covariance)
         self._constant = float(
-            gammaln((_FREEDOM + size) / 2)
-            - gammaln(_FREEDOM / 2)
+            log_gamma((_FREEDOM + size) / 2)
+            - log_gamma(_FREEDOM / 2)
             - size / 2 * math.log(_FREEDOM * math.pi)
             - np.log(np.diag(self._root)).sum()
         )

@@ -20,7 +20,6 @@ from itertools import accumulate, pairwise
 from typing import Final
 
 import numpy as np
-from scipy.special import expit
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
@@ -31,6 +30,7 @@ from estimator.posterior.densities import (
     SCALED,
     Felt,
 )
+from estimator.posterior.special import expit
 from estimator.posterior.unknowns import Columns, Predictor
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
@@ -164,8 +164,7 @@ class Likelihood:
         count = len(misfits)
         factors = np.zeros((count, 2)) if scales is None else scales
         inlier, outlier = self.terms(misfits, np.full(count, width), factors)
-        share: Array = expit(inlier - outlier)
-        return share
+        return expit(inlier - outlier)
 
     def of(
         self, misfits: Array, width: Array, scales: Array, turns: Columns | None = None

@@ -82,8 +82,15 @@ class Population:
             self._move(everyone[half::2], everyone[1 - half :: 2])
         if self._rng.random() < _CROSSINGS:
             self._cross()
-        self._rescale()
+        self._rescale(slice(None))
         self._exchange_levels()
+
+    def step_coldest(self) -> None:
+        """Moves the chains of level 0 alone, each once. The posterior is left invariant."""
+        coldest = np.arange(self.width)
+        for half in (0, 1):
+            self._move(coldest[half::2], coldest[1 - half :: 2])
+        self._rescale(slice(0, self.width))
 
     def posterior_fits(self, levels: int) -> Array:
         """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,)."""
@@ -153,6 +160,7 @@ class Population:
             )[:, 0]
             alive = alive[fits[alive].sum(axis=1) > limits[alive]]
             start = end
+            self._predictor.spared += (rows.size - alive.size) * (min(count, 2 * end + 1) - end)
         taken = rows[alive]
         self.values[taken], self._misfits[taken] = fresh[alive], misfits[alive]
         self._fits[taken] = fits[alive]
@@ -177,15 +185,16 @@ class Population:
         self.values[taken], self._misfits[taken] = fresh[accepted], misfits[accepted]
         self._fits[taken] = fits[accepted]
 
-    def _rescale(self) -> None:
+    def _rescale(self, rows: slice) -> None:
         """Moves the noise factors, which costs no simulation."""
-        rng, old = self._rng, self.scales
+        rng, old = self._rng, self.scales[rows]
         fresh = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
-        fits = self._likelihood.of(self._misfits, self._widths, fresh)
+        fits = self._likelihood.of(self._misfits[rows], self._widths[rows], fresh)
         prior = (old**2 - fresh**2).sum(axis=1) / (2 * SCALE_SPREAD**2)
-        gain = (fits - self._fits).sum(axis=1) + prior
-        accepted = np.log(rng.random(len(old))) < gain
-        self.scales[accepted], self._fits[accepted] = fresh[accepted], fits[accepted]
+        gain = (fits - self._fits[rows]).sum(axis=1) + prior
+        accepted = np.flatnonzero(np.log(rng.random(len(old))) < gain)
+        taken = np.arange(len(self.values))[rows][accepted]
+        self.scales[taken], self._fits[taken] = fresh[accepted], fits[accepted]
 
     def _exchange_levels(self) -> None:
         rng, width = self._rng, self.width

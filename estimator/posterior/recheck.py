@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics, WorldSettings
 from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.special import logsumexp, softmax
 from estimator.posterior.unknowns import Predictor
 
 SAMPLES: Final = 32
@@ -89,8 +89,8 @@ def recheck(
         logsumexp(ratios[owner == index]) - np.log(np.sum(owner == index))
         for index in range(len(modes))
     ]
-    probabilities = np.exp(logs - logsumexp(logs)) * sum(mode.probability for mode in modes)
-    weights = np.exp(ratios - logsumexp(ratios))
+    probabilities = softmax(logs) * sum(mode.probability for mode in modes)
+    weights = softmax(ratios)
     better = [
         replace(
             mode, probability=float(probability), point=_best(points, simulated, owner == index)

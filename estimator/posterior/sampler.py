@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
-from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
+from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.discovery import Bodies, Discovery
 from estimator.posterior.evidence import EvidenceEstimator, ModeEvidence
@@ -18,8 +18,11 @@ from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.population import Population
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.slopes import best_of_each
+from estimator.posterior.special import softmax
 from estimator.posterior.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.verdict import explains
+
+ALGORITHM: Final = "evolutionary Monte Carlo"
 
 _CONSIDERED: Final = 12.0  # nats below the best
 _WEIGHED: Final = 9.0
@@ -86,6 +89,44 @@ class Sampler:
         self._searching = [np.random.default_rng(search) for _, search in pairs]
         self._rng = np.random.default_rng(common)
 
+    def state(self) -> dict[str, Any]:
+        """All that ``restore`` needs, for JSON."""
+        return {
+            "algorithm": ALGORITHM,
+            "populations": [population.state() for population in self._populations],
+            "searching": [rng.bit_generator.state for rng in self._searching],
+            "random": self._rng.bit_generator.state,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Goes back to a state, as if what came after it had not been.
+
+        Raises:
+            SearchStateError: It is not the state of such a sampler.
+        """
+        if state.get("algorithm") != ALGORITHM:
+            raise SearchStateError(
+                f"the run was made with {state.get('algorithm')!r}, not {ALGORITHM!r}: start a new "
+                "run"
+            )
+        self._populations = [
+            Population.from_state(one, predictor)
+            for one, predictor in zip(state["populations"], self._predictors, strict=True)
+        ]
+        for rng, one in zip(self._searching, state["searching"], strict=True):
+            rng.bit_generator.state = one
+        self._rng.bit_generator.state = state["random"]
+
+    @property
+    def requested(self) -> int:
+        """Simulations that were asked for so far, those included that early rejection spared."""
+        return self.simulations + sum(one.spared for one in self._predictors)
+
+    @property
+    def steps(self) -> int:
+        """How many time steps were computed so far."""
+        return sum(one.steps for one in self._predictors)
+
     @property
     def predictor(self) -> Predictor:
         """Predicts readings, for what comes after the sampling."""
@@ -131,7 +172,7 @@ class Sampler:
                 guesses = estimator.guess(points, fits[kept])
                 order = np.argsort(-guesses, kind="stable")[:_MOST]
                 points, guesses = points[order], guesses[order]
-                shares = np.exp(guesses - logsumexp(guesses))
+                shares = softmax(guesses)
                 seen = _share_seen(predictor.unknowns.keys(points), shares, discovered, predictor)
                 explained = explains(points[0], predictor, data, self._noise)
                 if explained and seen >= _AGREED:
@@ -165,7 +206,7 @@ class Sampler:
         values, scales = [], []
         for step in range(steps):
             for population in self._populations:
-                population.step()
+                population.step_coldest()
             if step % self._effort.every == self._effort.every - 1:
                 for population in self._populations:
                     cold = slice(0, population.width)
@@ -194,7 +235,7 @@ class Sampler:
         self, points: Array, modes: Sequence[ModeEvidence], discovered: Sequence[Bodies]
     ) -> Posterior:
         logs = np.array([mode.log_evidence for mode in modes])
-        shares = np.exp(logs - logsumexp(logs))
+        shares = softmax(logs)
         keys = self.predictor.unknowns.keys(points)
         named = [
             Mode(key, float(share), point, mode.effective)

@@ -69,16 +69,26 @@ class Predictor:
     Args:
         unknowns: The cube.
         physics: Computes it; its own, so that populations can work side by side.
+
+    Attributes:
+        unknowns: As above.
+        spared: Simulations that early rejection has made unnecessary.
     """
 
     def __init__(self, unknowns: Unknowns, physics: ArrayMarginPhysics):
         self.unknowns = unknowns
+        self.spared = 0
         self._physics = physics
 
     @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
         return self._physics.simulations
+
+    @property
+    def steps(self) -> int:
+        """How many time steps were computed so far."""
+        return self._physics.steps
 
     def read(self, bodies: Bodies, rows: Columns, programs: Array) -> Readings:
         """What some of the bodies feel, each in the program of its row.

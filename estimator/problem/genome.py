@@ -61,6 +61,23 @@ class Genome:
         """Number of genes."""
         return len(self.genes)
 
+    def choice(self, column: int, gene: float) -> int:
+        """The choice that a gene between 0 and 1 stands for."""
+        choices = self.genes[column].choices
+        return min(int(gene * choices), choices - 1)
+
+    def word(self, column: int, choice: int) -> str:
+        """What a gene's choice means: the name of a part, a side or a hinge."""
+        gene = self.genes[column]
+        if gene.trait == "parent":
+            return "main body" if choice == 0 else self._problem.parts[choice - 1].name
+        return (SIDES if gene.trait == "side" else HINGES)[choice]
+
+    def length(self, column: int, gene: float) -> float:
+        """The length, m, that a gene between 0 and 1 stands for."""
+        low, high = self._problem.parts[self.genes[column].part].length
+        return low + gene * (high - low)
+
     def decode(self, genes: Array) -> Morphology:
         """Returns the body that a genome encodes.
 

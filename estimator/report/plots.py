@@ -28,7 +28,7 @@ COLOURS: Final = (
 )
 """Told apart by the colour-blind."""
 _DPI: Final = 120
-_ABOVE: Final[dict[str, Any]] = {
+ABOVE: Final[dict[str, Any]] = {
     **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
     **{"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.4},
 }
@@ -37,9 +37,9 @@ _ABOVE: Final[dict[str, Any]] = {
 
 def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
     """The subjective error of every model over generations; a line where an iteration ends."""
-    figure, axes = _axes()
+    figure, axes = new_axes()
     draw_errors(axes, generations)
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
@@ -54,7 +54,7 @@ def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
     best = [min(generation.errors) for generation in generations]
     axes.plot(range(len(best)), best, "-", color=COLOURS[0], linewidth=1.2, label="best model")
     axes.set_yscale("log")
-    axes.legend(**_ABOVE)
+    axes.legend(**ABOVE)
     mark_iterations(axes, generations)
 
 
@@ -74,9 +74,9 @@ def plot_lengths(
         names: Names of the legs' joints.
         targets: True length of each leg, m; dots at the right, where they are known.
     """
-    figure, axes = _axes()
+    figure, axes = new_axes()
     draw_lengths(axes, generations, genome, names, targets=targets)
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_lengths(
@@ -103,7 +103,7 @@ def draw_lengths(
     bodies = [genome.decode(np.array(generation.best)) for generation in generations]
     numbers = [generation.number for generation in generations]
     legs = [[driven_limbs(body)[leg] for body in bodies] for leg in range(len(names))]
-    markers = _markers(sides or [limbs[-1].side_name for limbs in legs])
+    markers = leg_markers(sides or [limbs[-1].side_name for limbs in legs])
     for leg, (name, limbs) in enumerate(zip(names, legs, strict=True)):
         colour = COLOURS[leg % len(COLOURS)]
         axes.plot(
@@ -114,7 +114,7 @@ def draw_lengths(
             color=colour,
             markersize=4.5,
             linewidth=0.8,
-            label=_label(name),
+            label=leg_label(name),
         )
         if targets:
             axes.plot(numbers[-1] + 1.5, targets[leg] * 100, "o", color=colour, markersize=6)
@@ -122,13 +122,13 @@ def draw_lengths(
         axes.plot([], [], "o", color="0.3", label="true length")
     axes.set_ylim(bottom=0)
     if names:
-        legend = axes.legend(ncols=min(5, len(names) + bool(targets)), **_ABOVE)
+        legend = axes.legend(ncols=min(5, len(names) + bool(targets)), **ABOVE)
         for text in legend.get_texts():
             text.set_parse_math(False)  # a name may hold dollar signs
     mark_iterations(axes, generations)
 
 
-def _markers(sides: Sequence[str]) -> list[str]:
+def leg_markers(sides: Sequence[str]) -> list[str]:
     """A marker for each leg; no two share one as long as there are enough."""
     markers: list[str] = []
     for side in sides:
@@ -137,12 +137,13 @@ def _markers(sides: Sequence[str]) -> list[str]:
     return markers
 
 
-def _label(name: str) -> str:
+def leg_label(name: str) -> str:
     """A name as a legend takes it: printable, and without the underscore that would hide it."""
     return printable(f" {name}" if name.startswith("_") else name)
 
 
-def _axes() -> tuple[Figure, Axes]:
+def new_axes() -> tuple[Figure, Axes]:
+    """A figure with one panel."""
     figure = Figure(figsize=(7.0, 4.2), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.add_subplot()
@@ -163,6 +164,7 @@ def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
         axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Writes a figure, in a folder that need not exist yet."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=_DPI)

@@ -16,6 +16,7 @@ from estimator.identification.reference_check import pairs_turned
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
+from estimator.report.posterior_summary import PosteriorSummary, posterior_summary
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions
@@ -108,6 +109,7 @@ class Result(_Record):
 
     Attributes:
         complete: Whether all interactions are done and modelled.
+        method: ``paper`` or ``posterior``.
         problem: Name of the problem.
         searched: What was to be found, gene by gene.
         physics: Back-end that predicted what models feel.
@@ -130,10 +132,12 @@ class Result(_Record):
         legs: The legs, in motor order.
         best_models: The best models, best first.
         finish: How far PyBullet agrees, where something else searched.
+        posterior: What is believed of the body, by the method posterior.
         warnings: What a person should know before trusting this.
     """
 
     complete: bool
+    method: str = "paper"
     problem: str
     searched: tuple[str, ...]
     physics: str
@@ -155,6 +159,7 @@ class Result(_Record):
     legs: tuple[LegFound, ...]
     best_models: tuple[ModelFound, ...]
     finish: FinishFound | None
+    posterior: PosteriorSummary | None = None
     warnings: tuple[str, ...]
 
 
@@ -163,7 +168,10 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     settings, capabilities = store.settings, store.capabilities
     observations = store.observations()
     generations = store.generations()
+    beliefs = store.beliefs()
     counters = generations[-1].counters if generations else Counters()
+    if beliefs:
+        counters = beliefs[-1][1]
     genome = Genome(problem, problem.base(capabilities))
     population = FinalPopulation.of(store)
     bodies = [genome.decode(population.genes[index]) for index in population.order]
@@ -171,15 +179,17 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     if end is not None:
         counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities)
+    posterior = posterior_summary(store, problem)
     error = _known(population.errors[population.best]) if bodies else None
     warnings = _warnings(legs, observations)
-    if bodies and error is None:
+    if bodies and error is None and posterior is None:
         warnings = (
             "No model could be simulated, so nothing here says anything about the robot.",
             *warnings,
         )
     return Result(
         complete=store.complete,
+        method=settings.method,
         problem=problem.name,
         searched=tuple(gene.name for gene in genome.genes),
         physics=settings.physics,
@@ -205,6 +215,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
             for body, index in list(zip(bodies, population.order, strict=True))[:BEST_MODELS]
         ),
         finish=_finish(end),
+        posterior=posterior,
         warnings=warnings,
     )
 

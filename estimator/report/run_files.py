@@ -10,7 +10,9 @@ from estimator.identification.final_population import with_last_word
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings import readings_csv
+from estimator.report import posterior_csv
 from estimator.report.plots import plot_errors, plot_lengths
+from estimator.report.posterior_plots import plot_belief, plot_interval_lengths
 from estimator.report.result import Result, summarise
 from estimator.storage.store import RunStore
 from protocol.system.interrupts import interrupts_deferred
@@ -19,7 +21,9 @@ from protocol.system.replace_file import replace_file
 RESULT: Final = "result.json"
 READINGS: Final = "readings.csv"
 ROBOT: Final = "robot.json"
+POSTERIOR: Final = "posterior.csv"
 ERRORS: Final = "plots/errors.png"
+BELIEF: Final = "plots/belief.png"
 LENGTHS: Final = "plots/lengths.png"
 LENGTHS_WITH_TRUTH: Final = "plots/lengths_with_truth.png"
 VALIDATION: Final = "validation.json"
@@ -61,6 +65,7 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) ->
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace_file(store.directory / ROBOT, lambda path: _text(path, robot))
+    _write_posterior(store, problem, result, plots=plots)
     generations = with_last_word(store)
     if generations and plots:
         genome = Genome(problem, problem.base(store.capabilities))
@@ -68,6 +73,24 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) ->
         replace_file(store.directory / ERRORS, lambda path: plot_errors(path, generations))
         replace_file(
             store.directory / LENGTHS, lambda path: plot_lengths(path, generations, genome, names)
+        )
+
+
+def _write_posterior(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
+    beliefs = [belief for belief, _ in store.beliefs()]
+    if not beliefs:
+        return
+    genome = Genome(problem, problem.base(store.capabilities))
+    replace_file(
+        store.directory / POSTERIOR, lambda path: posterior_csv.write(path, genome, beliefs[-1])
+    )
+    if plots:
+        names = [leg.joint for leg in result.legs]
+        expected = [item.bits for item in store.interactions()][: len(beliefs)]
+        replace_file(store.directory / BELIEF, lambda path: plot_belief(path, beliefs, expected))
+        replace_file(
+            store.directory / LENGTHS,
+            lambda path: plot_interval_lengths(path, beliefs, genome, names),
         )
 
 

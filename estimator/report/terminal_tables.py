@@ -14,6 +14,7 @@ from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import PredictionErrors, Validation
 from estimator.readings.modalities.registry import MODALITIES
+from estimator.report.posterior_tables import print_posterior
 from estimator.report.result import ModelFound, Result
 
 _NOT_FELT: Final = Text("not felt", style="dim")
@@ -21,7 +22,10 @@ _FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what ha
 
 
 def print_result(console: Console, result: Result) -> None:
-    """A run's outcome: what it cost, the legs, and what to be wary of."""
+    """A run's outcome: what it cost, the body, and what to be wary of."""
+    if result.posterior is not None:
+        print_posterior(console, result, result.posterior)
+        return
     state = "complete" if result.complete else "not finished"
     console.print(
         Text.assemble(

@@ -43,6 +43,8 @@ class DeterministicCrowding:
             saved.
     """
 
+    algorithm = "deterministic crowding"
+
     def __init__(
         self,
         size: int,
@@ -183,7 +185,7 @@ class DeterministicCrowding:
         if self._errors is not None:
             errors = [error if np.isfinite(error) else None for error in self._errors.tolist()]
         return {
-            "algorithm": "deterministic crowding",
+            "algorithm": self.algorithm,
             "generation": self._generation,
             "population": self._population.tolist(),
             "errors": errors,

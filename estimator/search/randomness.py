@@ -24,3 +24,8 @@ class Stream(IntEnum):
 def generator(seed: int, stream: Stream, number: int = 0) -> np.random.Generator:
     """The generator of a stream; ``number`` counts what is drawn apart, such as interactions."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(stream, number)))
+
+
+def seeds(seed: int, stream: Stream, count: int) -> list[np.random.SeedSequence]:
+    """Seeds for generators that several draw from at the same time."""
+    return np.random.SeedSequence(seed, spawn_key=(stream,)).spawn(count)

@@ -20,8 +20,11 @@ DATABASE: Final = "run.sqlite"
 _TABLES: Final = (
     "CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT",
     """CREATE TABLE interactions (
-        number INTEGER PRIMARY KEY, program TEXT NOT NULL,
+        number INTEGER PRIMARY KEY, program TEXT NOT NULL, reason TEXT NOT NULL, bits REAL,
         request_id INTEGER, session TEXT, observation TEXT
+    ) STRICT""",
+    """CREATE TABLE beliefs (
+        number INTEGER PRIMARY KEY, belief TEXT NOT NULL, counters TEXT NOT NULL
     ) STRICT""",
     """CREATE TABLE generations (
         number INTEGER PRIMARY KEY, iteration INTEGER NOT NULL,

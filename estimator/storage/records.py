@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -19,8 +19,13 @@ class RunSettings(BaseModel):
         robot: URI of the robot that the run was started with.
         problem: Name of the problem, or the file it came from.
         problem_text: The problem's TOML as it was: later edits of the file do not reach the run.
-        physics: Name of the physics back-end.
+        method: ``paper``: a population of models, optimised; ``posterior``: samples of all that
+            explains the readings.
+        physics: Name of the physics back-end that searches.
+        search: Name of the search, of the method ``paper``.
         explore: Name of the exploration rule.
+        sure: Probability of the attachments at which the run ends before its last interaction, if
+            the lengths are known to 5 mm by then.
         modalities: Modalities that the subjective error counts.
         seed: Source of all the run's randomness.
         interactions: Interactions to perform.
@@ -35,8 +40,11 @@ class RunSettings(BaseModel):
     robot: str
     problem: str
     problem_text: str
+    method: Literal["paper", "posterior"] = "paper"
     physics: str
+    search: str = "deterministic-crowding"
     explore: str = "random"
+    sure: Annotated[float, Field(gt=0, lt=1)] | None = None
     modalities: tuple[str, ...]
     seed: Annotated[int, Field(ge=0)]
     interactions: Annotated[int, Field(ge=1)]
@@ -115,11 +123,21 @@ class Ticket:
 
 @dataclass(frozen=True, kw_only=True)
 class InteractionRecord:
-    """A motor program, the ticket under which it was last asked for, and what it returned."""
+    """A motor program, the ticket under which it was last asked for, and what it returned.
+
+    Attributes:
+        program: Target angle of each joint, rad.
+        ticket: Under which it was last asked for.
+        observation: What it returned.
+        reason: Why it was chosen, for people.
+        bits: Information that it was expected to give, where the rule said.
+    """
 
     program: Program
     ticket: Ticket | None = None
     observation: Observation | None = None
+    reason: str = ""
+    bits: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +173,12 @@ class Generation:
 
 @dataclass(frozen=True, kw_only=True)
 class Checkpoint:
-    """The search's state after a generation."""
+    """The state of what learns, after so many steps of it.
 
-    generation: int
+    Attributes:
+        number: Of the last generation, or of the last interaction, whichever the method counts.
+        state: As the method wrote it.
+    """
+
+    number: int
     state: Mapping[str, Any]

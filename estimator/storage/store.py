@@ -28,6 +28,7 @@ from typing import Any, Final, Self
 
 from estimator.errors import RunDirectoryError
 from estimator.readings.observation import Observation, Program
+from estimator.storage.beliefs import Belief
 from estimator.storage.database import (
     DATABASE,
     connect,
@@ -51,7 +52,7 @@ from estimator.storage.records import (
 from protocol.wire.capabilities import Capabilities
 
 LOCK: Final = "run.lock"
-FORMAT: Final = 1
+FORMAT: Final = 2
 IDS_PER_CONNECTION: Final = 2**20
 """Each connection numbers its requests from its own block, so no id is ever used for two."""
 
@@ -162,12 +163,14 @@ class RunStore:
             )
         return first_id(number)
 
-    def plan(self, number: int, program: Program) -> None:
-        """Commits the motor program of an interaction that is still to be performed."""
+    def plan(
+        self, number: int, program: Program, *, reason: str = "", bits: float | None = None
+    ) -> None:
+        """Commits the motor program of an interaction that is still to be performed, and why."""
         with transaction(self._database):
             self._database.execute(
-                "INSERT INTO interactions (number, program) VALUES (?, ?)",
-                (number, json.dumps(program)),
+                "INSERT INTO interactions (number, program, reason, bits) VALUES (?, ?, ?, ?)",
+                (number, json.dumps(program), reason, bits),
             )
 
     def ask(self, number: int, ticket: Ticket | None) -> None:
@@ -190,9 +193,13 @@ class RunStore:
         """All interactions in order; only the last one can lack its observation."""
         with reading(self.directory):
             rows = self._database.execute(
-                "SELECT program, request_id, session, observation FROM interactions ORDER BY number"
+                "SELECT reason, bits, program, request_id, session, observation FROM interactions "
+                "ORDER BY number"
             )
-            return [InteractionRecord(**self._performed(*row)) for row in rows]
+            return [
+                InteractionRecord(reason=reason, bits=bits, **self._performed(*performed))
+                for reason, bits, *performed in rows
+            ]
 
     def observations(self) -> list[Observation]:
         """The observations so far, in order."""
@@ -203,7 +210,7 @@ class RunStore:
 
     def save(self, generation: Generation, state: Mapping[str, Any]) -> None:
         """Commits a generation's record together with the search's state after it."""
-        checkpoint = {"generation": generation.number, "state": state}
+        checkpoint = {"number": generation.number, "state": state}
         with transaction(self._database):
             self._database.execute(
                 "INSERT INTO generations VALUES (?, ?, ?, ?, ?)",
@@ -218,6 +225,37 @@ class RunStore:
             self._database.execute(
                 "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
             )
+
+    def save_belief(
+        self, number: int, belief: Belief, counters: Counters, state: Mapping[str, Any] | None
+    ) -> None:
+        """Commits what is believed after an interaction, with the sampler's state.
+
+        Args:
+            number: Of the interaction.
+            belief: Replaces what was believed after it so far.
+            counters: What the run has cost by then.
+            state: ``None`` leaves the checkpoint as it is.
+        """
+        with transaction(self._database):
+            self._database.execute(
+                "INSERT OR REPLACE INTO beliefs VALUES (?, ?, ?)",
+                (number, belief.model_dump_json(), counters.model_dump_json()),
+            )
+            if state is not None:
+                checkpoint = {"number": number, "state": state}
+                self._database.execute(
+                    "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
+                )
+
+    def beliefs(self) -> list[tuple[Belief, Counters]]:
+        """What was believed after each interaction, with what the run had cost by then."""
+        with reading(self.directory):
+            rows = self._database.execute("SELECT belief, counters FROM beliefs ORDER BY number")
+            return [
+                (Belief.model_validate_json(belief), Counters.model_validate_json(counters))
+                for belief, counters in rows
+            ]
 
     def save_finish(self, finish: Finish) -> None:
         """Commits the reference back-end's simulation of the leading models."""
@@ -255,7 +293,10 @@ class RunStore:
 
     @property
     def complete(self) -> bool:
-        """Whether all interactions are done and modelled."""
+        """Whether the run has come to its end."""
+        if self.settings.method == "posterior":
+            beliefs = self.beliefs()
+            return bool(beliefs) and beliefs[-1][0].simulated > 0
         with reading(self.directory):
             (done,) = self._database.execute("SELECT COUNT(*) FROM generations").fetchone()
         return bool(done == self.settings.interactions * (self.settings.generations + 1))

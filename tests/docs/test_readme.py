@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 # The same commands on a smaller budget: what is tested is that they do what is said.
-BUDGET = " --population 8 --generations 1"
+PAPER = " --population 8 --generations 1"
 
 
 def blocks(language: str) -> list[str]:
@@ -28,7 +28,8 @@ def test_the_commands_and_the_program_run(tmp_path: Path) -> None:
         port = probe.getsockname()[1]
     script = "".join(blocks("sh"))
     assert script.count("estimator identify") == 4
-    script = re.sub(r"^(estimator identify .*)$", rf"\1{BUDGET}", script, flags=re.MULTILINE)
+    script = script.replace("--interactions 6", "--interactions 2")
+    script = re.sub(r"^(.* --method paper .*)$", rf"\1{PAPER}", script, flags=re.MULTILINE)
     # The first command goes to the background; the second must find it listening.
     script = script.replace("&\n", "2> log &\nuntil grep -q serving log; do sleep 0.1; done\n", 1)
     python = "".join(blocks("python"))

@@ -9,6 +9,8 @@ import pytest
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.unknowns import Predictor, Unknowns
+from tests.estimator.two_unknown_rows import make_predictor
 
 MakeBody: TypeAlias = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
@@ -63,3 +65,26 @@ def random_tree() -> MakeBody:
         return Morphology(base=BODY, parts=parts, density=DENSITY)
 
     return make
+
+
+@pytest.fixture
+def predictor() -> Predictor:
+    """Of a problem with two unknown rows."""
+    return make_predictor("[0.02, 0.40]")
+
+
+@pytest.fixture
+def narrow() -> Predictor:
+    """The same with lengths in a narrow range, so that a coarse grid takes them all in."""
+    return make_predictor("[0.12, 0.18]")
+
+
+@pytest.fixture
+def short() -> Predictor:
+    """The same with known lengths, so that there are 1,152 bodies in all."""
+    return make_predictor("0.15")
+
+
+@pytest.fixture
+def unknowns(predictor: Predictor) -> Unknowns:
+    return predictor.unknowns

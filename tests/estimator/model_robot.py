@@ -80,7 +80,7 @@ def true_body(problem: Problem, capabilities: Capabilities) -> Morphology:
 def make_order(folder: Path, robot: str, seed: int = 3) -> Order:
     path = folder / "legs.toml"
     path.write_text(PROBLEM)
-    return Order(robot=robot, problem=str(path), seed=seed)
+    return Order(robot=robot, problem=str(path), seed=seed, method="paper")
 
 
 class ModelRobot:

@@ -234,7 +234,7 @@ import resource, sys
 from pathlib import Path
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
-from estimator.storage.records import Interaction, RunSettings
+from estimator.storage.records import InteractionRecord, RunSettings
 from estimator.robot_link.wire import WireLink
 from estimator.storage.store import RunStore, first_id
 uri, folder = sys.argv[1:]
@@ -243,7 +243,7 @@ settings = RunSettings(
     robot=uri, problem="legs", problem_text="", physics="pybullet", modalities=("tilt",),
     seed=1, interactions=1, population=4, generations=1,
 )
-planned = Interaction(program=(-1.0,) * 8)
+planned = InteractionRecord(program=(-1.0,) * 8)
 with RunStore.create(Path(folder), settings, link.capabilities, "workstation") as store:
     store.plan(0, planned.program)
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))

@@ -29,7 +29,13 @@ def whole_path(folder: Path, body: str, problem: str) -> Score:
     """A run on the smallest of budgets, its validation and its score."""
     with simulator("--body", body, "--seed", "1") as robot:
         order = Order(
-            robot=robot.uri, problem=problem, seed=7, interactions=2, population=4, generations=1
+            robot=robot.uri,
+            problem=problem,
+            method="paper",
+            seed=7,
+            interactions=2,
+            population=4,
+            generations=1,
         )
         result = identify(folder / "run", order, here, Listener(), report=write_report)
         assert result.complete

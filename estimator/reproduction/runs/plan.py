@@ -86,6 +86,7 @@ class PlannedRun:
     def order(self, robot: str) -> Order:
         """What to ask for, of a robot at a given address."""
         return Order(
+            method="paper",
             robot=robot,
             problem=self.problem,
             seed=self.seed,

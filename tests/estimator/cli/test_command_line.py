@@ -56,7 +56,18 @@ def run(tmp_path_factory: pytest.TempPathFactory, readings: Path) -> Path:
     problem = make_order(folder, "").problem
     ended = estimator(
         *("identify", "--robot", f"file:{readings}", "--problem", problem, "--seed", "1"),
-        *("--population", "4", "--generations", "1", "--jobs", "1", "--out", folder / "run"),
+        *(
+            "--method",
+            "paper",
+            "--population",
+            "4",
+            "--generations",
+            "1",
+            "--jobs",
+            "1",
+            "--out",
+            folder / "run",
+        ),
     )
     assert ended.exit_code == 0, ended.output
     assert "Interaction 3" in ended.stderr
@@ -249,7 +260,18 @@ def test_a_joint_may_have_any_name(tmp_path: Path, readings: Path) -> None:
     ended = estimator(
         *("identify", "--robot", f"file:{tmp_path / 'readings.csv'}", "--seed", "1"),
         *("--problem", make_order(tmp_path, "").problem, "--population", "2"),
-        *("--generations", "1", "--physics", "statics", "--jobs", "1", "--out", run),
+        *(
+            "--method",
+            "paper",
+            "--generations",
+            "1",
+            "--physics",
+            "statics",
+            "--jobs",
+            "1",
+            "--out",
+            run,
+        ),
     )
     assert ended.exit_code == 0, ended.output
     shown = estimator("show", run)

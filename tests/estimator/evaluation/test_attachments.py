@@ -12,8 +12,8 @@ import pytest
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.errors import TruthError
 from estimator.evaluation.attachments import Alike, Comparison, Configuration, Truth
-from estimator.evaluation.equivalence import Reference, turned
 from estimator.evaluation.length_search import LengthSearch
+from estimator.physics.equivalence import Reference, turned
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array, Morphology
-from estimator.evaluation.equivalence import Reference
 from estimator.evaluation.length_search import LengthSearch
+from estimator.physics.equivalence import Reference
 from estimator.physics.statics import StaticsPhysics
 from tests.estimator.conftest import MakeBody
 

@@ -123,7 +123,7 @@ def command(directory: Path, uri: str, physics: str) -> tuple[str | Path, ...]:
         return "resume", directory, "--jobs", "1"
     return (
         *("identify", "--robot", uri, "--problem", "topological", "--seed", "8", *BUDGET),
-        *("--physics", physics, "--jobs", "1", "--out", directory),
+        *("--method", "paper", "--physics", physics, "--jobs", "1", "--out", directory),
     )
 
 

@@ -156,7 +156,7 @@ def start(*arguments: str) -> subprocess.Popen[str]:
 def start_identify(folder: Path, uri: str) -> subprocess.Popen[str]:
     order = make_order(folder, uri)
     arguments = ["--robot", uri, "--problem", order.problem, "--seed", str(order.seed)]
-    return start("identify", *arguments, "--out", str(folder / "run"))
+    return start("identify", "--method", "paper", *arguments, "--out", str(folder / "run"))
 
 
 def kill(process: subprocess.Popen[str]) -> None:
@@ -269,7 +269,7 @@ def changed(order: Order, **changes: object) -> Order:
         ({"population": 7}, EstimatorError, "population: must be even, not 7: members mate in"),
         ({"interactions": 9}, EstimatorError, "holds 2 interactions, not 9"),
         ({"physics": "clay"}, EstimatorError, "no physics 'clay': choose pybullet"),
-        ({"explore": "boldly"}, EstimatorError, "no exploration rule 'boldly': choose random"),
+        ({"explore": "boldly"}, EstimatorError, "no exploration rule 'boldly': choose information"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_a_sentence(

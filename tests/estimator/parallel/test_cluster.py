@@ -189,7 +189,7 @@ def test_identify_resume_and_validate_on_a_cluster(
         with serving(ModelRobot()) as uri:
             order = ("--robot", uri, "--problem", make_order(tmp_path, uri).problem, "--seed", "3")
             for command in (
-                ("identify", *order, "--interactions", "1", "--out", out),
+                ("identify", *order, "--method", "paper", "--interactions", "1", "--out", out),
                 ("resume", out),
                 ("validate", out, "--robot", uri, "--programs", "2"),
             ):

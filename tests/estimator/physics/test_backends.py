@@ -68,10 +68,11 @@ def test_a_run_with_the_physics_of_another_package(
     run = tmp_path / "run"
     identified = subprocess.run(
         [
-            *(sys.executable, "-m", "estimator", "identify", "--physics", "thumb"),
+            *(sys.executable, "-m", "estimator", "identify", "--method", "paper"),
             *("--robot", f"file:{tmp_path / 'readings.csv'}", "--seed", "1", "--jobs", "1"),
             *("--problem", make_order(tmp_path, "").problem, "--modalities", "tilt"),
-            *("--population", "4", "--generations", "1", "--out", run),
+            *("--population", "4", "--generations", "1", "--physics", "thumb"),
+            *("--out", run),
         ],
         env=os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{outside}"},
         capture_output=True,

@@ -11,8 +11,8 @@ from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.population import HOTTEST, Population, levels_for
 from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
 from estimator.readings.observation import Observation
-from tests.estimator.posterior.conftest import CAP, MODALITIES, NOISE, draw, programs
 from tests.estimator.posterior.enumeration import distance, enumerated
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
 

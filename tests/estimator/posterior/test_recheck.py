@@ -10,7 +10,7 @@ from estimator.posterior.likelihood import SensorData
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.recheck import fine, recheck
 from estimator.posterior.unknowns import Predictor
-from tests.estimator.posterior.conftest import NOISE, draw, programs
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 WRONG = np.array([0.9, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

@@ -9,8 +9,8 @@ from estimator.posterior.likelihood import Likelihood, Noise
 from estimator.posterior.sampler import Effort, Sampler
 from estimator.posterior.slopes import Lengths
 from estimator.posterior.unknowns import Predictor
-from tests.estimator.posterior.conftest import NOISE, draw, programs
 from tests.estimator.posterior.enumeration import distance, enumerated
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

@@ -6,7 +6,7 @@ import pytest
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.unknowns import Predictor
 from estimator.posterior.verdict import deviations, explains, judge
-from tests.estimator.posterior.conftest import NOISE, draw, programs
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(6, seed=4)

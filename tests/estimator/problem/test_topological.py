@@ -239,6 +239,7 @@ def test_readings_by_hand_of_a_robot_with_three_legs(tmp_path: Path) -> None:
     order = Order(
         robot=f"file:{tmp_path}/readings.csv",
         problem="topological",
+        method="paper",
         seed=1,
         population=4,
         generations=1,

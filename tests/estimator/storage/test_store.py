@@ -68,7 +68,7 @@ def test_what_was_stored_comes_back_exactly(directory: Path) -> None:
         assert store.generations() == [make_generation(0)]
         checkpoint = store.checkpoint()
         assert checkpoint is not None
-        assert checkpoint.generation == 0
+        assert checkpoint.number == 0
         assert checkpoint.state == {"population": [[1 / 3]], "random": 2**127 + 1}
 
 
@@ -176,8 +176,8 @@ def test_kill_minus_9_loses_nothing_that_was_committed(directory: Path) -> None:
                 checkpoint, generations = store.checkpoint(), store.generations()
                 assert checkpoint is not None
                 assert [item.number for item in generations] == list(range(len(generations)))
-                assert checkpoint.state["at"] == checkpoint.generation == len(generations) - 1
-                assert said <= checkpoint.generation <= said + 1
+                assert checkpoint.state["at"] == checkpoint.number == len(generations) - 1
+                assert said <= checkpoint.number <= said + 1
             database = sqlite3.connect(directory / DATABASE)
             database.execute("DELETE FROM generations")
             database.commit()

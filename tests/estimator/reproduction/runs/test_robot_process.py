@@ -48,7 +48,9 @@ def test_it_ends_with_whoever_started_it() -> None:
 def test_ctrl_c_in_the_terminal_is_not_for_it() -> None:
     with RobotProcess(1) as robot:
         (process,) = [
-            child for child in psutil.Process().children() if "sim-robotd" in str(child.cmdline())
+            child
+            for child in psutil.Process().children()
+            if child.status() != psutil.STATUS_ZOMBIE and "sim-robotd" in str(child.cmdline())
         ]
         assert os.getpgid(process.pid) != os.getpgid(0)
         with RobotClient(robot.uri) as client:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from estimator.body.morphology import Array, Base
 from estimator.physics.statics import StaticsPhysics
@@ -58,32 +57,12 @@ sensor = {number}
 )
 
 
-def _predictor(length: str) -> Predictor:
-    problem = Problem.parse(TWO_UNKNOWN_ROWS.replace("[0.02, 0.40]", length), "two rows")
+def make_predictor(length: str) -> Predictor:
+    """Predicts for the problem, with that for the length of the unknown legs."""
+    text = TWO_UNKNOWN_ROWS.replace("[0.02, 0.40]", length)
+    problem = Problem.parse(text, "two rows")
     genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
     return Predictor(Unknowns(genome), StaticsPhysics())
-
-
-@pytest.fixture
-def predictor() -> Predictor:
-    return _predictor("[0.02, 0.40]")
-
-
-@pytest.fixture
-def unknowns(predictor: Predictor) -> Unknowns:
-    return predictor.unknowns
-
-
-@pytest.fixture
-def narrow() -> Predictor:
-    """The same with lengths in a narrow range, so that a coarse grid takes them all in."""
-    return _predictor("[0.12, 0.18]")
-
-
-@pytest.fixture
-def short() -> Predictor:
-    """The same with known lengths, so that there are 1,152 bodies in all."""
-    return _predictor("0.15")
 
 
 def draw(

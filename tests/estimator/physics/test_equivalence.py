@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Base, Morphology, Part
-from estimator.evaluation.equivalence import Reference, agree, mirrored, turned
+from estimator.physics.equivalence import Reference, agree, mirrored, turned
 from estimator.physics.statics import StaticsPhysics
 
 ALL = ("touch", "tilt", "clearance")

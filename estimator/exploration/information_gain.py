@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
+from estimator.exploration.gain_kernel import gains
 from estimator.physics.base import Flags, Readings
-from estimator.posterior.gain_kernel import gains
 from estimator.posterior.likelihood import Noise
 
 

@@ -3,26 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Array
-from estimator.posterior.choosing import Chooser
-from estimator.posterior.information import InformationGain
-from estimator.posterior.posterior import Mode, Posterior
+from estimator.exploration.choosing import Chooser
+from estimator.exploration.information_gain import InformationGain
+from estimator.exploration.situation import Models
 from estimator.posterior.unknowns import Predictor
-from tests.estimator.posterior.conftest import CAP, MODALITIES, NOISE
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
 
 ENDS = np.radians([[-30.0, 30.0]] * 4)
 RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
-
-
-def believed(points: Array) -> Posterior:
-    count = len(points)
-    return Posterior(
-        values=points,
-        scales=np.zeros((count, 2)),
-        weights=np.full(count, 1 / count),
-        modes=(Mode((0, 2, 0, 2, 2), 1.0, points[0], float(count)),),
-        seen=1.0,
-    )
 
 
 def chooser(predictor: Predictor) -> Chooser:
@@ -32,7 +20,7 @@ def chooser(predictor: Predictor) -> Chooser:
 def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None:
     points = np.tile(RIGHT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
-    choice = chooser(predictor).choose(believed(points), np.random.default_rng(1))
+    choice = chooser(predictor).choose(Models.equally_likely(points), np.random.default_rng(1))
     assert np.all((choice.program >= ENDS[:, 0]) & (choice.program <= ENDS[:, 1]))
     names = {column: float(bits) for column, bits in enumerate(choice.about)}
     hinge = int(predictor.unknowns.choices[-1])
@@ -42,7 +30,9 @@ def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None
 
 
 def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) -> None:
-    choice = chooser(predictor).choose(believed(np.tile(RIGHT, (20, 1))), np.random.default_rng(1))
+    choice = chooser(predictor).choose(
+        Models.equally_likely(np.tile(RIGHT, (20, 1))), np.random.default_rng(1)
+    )
     assert choice.bits == pytest.approx(0.0, abs=1e-6)
     assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
 
@@ -50,7 +40,8 @@ def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) ->
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
     points = np.random.default_rng(2).random((50, 7))
     one, two = (
-        chooser(predictor).choose(believed(points), np.random.default_rng(3)) for _ in range(2)
+        chooser(predictor).choose(Models.equally_likely(points), np.random.default_rng(3))
+        for _ in range(2)
     )
     assert np.array_equal(one.program, two.program)
     assert one.bits == two.bits

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.information import Forecast, InformationGain
+from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.posterior.likelihood import Noise
 
 CAP = 0.2

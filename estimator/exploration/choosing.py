@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
-from estimator.posterior.information import Forecast, InformationGain
-from estimator.posterior.posterior import Posterior
+from estimator.exploration.information_gain import Forecast, InformationGain
+from estimator.exploration.situation import Models
 from estimator.posterior.unknowns import Columns, Predictor
 
 SURE_ENOUGH: Final = math.radians(0.5)
 """A sample whose path margin is smaller foretells nothing."""
 
-_SAMPLES: Final = 200
 _CANDIDATES: Final = 1000
 _DRAWS: Final = 100
 _REFINED: Final = 12  # of the best candidates, each by
@@ -29,8 +28,8 @@ _FINAL_SAMPLES: Final = 64
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
-    """A motor program, and why.
+class InformativeProgram:
+    """A motor program, and what it would tell.
 
     Attributes:
         program: rad, shape (motors,).
@@ -58,15 +57,13 @@ class Chooser:
         self._gain = gain
         self._ends = ends
 
-    def choose(self, posterior: Posterior, rng: np.random.Generator) -> Choice:
-        """The motor program to perform next.
+    def choose(self, samples: Models, rng: np.random.Generator) -> InformativeProgram:
+        """The motor program that is expected to tell most.
 
         Args:
-            posterior: What is believed so far.
+            samples: Equally likely models.
             rng: The choice's own.
         """
-        rows = rng.permutation(len(posterior.values))[:_SAMPLES]
-        samples = _Samples(posterior.values[rows], posterior.scales[rows])
         low, high = self._ends.T
         programs = rng.uniform(low, high, (_CANDIDATES, len(low)))
         bits = self._bits(samples, programs, rng)
@@ -78,25 +75,29 @@ class Chooser:
             programs = np.concatenate([programs, near])
             bits = np.concatenate([bits, self._bits(samples, near, rng)])
         programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
-        few = samples.first(_FINAL_SAMPLES)
+        few = Models(
+            genes=samples.genes[:_FINAL_SAMPLES],
+            weights=samples.weights[:_FINAL_SAMPLES],
+            scales=samples.scales[:_FINAL_SAMPLES],
+        )
         forecast = self._forecast(few, programs, sure=True)
-        count = len(few.values)
+        count = len(few.genes)
         sure = self._gain.of(forecast, few.scales, np.arange(count), rng, draws=8 * count)
         winner = int(np.argmax(sure))
-        return Choice(
+        return InformativeProgram(
             program=programs[winner],
             bits=float(sure[winner]),
             about=self._about(samples, programs[winner : winner + 1], rng),
         )
 
-    def _bits(self, samples: _Samples, programs: Array, rng: np.random.Generator) -> Array:
+    def _bits(self, samples: Models, programs: Array, rng: np.random.Generator) -> Array:
         forecast = self._forecast(samples, programs, sure=False)
-        groups = np.arange(len(samples.values))
+        groups = np.arange(len(samples.genes))
         return self._gain.of(forecast, samples.scales, groups, rng, draws=_DRAWS)
 
-    def _forecast(self, samples: _Samples, programs: Array, *, sure: bool) -> Forecast:
-        count = len(samples.values)
-        bodies = self._predictor.unknowns.bodies(samples.values)
+    def _forecast(self, samples: Models, programs: Array, *, sure: bool) -> Forecast:
+        count = len(samples.genes)
+        bodies = self._predictor.unknowns.bodies(samples.genes)
         rows = np.tile(np.arange(count), len(programs))
         each = np.repeat(programs, count, axis=0)
         forecast = Forecast.of(self._predictor.read(bodies, rows, each), count)
@@ -105,33 +106,24 @@ class Chooser:
             forecast.silent[margins < SURE_ENOUGH] = True
         return forecast
 
-    def _about(self, samples: _Samples, program: Array, rng: np.random.Generator) -> Array:
+    def _about(self, samples: Models, program: Array, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns
         forecast = self._forecast(samples, program, sure=True)
         about = np.zeros(unknowns.size)
         for column, groups in _groups(
-            samples.values, unknowns.choices, unknowns.attachments(samples.values)
+            samples.genes, unknowns.choices, unknowns.attachments(samples.genes)
         ):
             about[column] = self._gain.of(
                 forecast, samples.scales, groups, rng, draws=4 * len(groups)
             )[0]
         for column in unknowns.continuous:
-            halves = (samples.values[:, column] > np.median(samples.values[:, column])).astype(
+            halves = (samples.genes[:, column] > np.median(samples.genes[:, column])).astype(
                 np.int64
             )
             about[column] = self._gain.of(
                 forecast, samples.scales, halves, rng, draws=4 * len(halves)
             )[0]
         return np.maximum(about, 0.0)
-
-
-@dataclass(frozen=True)
-class _Samples:
-    values: Array
-    scales: Array
-
-    def first(self, count: int) -> _Samples:
-        return _Samples(self.values[:count], self.scales[:count])
 
 
 def _groups(

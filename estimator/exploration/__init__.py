@@ -1,0 +1,14 @@
+"""Exploration: which motor program the robot performs next.
+
+======================= =========================================================================
+Module                  What is in it
+======================= =========================================================================
+``rules``               the rules by name; the rule ``random``
+``situation``           what a rule is told, and what it answers
+``information``         the rule ``information``: expected information gain, and it in words
+``disagreement``        the rule ``disagreement``
+``choosing``            candidates, their refinement, and how sure their predictions are
+``information_gain``    expected information of programs, by nested Monte Carlo
+``gain_kernel``         the compiled part of it
+======================= =========================================================================
+"""

@@ -1,0 +1,50 @@
+"""The rule ``disagreement``: the program about which the models disagree most."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.exploration.situation import Choice, Situation
+from estimator.posterior.likelihood import Noise
+from estimator.problem.genome import Genome
+
+CANDIDATES: Final = 300
+MODELS: Final = 64
+_SATURATED: Final = 10.0  # standard deviations: what lies farther apart is no more apart
+
+
+def most_disputed_program(situation: Situation) -> Choice:
+    """Maximises the mean distance between the readings that pairs of models predict.
+
+    Distances are in units of the announced noise and saturate, so that one wild prediction does
+    not outweigh many that differ.
+    """
+    problem, capabilities, rng = situation.problem, situation.capabilities, situation.rng
+    genome = Genome(problem, problem.base(capabilities))
+    bodies = genome.bodies(situation.models.sample(MODELS, rng).genes)
+    noise = Noise.announced(capabilities)
+    programs = np.array([problem.random_program(rng, capabilities) for _ in range(CANDIDATES)])
+    spread = np.zeros(CANDIDATES)
+    for index, program in enumerate(programs):
+        readings = situation.physics.read_bodies(bodies, program)
+        told = []
+        if "tilt" in situation.modalities:
+            told += list(readings.tilt.T / noise.tilt)
+        if "clearance" in situation.modalities:
+            told.append(readings.clearance / noise.clearance)
+        if "touch" in situation.modalities:
+            told += list(_SATURATED * readings.touch.T.astype(float))
+        spread[index] = sum(_mean_distance(values) for values in told)
+    winner = int(np.argmax(spread))
+    return Choice(
+        program=tuple(programs[winner].tolist()),
+        reason=f"its models differ by {spread[winner]:.1f} standard deviations in sum",
+    )
+
+
+def _mean_distance(values: Array) -> float:
+    apart = np.abs(values[:, None] - values[None, :])
+    return float(np.mean(np.minimum(apart, _SATURATED)))

@@ -1,0 +1,60 @@
+"""The rule ``information``: the program that is expected to tell most about the body."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.exploration.choosing import Chooser
+from estimator.exploration.information_gain import InformationGain
+from estimator.exploration.situation import Choice, Models, Situation
+from estimator.posterior.likelihood import Noise
+from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.problem.genome import Genome
+
+SAMPLES: Final = 200
+_WORTH_SAYING: Final = 0.25  # bits about one trait
+_SAID: Final = 2
+_CERTAIN: Final = 0.95
+
+
+def most_informative_program(situation: Situation) -> Choice:
+    """Maximises the expected information gain under the models' own likelihood."""
+    problem, capabilities = situation.problem, situation.capabilities
+    genome = Genome(problem, problem.base(capabilities))
+    models = situation.models.sample(SAMPLES, situation.rng)
+    chooser = Chooser(
+        Predictor(Unknowns(genome), situation.physics),
+        InformationGain(
+            Noise.announced(capabilities), situation.clearance_cap, situation.modalities
+        ),
+        problem.program_range(capabilities),
+    )
+    chosen = chooser.choose(models, situation.rng)
+    return Choice(
+        program=tuple(chosen.program.tolist()),
+        reason=_reason(genome, models, chosen.about),
+        bits=chosen.bits,
+    )
+
+
+def _reason(genome: Genome, models: Models, about: Array) -> str:
+    """What the program tells apart, in words."""
+    order = np.argsort(-about, kind="stable")
+    named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
+    parts = [_alternatives(genome, models, column) for column in named]
+    return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
+
+
+def _alternatives(genome: Genome, models: Models, column: int) -> str:
+    gene = genome.genes[column]
+    if gene.choices:
+        chosen = np.minimum((models.genes[:, column] * gene.choices).astype(int), gene.choices - 1)
+        likely = [value for value, _ in Counter(chosen.tolist()).most_common(2)]
+        return f"{gene.name} ({' or '.join(genome.word(column, value) for value in likely)})"
+    low, high = np.quantile(models.genes[:, column], (0.05, 0.95))
+    shortest, longest = (1000 * genome.length(column, float(end)) for end in (low, high))
+    return f"{gene.name} ({shortest:.0f} to {longest:.0f} mm)"

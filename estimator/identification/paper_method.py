@@ -1,0 +1,151 @@
+"""The paper's method: a population of models is optimised for some generations."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from typing import Any
+
+import numpy as np
+
+from estimator.errors import SearchStateError
+from estimator.exploration.situation import Models
+from estimator.identification.listener import Listener
+from estimator.identification.modelling import Modeller
+from estimator.identification.reference_check import finish
+from estimator.physics.base import ArrayPhysics, Physics
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.search.randomness import Stream, generator
+from estimator.search.searches import SEARCHES, Search
+from estimator.storage.records import Counters, Generation
+from estimator.storage.store import RunStore
+
+
+class PaperMethod:
+    """A search, by default deterministic crowding, on the error over all interactions.
+
+    Args:
+        store: The run's memory; opened for writing.
+        problem: The run's problem.
+        physics: Predicts what models feel.
+        listener: Hears what happens.
+        foresight: Guesses what models feel, where ``physics`` is slower.
+        open_reference: Makes the back-end that has the last word; ``None``: ``physics`` has it.
+    """
+
+    def __init__(
+        self,
+        store: RunStore,
+        problem: Problem,
+        physics: Physics,
+        listener: Listener,
+        *,
+        foresight: ArrayPhysics | None,
+        open_reference: Callable[[], Physics] | None,
+    ) -> None:
+        self._store = store
+        self._listener = listener
+        self._open_reference = open_reference
+        self._genome = Genome(problem, problem.base(store.capabilities))
+        checkpoint = store.checkpoint()
+        self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
+        counters = store.generations()[-1].counters if checkpoint else Counters()
+        self._seconds_before = counters.wall_seconds
+        self._started = time.monotonic()
+        self._modeller = Modeller(
+            self._genome, physics, store.settings.modalities, counters, foresight=foresight
+        )
+        operators = problem.search.operators()
+        search = SEARCHES.load(store.settings.search)
+        self._search: Search
+        if checkpoint is None:
+            self._search = search(
+                store.settings.population,
+                self._genome.size,
+                generator(store.settings.seed, Stream.SEARCH),
+                operators=operators,
+            )
+        else:
+            _check_algorithm(checkpoint.state, search.algorithm)
+            self._search = search.from_state(checkpoint.state, operators=operators)
+
+    def work(self, number: int) -> float:
+        """Simulations after an interaction, before any early verdict."""
+        first = self._first(number)
+        return sum(self._size(one) for one in range(first, self._first(number + 1)))
+
+    def done(self, number: int) -> float:
+        """The same of the generations that are on disk."""
+        last = min(self._first(number + 1), self._generations_done)
+        return sum(self._size(one) for one in range(self._first(number), last))
+
+    def learn(self, number: int, observations: Sequence[Observation]) -> None:
+        """The generations that follow an interaction; those already on disk are not repeated."""
+        settings = self._store.settings
+        first = self._first(number)
+        for generation in range(first, self._first(number + 1)):
+            if generation < self._generations_done:
+                continue
+            if generation == first:
+                self._modeller.introduce(self._search, observations)
+            else:
+                self._modeller.evolve(self._search, observations)
+            seconds = self._seconds_before + time.monotonic() - self._started
+            record = Generation(
+                number=generation,
+                iteration=number,
+                errors=tuple(self._search.errors.tolist()),
+                best=tuple(np.asarray(self._search.population[self._search.best]).tolist()),
+                counters=self._modeller.counters(seconds),
+            )
+            self._store.save(record, self._search.state())
+            self._listener.worked(
+                self._size(generation),
+                f"interaction {number + 1}/{settings.interactions}, generation "
+                f"{generation - first}/{settings.generations}, error {min(record.errors):.2f}",
+            )
+
+    def models(self) -> Models:
+        """The population, all of whose members count alike."""
+        return Models.equally_likely(self._search.population)
+
+    def is_sure(self, number: int) -> bool:
+        """Never: a population does not know how good it is."""
+        del number
+        return False
+
+    def finish(self, observations: Sequence[Observation]) -> None:
+        """Has the leading models simulated by the reference back-end."""
+        if self._open_reference is None or self._store.finish() is not None:
+            return
+        with closing(self._open_reference()) as reference:
+            checked = finish(
+                self._genome,
+                self._search.population,
+                np.array(self._store.generations()[-1].errors, dtype=float),
+                observations=observations,
+                modalities=self._store.settings.modalities,
+                physics=reference,
+            )
+        self._store.save_finish(checked)
+
+    def _first(self, interaction: int) -> int:
+        """The first generation after an interaction."""
+        return interaction * (self._store.settings.generations + 1)
+
+    def _size(self, generation: int) -> int:
+        """Simulations of a generation, before any early verdict."""
+        iteration, step = divmod(generation, self._store.settings.generations + 1)
+        return self._store.settings.population * (iteration + 1 if step else 1)
+
+
+def _check_algorithm(state: Mapping[str, Any], algorithm: str) -> None:
+    """Refuses to go on with what another search has left."""
+    if state.get("algorithm") != algorithm:
+        raise SearchStateError(
+            f"the run was made by {state.get('algorithm')!r}, and {algorithm!r} cannot go on with "
+            "that: install the search of that time, or start a new run"
+        )

@@ -1,0 +1,205 @@
+"""The method ``posterior``: samples of all bodies that explain the readings, and how sure it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from typing import Final
+
+import numpy as np
+
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Morphology
+from estimator.exploration.situation import Models
+from estimator.identification.listener import Listener
+from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
+from estimator.physics.equivalence import PROGRAMS, Reference
+from estimator.posterior.belief import believe
+from estimator.posterior.likelihood import Noise, SensorData
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.recheck import recheck
+from estimator.posterior.sampler import Effort, Sampler
+from estimator.posterior.unknowns import Unknowns
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.search.randomness import Stream, generator, seeds
+from estimator.storage.beliefs import Belief
+from estimator.storage.records import Counters
+from estimator.storage.store import RunStore
+
+PRECISE: Final = 0.005
+"""A length is known when half of its 90 % interval is no more, m."""
+
+
+class PosteriorMethod:
+    """Samples the posterior with statics; a simulator reweights what is found.
+
+    Args:
+        store: The run's memory; opened for writing.
+        problem: The run's problem.
+        world: In which models live.
+        listener: Hears what happens.
+        make_physics: Makes the back-end that samples, for each population one.
+        open_reference: Makes the back-end that has the last word.
+    """
+
+    def __init__(
+        self,
+        store: RunStore,
+        problem: Problem,
+        world: WorldSettings,
+        listener: Listener,
+        *,
+        make_physics: Callable[[], ArrayMarginPhysics],
+        open_reference: Callable[[], Physics],
+    ) -> None:
+        self._store = store
+        self._problem = problem
+        self._world = world
+        self._listener = listener
+        self._make_physics = make_physics
+        self._open_reference = open_reference
+        self._noise = Noise.announced(store.capabilities)
+        self._genome = Genome(problem, problem.base(store.capabilities))
+        effort = Effort()
+        self._sampler = Sampler(
+            Unknowns(self._genome),
+            make_physics,
+            self._noise,
+            effort,
+            seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
+        )
+        beliefs = store.beliefs()
+        self._learnt = len(beliefs)
+        self._counters = beliefs[-1][1] if beliefs else Counters()
+        self._started = time.monotonic()
+        self._posterior = self._sampler.prior()
+        checkpoint = store.checkpoint()
+        if checkpoint is not None:
+            self._sampler.restore(checkpoint.state)
+            self._posterior = _as_posterior(beliefs[-1][0], self._sampler)
+
+    def work(self, number: int) -> float:
+        """An interaction's share of the work grows with those before it."""
+        return number + 4.0
+
+    def done(self, number: int) -> float:
+        """The same where it was learnt from already."""
+        return self.work(number) if number < self._learnt else 0.0
+
+    def learn(self, number: int, observations: Sequence[Observation]) -> None:
+        """Samples the posterior after an interaction."""
+        if number < self._learnt:
+            return
+        data = self._data(observations)
+        before = self._posterior
+        self._posterior = self._sampler.learn(data)
+        belief = believe(
+            self._posterior,
+            self._sampler.predictor,
+            data,
+            self._noise,
+            self._same_as,
+            before=before,
+        )
+        self._store.save_belief(number, belief, self._cost(), self._sampler.state())
+        self._learnt = number + 1
+        settings = self._store.settings
+        self._listener.worked(
+            self.work(number),
+            f"interaction {number + 1}/{settings.interactions}, {_how_sure(belief)}",
+        )
+
+    def models(self) -> Models:
+        """The samples."""
+        posterior = self._posterior
+        return Models(genes=posterior.values, weights=posterior.weights, scales=posterior.scales)
+
+    def is_sure(self, number: int) -> bool:
+        """Whether attachments and lengths are as sure as the settings ask for."""
+        wanted = self._store.settings.sure
+        if wanted is None or number != self._learnt - 1:
+            return False
+        belief, _ = self._store.beliefs()[number]
+        if belief.probability < wanted or len(belief.unexplained) > 1 or belief.noisy:
+            return False
+        lengths = leg_lengths(self._genome.decode_all(np.array(belief.genes)))
+        low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
+        return bool(np.all(high - low <= 2 * PRECISE))
+
+    def finish(self, observations: Sequence[Observation]) -> None:
+        """Has some of the samples simulated, and reweights."""
+        last = len(observations) - 1
+        belief, _ = self._store.beliefs()[last]
+        if belief.simulated:
+            return
+        data = self._data(observations)
+        with closing(self._open_reference()) as reference:
+            checked = recheck(
+                self._posterior, self._sampler.predictor, data, self._noise, reference
+            )
+            simulations, steps = reference.simulations, reference.steps
+        final = believe(
+            checked.posterior, self._sampler.predictor, data, self._noise, self._same_as
+        ).model_copy(
+            update={
+                "gained": belief.gained,
+                "simulated": checked.simulated,
+                "effective": checked.effective,
+            }
+        )
+        cost = self._cost()
+        cost = cost.model_copy(
+            update={
+                "simulations_requested": cost.simulations_requested + simulations,
+                "simulations_run": cost.simulations_run + simulations,
+                "steps": cost.steps + steps,
+            }
+        )
+        self._store.save_belief(last, final, cost, None)
+
+    def _data(self, observations: Sequence[Observation]) -> SensorData:
+        return SensorData.of(
+            observations, self._store.settings.modalities, self._world.clearance_cap
+        )
+
+    def _same_as(self, body: Morphology) -> Callable[[Morphology], bool]:
+        settings = self._store.settings
+        rng = generator(settings.seed, Stream.EQUIVALENCE)
+        programs = np.array(
+            [self._problem.random_program(rng, self._store.capabilities) for _ in range(PROGRAMS)]
+        )
+        physics = self._make_physics()
+        return Reference(body, programs, physics, settings.modalities).is_like
+
+    def _cost(self) -> Counters:
+        """What the run has cost by now, this process's share added to what was on disk."""
+        before, sampler = self._counters, self._sampler
+        return Counters(
+            simulations_requested=before.simulations_requested + sampler.requested,
+            simulations_run=before.simulations_run + sampler.simulations,
+            steps=before.steps + sampler.steps,
+            wall_seconds=before.wall_seconds + time.monotonic() - self._started,
+        )
+
+
+def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
+    """What was believed, from disk."""
+    points = np.array([mode.genes for mode in belief.modes])
+    keys = sampler.predictor.unknowns.keys(points)
+    return Posterior(
+        values=np.array(belief.genes),
+        scales=np.array(belief.scales),
+        weights=np.array(belief.weights),
+        modes=tuple(
+            Mode(key, mode.probability, point, mode.effective)
+            for key, mode, point in zip(keys, belief.modes, points, strict=True)
+        ),
+        seen=belief.seen,
+    )
+
+
+def _how_sure(belief: Belief) -> str:
+    return f"best body's attachments {100 * belief.probability:.0f} % sure"

@@ -1,0 +1,150 @@
+"""A posterior as it is kept and told: stated probability, verdict on fit, what was foretold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array, Morphology
+from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.special import softmax
+from estimator.posterior.unknowns import Predictor
+from estimator.posterior.verdict import deviations, judge
+from estimator.storage.beliefs import (
+    Belief,
+    BelievedMode,
+    Foretold,
+    UnexplainedInteraction,
+)
+
+LikeLeader = Callable[[Morphology], Callable[[Morphology], bool]]
+"""Of a body, the test whether another can be told from it."""
+
+_TOLD: Final = 20  # modes
+_COMPARED: Final = 0.005  # probability of a mode that is compared with the first
+
+
+def believe(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    same_as: LikeLeader,
+    *,
+    before: Posterior | None = None,
+) -> Belief:
+    """Sums a posterior up.
+
+    Args:
+        posterior: After the interactions of ``data``.
+        predictor: Computes readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+        same_as: The test of equivalence.
+        before: The posterior before the last interaction, by which its information is measured.
+    """
+    modes = posterior.modes[:_TOLD]
+    alike = _like_the_first(modes, predictor, same_as)
+    share = sum(mode.probability for mode, one in zip(modes, alike, strict=True) if one)
+    verdict = judge(posterior, predictor, data, noise)
+    return Belief(
+        genes=tuple(map(tuple, posterior.values.tolist())),
+        scales=tuple(map(tuple, posterior.scales.tolist())),
+        weights=tuple(posterior.weights.tolist()),
+        best=tuple(_medians(posterior, predictor).tolist()),
+        modes=tuple(
+            BelievedMode(
+                probability=mode.probability,
+                effective=mode.effective,
+                genes=tuple(mode.point.tolist()),
+                like_the_first=one,
+            )
+            for mode, one in zip(modes, alike, strict=True)
+        ),
+        probability=min(share, posterior.seen),
+        seen=posterior.seen,
+        gained=None if before is None else information_gained(before, predictor, data, noise),
+        foretold=_foretold(posterior, predictor, data, noise),
+        unexplained=tuple(
+            UnexplainedInteraction(interaction=item.interaction, sensors=item.sensors)
+            for item in verdict.unexplained
+        ),
+        noisy=verdict.noisy,
+    )
+
+
+def information_gained(
+    before: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+) -> float:
+    """Information that the last interaction gave about the body, bits.
+
+    How far its readings move the weights of the samples that stood for the belief before, as a
+    divergence in bits. Over readings as those samples foretell them its mean is the expected
+    information gain, with the same bound: the logarithm of the number of samples.
+    """
+    likelihood, last = Likelihood(data, noise), len(data) - 1
+    misfits = data.misfits_of(predictor, before.values)
+    fits = likelihood.of(misfits, np.ones(len(misfits)), before.scales)[:, last]
+    logs = np.log(before.weights) + fits
+    weights = softmax(logs)
+    known = weights > 0
+    ratios = np.log(weights[known] / before.weights[known])
+    return float(weights[known] @ ratios) / math.log(2)
+
+
+def _medians(posterior: Posterior, predictor: Predictor) -> Array:
+    """The first mode's attachments with the weighted medians of its samples' lengths."""
+    unknowns, first = predictor.unknowns, posterior.modes[0]
+    rows = [key == first.attachments for key in unknowns.keys(posterior.values)]
+    best = first.point.copy()
+    if any(rows):
+        lengths = posterior.values[rows][:, unknowns.continuous]
+        weights = posterior.weights[rows]
+        order = np.argsort(lengths, axis=0)
+        below = np.cumsum(weights[order], axis=0) < 0.5 * weights.sum()
+        middle = np.take_along_axis(order, below.sum(axis=0)[None], axis=0)[0]
+        best[unknowns.continuous] = lengths[middle, np.arange(lengths.shape[1])]
+    return best
+
+
+def _like_the_first(
+    modes: tuple[Mode, ...], predictor: Predictor, same_as: LikeLeader
+) -> list[bool]:
+    """Which attachments, given the lengths of the first mode's body, feel as that body does."""
+    unknowns = predictor.unknowns
+    rivals = [index for index, mode in enumerate(modes) if index and mode.probability > _COMPARED]
+    alike = [index == 0 for index in range(len(modes))]
+    if not rivals:
+        return alike
+    points = np.array([modes[index].point for index in (0, *rivals)])
+    points[:, unknowns.continuous] = points[0, unknowns.continuous]
+    first, *others = unknowns.decode_all(points)
+    is_like = same_as(first)
+    for index, body in zip(rivals, others, strict=True):
+        alike[index] = is_like(body)
+    return alike
+
+
+def _foretold(
+    posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+) -> tuple[Foretold, ...]:
+    best = posterior.modes[0].point[None]
+    readings = predictor.read_all(best, data.programs)
+    strays = deviations(best, predictor, data, noise)
+    misfits = data.misfits_of(predictor, posterior.values)
+    inliers = Likelihood(data, noise).inlier_share(misfits, scales=posterior.scales)
+    outlier = 1 - posterior.weights @ inliers
+    return tuple(
+        Foretold(
+            touch=tuple(bool(bit) for bit in readings.touch[turn]),
+            tilt=(float(readings.tilt[turn, 0]), float(readings.tilt[turn, 1])),
+            clearance=float(readings.clearance[turn]),
+            deviations={name: float(values[turn]) for name, values in strays.items()},
+            outlier=float(np.clip(outlier[turn], 0, 1)),
+        )
+        for turn in range(len(data))
+    )

@@ -1,0 +1,44 @@
+"""Special functions of SciPy, loaded when first used: other commands do not wait for them."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from estimator.body.morphology import Array
+
+
+@cache
+def _scipy() -> Any:
+    return importlib.import_module("scipy.special")
+
+
+def logsumexp(logs: Any, axis: int | None = None) -> Any:
+    """Logarithm of a sum of exponentials: an array along an axis, else a number."""
+    return _scipy().logsumexp(logs, axis=axis)
+
+
+def softmax(logs: Array) -> Array:
+    """Exponentials, scaled to add up to 1, shape (n,)."""
+    weights: Array = np.exp(logs - logsumexp(logs))
+    return weights
+
+
+def expit(logits: Array) -> Array:
+    """The logistic function."""
+    shares: Array = _scipy().expit(logits)
+    return shares
+
+
+def log_ndtr(values: Array) -> Array:
+    """Logarithm of the normal distribution function, also far out."""
+    logs: Array = _scipy().log_ndtr(values)
+    return logs
+
+
+def log_gamma(value: float) -> float:
+    """Logarithm of the gamma function."""
+    return float(_scipy().gammaln(value))

@@ -1,0 +1,92 @@
+"""What a run believes of the body after an interaction, as it is kept."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel, ConfigDict
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+
+class BelievedMode(_Record):
+    """One set of attachments.
+
+    Attributes:
+        probability: Share of the posterior.
+        effective: Effective number of draws behind it.
+        genes: The genome that fits best among those with these attachments.
+        like_the_first: Whether no sensor can tell its attachments, given the lengths of the first
+            mode's body, from that body's.
+    """
+
+    probability: float
+    effective: float
+    genes: tuple[float, ...]
+    like_the_first: bool
+
+
+class Foretold(_Record):
+    """One interaction as the best body foretells it.
+
+    Attributes:
+        touch: One value per touch sensor.
+        tilt: Left/right and forward/back, rad.
+        clearance: m.
+        deviations: Felt minus foretold in units of the noise, by modality; of touch the number of
+            bits that differ, each as many standard deviations as it is unlikely.
+        outlier: Probability that the readings say nothing about the body.
+    """
+
+    touch: tuple[bool, ...]
+    tilt: tuple[float, float]
+    clearance: float
+    deviations: dict[str, float]
+    outlier: float
+
+
+class UnexplainedInteraction(_Record):
+    """An interaction that no body of the problem explains.
+
+    Attributes:
+        interaction: Its index.
+        sensors: Modalities whose readings lie far from what the best body foretells.
+    """
+
+    interaction: int
+    sensors: tuple[str, ...]
+
+
+class Belief(_Record):
+    """The posterior after some interactions.
+
+    Attributes:
+        genes: Samples, shape (n, genes).
+        scales: Logarithms of their factors on tilt's and clearance's noise, shape (n, 2).
+        weights: Of the samples, adding up to 1.
+        best: Genome of the first mode's attachments with the medians of its samples' lengths.
+        modes: Sets of attachments, the most probable first.
+        probability: Stated probability that the attachments are those of the first mode or such
+            as no sensor can tell from them; never more than the search can vouch for.
+        seen: Share of the posterior that the populations have met, by what they met in common.
+        gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
+        foretold: Each interaction so far, as the best body foretells it.
+        unexplained: Interactions that the best body leaves unexplained.
+        noisy: Modalities whose noise is surely more than twice what the robot announces.
+        simulated: How many samples the reference back-end simulated; 0: it was not asked.
+        effective: Effective sample size of those.
+    """
+
+    genes: tuple[tuple[float, ...], ...]
+    scales: tuple[tuple[float, ...], ...]
+    weights: tuple[float, ...]
+    best: tuple[float, ...]
+    modes: tuple[BelievedMode, ...]
+    probability: float
+    seen: float
+    gained: float | None = None
+    foretold: tuple[Foretold, ...]
+    unexplained: tuple[UnexplainedInteraction, ...]
+    noisy: tuple[str, ...]
+    simulated: int = 0
+    effective: float | None = None

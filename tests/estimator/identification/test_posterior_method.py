@@ -1,0 +1,137 @@
+"""Whole runs of the method posterior over a real wire, and what interrupts them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimator.errors import EstimatorError
+from estimator.identification import posterior_method
+from estimator.identification.listener import Listener
+from estimator.identification.run import Order, identify, resume
+from estimator.physics.backends import in_this_process
+from estimator.posterior.sampler import Effort
+from estimator.report.result import Result
+from estimator.report.run_files import write_report
+from estimator.storage.store import RunStore
+from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, make_order, serving
+
+SMALL = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
+
+
+class Interrupting(Listener):
+    """Interrupts after some pieces of work, as Ctrl-C does."""
+
+    def __init__(self, after: int | None = None):
+        self.reasons: list[str] = []
+        self._after = after
+        self._pieces = 0
+
+    def chosen(self, number: int, reason: str, bits: float | None) -> None:
+        self.reasons.append(reason)
+
+    def worked(self, work: float, what: str) -> None:
+        self._pieces += 1
+        if self._pieces == self._after:
+            raise KeyboardInterrupt
+
+
+@pytest.fixture(autouse=True)
+def little_effort(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(posterior_method, "Effort", lambda: SMALL)
+
+
+def order(folder: Path, uri: str) -> Order:
+    return replace(make_order(folder, uri), method="posterior", interactions=3)
+
+
+def outcome(result: Result) -> dict[str, object]:
+    assert result.complete
+    return result.model_dump(exclude={"wall_seconds", "robot_uri", "robot", "versions"})
+
+
+def whole(folder: Path, interrupt_after: int | None = None) -> Result:
+    run = folder / "run"
+    with serving(ModelRobot()) as uri:
+        asked, listener = order(folder, uri), Interrupting(interrupt_after)
+        if interrupt_after is None:
+            return identify(run, asked, in_this_process, listener, report=write_report)
+        with pytest.raises(KeyboardInterrupt):
+            identify(run, asked, in_this_process, listener, report=write_report)
+        return resume(run, in_this_process, Interrupting(), robot=uri, report=write_report)
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
+    folder = tmp_path_factory.mktemp("posterior")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(posterior_method, "Effort", lambda: SMALL)
+        return whole(folder), folder / "run"
+
+
+def test_lengths_are_found_with_intervals_that_hold_them(
+    uninterrupted: tuple[Result, Path],
+) -> None:
+    result, _ = uninterrupted
+    assert result.posterior is not None
+    assert result.posterior.explained
+    assert result.interactions == 3
+    assert result.simulations_requested >= result.simulations_run > 0
+    for length, true in zip(result.posterior.lengths_m, TRUE_LENGTHS, strict=True):
+        assert length.low - 0.003 < true < length.high + 0.003
+    assert result.posterior.simulated > 0
+    assert len(result.posterior.steps) == len(result.posterior.foretold) == 3
+    assert result.best_models[0].leg_lengths_m == pytest.approx(TRUE_LENGTHS, abs=0.02)
+
+
+def test_everything_is_on_disk(uninterrupted: tuple[Result, Path]) -> None:
+    result, directory = uninterrupted
+    for name in ("result.json", "posterior.csv", "plots/belief.png", "plots/lengths.png"):
+        assert (directory / name).stat().st_size > 100
+    with RunStore.open(directory, to_write=False) as store:
+        assert store.complete
+        assert len(store.beliefs()) == 3
+        weights = store.beliefs()[-1][0].weights
+    assert np.sum(weights) == pytest.approx(1.0)
+    assert result.posterior is not None
+    rows = (directory / "posterior.csv").read_text().splitlines()
+    assert len(rows) == 1 + result.posterior.samples
+
+
+@pytest.mark.parametrize("after", [1, 2])
+def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
+    uninterrupted: tuple[Result, Path], tmp_path: Path, after: int
+) -> None:
+    assert outcome(whole(tmp_path, after)) == outcome(uninterrupted[0])
+
+
+def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
+    with serving(ModelRobot()) as uri:
+        asked = replace(order(tmp_path, uri), interactions=9, sure=0.9)
+        result = identify(tmp_path / "run", asked, in_this_process, Listener(), report=write_report)
+    assert result.complete
+    assert result.interactions < 9
+    assert result.posterior is not None
+    for length in result.posterior.lengths_m:
+        assert length.high - length.low <= 2.5 * posterior_method.PRECISE  # reweighted since
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"population": 4}, "belong to the method paper"),
+        ({"physics": "pybullet"}, "needs a physics that takes arrays"),
+        ({"method": "guessing"}, "there is no method 'guessing'"),
+    ],
+)
+def test_what_the_method_cannot_do_is_refused(
+    tmp_path: Path, changes: dict[str, object], reason: str
+) -> None:
+    with serving(ModelRobot()) as uri:
+        asked = Order(**{**vars(order(tmp_path, uri)), **changes})
+        with pytest.raises(EstimatorError, match=reason):
+            identify(tmp_path / "run", asked, in_this_process, Listener(), report=write_report)
+    assert not (tmp_path / "run").exists()
