@@ -3,13 +3,13 @@
 ======================= =========================================================================
 Module                  What is in it
 ======================= =========================================================================
-``suite``               runs the checks, and says which clauses hold
+``suite``               runs the checks and reports which clauses hold
 ``checks``              the checks, a module per subject
 ``settings``            what the suite may do, and how long it waits
-``registry``            ``Check``, and the decorator that makes one of a function
-``robot_on_trial``      clients in a session, and a robot to be left as it was
-``raw_connection``      a connection that sends anything
-``frame_trace``         frames for people: in hex, and what they say
+``registry``            ``Check``, and the decorator that registers one
+``robot_on_trial``      the robot under trial, and clients that talk to it
+``raw_connection``      sends arbitrary frames and checks every reply
+``frame_trace``         formats frames for people: in hex, and decoded
 ``expectations``        what a check raises: ``Broken`` and ``Untried``
 ======================= =========================================================================
 

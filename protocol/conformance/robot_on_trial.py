@@ -6,7 +6,7 @@ import itertools
 import secrets
 import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, Final
 
@@ -100,10 +100,16 @@ class TrialClient:
 
     def refused(self, frame: bytes, code: str, request_id: int | None, what: str) -> None:
         """Expects that a frame is answered with an error; ``what`` names it in the sentence."""
-        reply = self.ask_raw(frame, request_id)
+        self.expect_raw(frame, (code,), (request_id,), what)
+
+    def expect_raw(
+        self, frame: bytes, codes: Collection[str], ids: Collection[int | None], what: str
+    ) -> None:
+        """Expects that a frame is answered with one of these types or error codes and ids."""
+        reply = self.ask_raw(frame, *ids)
         expect(
-            reply is not None and reply["type"] == "error" and reply["code"] == code,
-            f"{what}: answered with {said(reply)} instead of {code}.",
+            reply is not None and reply.get("code", reply["type"]) in codes,
+            f"{what}: answered with {said(reply)} instead of {' or '.join(codes)}.",
         )
 
     def expect(self, code: str, kind: str, **fields: Any) -> Map:

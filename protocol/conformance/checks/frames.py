@@ -79,11 +79,7 @@ def _with_extra(request: Map, key: bytes, value: bytes) -> bytes:
 
 def _refused_for(client: TrialClient, frame: bytes, request: Map, what: str) -> None:
     """A frame that is fine but for one thing is malformed; its id may be told or not."""
-    answer = client.ask_raw(frame, None, request["id"])
-    expect(
-        answer is not None and answer.get("code") == "malformed",
-        f"{what}: answered with {said(answer)} instead of malformed.",
-    )
+    client.expect_raw(frame, ("malformed",), (None, request["id"]), what)
 
 
 @check("2.1", after=("2.11",))
@@ -167,11 +163,8 @@ def any_encoding(robot: RobotOnTrial) -> None:
     """Any encoding of a value is accepted, and keys in any order."""
     client = robot.client()
     hello = client.request("hello", versions=[1])
-    answer = client.ask_raw(pack_wide(hello), hello["id"])
-    expect(
-        answer is not None and answer["type"] == "welcome",
-        f"hello in the longest encodings was answered with {said(answer)}.",
-    )
+    frame = pack_wide(hello)
+    client.expect_raw(frame, ("welcome",), (hello["id"],), "hello in the longest encodings")
     perform = client.request("perform", targets={"no joint": 0.5})
     _parsed(client, perform, pack_small, "Targets as float 32")
 
@@ -186,11 +179,8 @@ def integer_for_float(robot: RobotOnTrial) -> None:
 
 def _parsed(client: TrialClient, request: Map, packer: Callable[[Any], bytes], what: str) -> None:
     """A ``perform`` that nobody could carry out is refused, but not for its form."""
-    answer = client.ask_raw(packer(request), request["id"])
-    expect(
-        answer is not None and answer.get("code") in ("not_controller", "unauthorised"),
-        f"{what}: answered with {said(answer)}, although the frame is valid.",
-    )
+    codes = ("not_controller", "unauthorised")
+    client.expect_raw(packer(request), codes, (request["id"],), f"{what}, a valid frame")
 
 
 @check("2.7")
@@ -207,11 +197,7 @@ def nil(robot: RobotOnTrial) -> None:
     """A field that is nil is left out."""
     client = robot.client()
     hello = client.request("hello", versions=[1]) | {"software": None}
-    answer = client.ask_raw(pack(hello), hello["id"])
-    expect(
-        answer is not None and answer["type"] == "welcome",
-        f"hello with software nil was answered with {said(answer)}.",
-    )
+    client.expect_raw(pack(hello), ("welcome",), (hello["id"],), "hello with software nil")
     beat = client.request("heartbeat") | {"session": None}
     client.refused(pack(beat), "malformed", beat["id"], "A heartbeat with session nil")
 
