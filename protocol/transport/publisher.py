@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import selectors
 import time
-from collections.abc import Callable
 from typing import Final
 
 import zmq
@@ -24,7 +23,7 @@ _BUDGET: Final = 0.002  # s of one turn
 _CHUNK: Final = MAX_SUBSCRIBED  # bytes of one turn: ZeroMQ keeps fifty times as much of each
 
 
-class Publisher:
+class Publisher(TcpListener):
     """Publishes at one address.
 
     Args:
@@ -52,7 +51,7 @@ class Publisher:
         share: float,
         log: logging.Logger,
     ):
-        self._listener = TcpListener(
+        super().__init__(
             context,
             selector,
             zmq.XPUB,
@@ -63,27 +62,13 @@ class Publisher:
             share=share,
             log=log,
         )
-        self.place = self._listener.place
-
-    @property
-    def waiting(self) -> bool:
-        """Whether ``listen`` has something to do."""
-        return self._listener.waiting
 
     def listen(self) -> None:
         """Receives subscriptions, which ZeroMQ applies; disconnects peers that send too many."""
-        for peer, _, _ in self._listener.arrivals(time.monotonic() + _BUDGET):
-            if self._listener.received(peer) > MAX_SUBSCRIBED:
-                self._listener.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
+        for peer, _, _ in self.arrivals(time.monotonic() + _BUDGET):
+            if self.received(peer) > MAX_SUBSCRIBED:
+                self.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
 
     def publish(self, frame: bytes) -> None:
         """Sends to all who listen; never waits."""
-        self._listener.broadcast([TOPIC, frame])
-
-    def dismiss(self, unwelcome: Callable[[str | None], bool]) -> None:
-        """Drops those who are not welcome any more."""
-        self._listener.dismiss(unwelcome)
-
-    def close(self, linger: int) -> None:
-        """Ends it; what was published has ``linger`` ms to leave."""
-        self._listener.close(linger)
+        self.broadcast([TOPIC, frame])
