@@ -4,7 +4,6 @@ The tree::
 
     BodyschemaError
     ├── BodyError (ValueError)       a URDF file outside the subset
-    ├── NoiseError (ValueError)      a noise file that cannot be
     └── FaultError (ValueError)      a fault that cannot be injected, or nobody to inject it
 """
 
@@ -21,10 +20,6 @@ class BodyError(BodyschemaError, ValueError):
         self.element = element
         self.reason = reason
         super().__init__(": ".join(part for part in (file, element, reason) if part))
-
-
-class NoiseError(BodyschemaError, ValueError):
-    """A noise file with unknown keys or impossible values."""
 
 
 class FaultError(BodyschemaError, ValueError):

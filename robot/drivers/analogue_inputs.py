@@ -114,12 +114,13 @@ class AnalogueInputs:
             name, volts = self._names[channel], self._volts[channel]
             if not self._low < volts < self._high:
                 raise DeviceDataError(
-                    f"Input {channel}, {name}, is at the end of its range ({volts:.3f} V).",
+                    f"{self._name} input {channel}, {name}, is at the end of its range "
+                    f"({volts:.3f} V).",
                     "Look for a broken wire, a short circuit or an amplifier without supply.",
                 )
             if self._repeats[channel] >= STUCK_AFTER:
                 raise DeviceDataError(
-                    f"Input {channel}, {name}, is stuck: it gave exactly {volts:.5f} V "
-                    f"{self._repeats[channel]} times running.",
-                    f"Look for a short circuit, and at the analogue inputs of the {self._name}.",
+                    f"{self._name} input {channel}, {name}, is stuck: it gave exactly {volts:.5f} "
+                    f"V {self._repeats[channel]} times running.",
+                    "Look for a short circuit, and at the analogue inputs of the board.",
                 )

@@ -61,5 +61,6 @@ def driver_class(table: Section, group: str, default: str, *, kind: str = "") ->
     module, _, name = place.partition(":")
     try:
         return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise table.refuse("driver", f"is {place}, which cannot be imported: {error}.") from error
+    except Exception as error:  # whatever a module does when it is imported
+        cause = f"{type(error).__name__}: {error}"
+        raise table.refuse("driver", f"is {place}, which cannot be imported: {cause}.") from error

@@ -60,16 +60,10 @@ class Emulation:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedRobot:
-    """A simulated robot and its parts."""
+class SimulatedRobot(Emulation):
+    """Emulated electronics with the control loop of a robot."""
 
     controller: Controller
-    clock: HostClock
-    panel: FaultPanel
-    world: World
-    servo_board: SV203Emulator
-    daq: DMM32Emulator
-    distance: VL6180XEmulator
 
 
 class SimulatedAttendant:
@@ -199,15 +193,8 @@ def simulated_robot(
 ) -> Iterator[SimulatedRobot]:
     """Builds a simulated robot; its control loop is not yet started.
 
-    Args:
-        body: The body.
-        seed: Seed of the sensor noise.
-        levels: Sensor noise.
-        real_time: Whether time passes as on a wall clock instead of in lockstep with the loop.
-        attendant: Whether somebody puts the body back on its belly before each interaction.
-        log: Where to write what a person may want to know.
-        wrong: Seed of electronics that differ from their configuration, or ``None`` for true ones.
-        calibration: A calibration file, whose values the configuration takes over.
+    The arguments are those of ``emulation``, and ``attendant``: whether somebody puts the body back
+    on its belly before each interaction.
     """
     with emulation(
         body,
@@ -232,12 +219,4 @@ def simulated_robot(
             housekeeping=HOUSEKEEPING if real_time else None,
             log=log,
         )
-        yield SimulatedRobot(
-            controller=controller,
-            clock=parts.clock,
-            panel=parts.panel,
-            world=parts.world,
-            servo_board=parts.servo_board,
-            daq=parts.daq,
-            distance=parts.distance,
-        )
+        yield SimulatedRobot(controller=controller, **vars(parts))

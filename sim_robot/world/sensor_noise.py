@@ -7,14 +7,13 @@ that is asked again after a crash feels the same.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from protocol.text.toml import TomlError, parse_toml
+from robot.toml_sections import read_toml
 from sim_robot.electronics.dmm32 import Dither
-from sim_robot.errors import NoiseError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,16 +26,6 @@ class NoiseLevels:
     clearance_sample_mm: float = 0.3
     load_sample_n: float = 0.01
 
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if (
-                isinstance(value, bool)
-                or not isinstance(value, int | float)
-                or not 0 <= value < 1e6
-            ):
-                raise NoiseError(f"{item.name}: must be a number of at least 0, not {value!r}.")
-
 
 NO_NOISE = NoiseLevels(
     tilt_deg=0, clearance_mm=0, tilt_sample_deg=0, clearance_sample_mm=0, load_sample_n=0
@@ -47,28 +36,18 @@ def load_noise(choice: str) -> NoiseLevels:
     """The levels for ``default``, ``none`` or a TOML file with the fields of ``NoiseLevels``.
 
     Raises:
-        NoiseError: Names file, key and reason.
+        ConfigError: Names file, key and reason.
     """
     if choice == "default":
         return NoiseLevels()
     if choice == "none":
         return NO_NOISE
-    try:
-        values = parse_toml(Path(choice).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise NoiseError(
-            f"{choice}: cannot be read: {error.strerror}. Write default, none or a file."
-        ) from error
-    except (TomlError, UnicodeDecodeError) as error:
-        raise NoiseError(f"{choice}: is not valid TOML: {error}.") from error
-    known = [item.name for item in fields(NoiseLevels)]
-    for key in values:
-        if key not in known:
-            raise NoiseError(f"{choice}: {key}: is not a known key. Known: {', '.join(known)}.")
-    try:
-        return NoiseLevels(**values)
-    except NoiseError as error:
-        raise NoiseError(f"{choice}: {error}") from error
+    table = read_toml(Path(choice))
+    levels = {
+        name: table.number(name, 0, 1e6, usual) for name, usual in vars(NoiseLevels()).items()
+    }
+    table.done()
+    return NoiseLevels(**levels)
 
 
 class Noise:

@@ -24,11 +24,13 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: outside\n")
     (folder / "entry_points.txt").write_text(
         f"[{SERVOS}]\nsound = outside_servos:Settings\nnameless = outside_servos:Missing\n"
-        "broken = outside_broken:Settings\nsv203 = outside_servos:Settings\n"
+        "broken = outside_broken:Settings\nunwritten = outside_unwritten:Settings\n"
+        "sv203 = outside_servos:Settings\n"
         f"[{SENSORS}]\ntouch.outside = outside_servos:Settings\n"
     )
     (tmp_path / "outside_servos.py").write_text("class Settings: ...\n")
     (tmp_path / "outside_broken.py").write_text("import no_such_library\n")
+    (tmp_path / "outside_unwritten.py").write_text("class\n")
     monkeypatch.syspath_prepend(tmp_path)
     return tmp_path
 
@@ -42,9 +44,16 @@ def test_the_drivers_of_other_distributions_are_found_and_ours_stay(site: Path) 
 @pytest.mark.parametrize(
     ("driver", "words"),
     [
-        ("none", "servos.driver: must be one of broken, nameless, sound, sv203, not 'none'"),
-        ("broken", "outside_broken:Settings, which cannot be imported: No module named 'no_such"),
-        ("nameless", "outside_servos:Missing, which cannot be imported: module 'outside_servos'"),
+        (
+            "none",
+            "must be one of broken, nameless, sound, sv203, unwritten, not 'none'",
+        ),
+        (
+            "broken",
+            "outside_broken:Settings, which cannot be imported: ModuleNotFoundError: No",
+        ),
+        ("unwritten", "outside_unwritten:Settings, which cannot be imported: SyntaxError: "),
+        ("nameless", "outside_servos:Missing, which cannot be imported: AttributeError: module"),
     ],
 )
 def test_a_driver_that_cannot_be_had_is_a_sentence(site: Path, driver: str, words: str) -> None:
