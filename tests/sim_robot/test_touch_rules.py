@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from protocol.wire.readings import DOUBTFUL_GAP
 from sim_robot.world.body import default_body_path, load_body
-from tests.sim_robot.touch_rules import DOUBTFUL, feet
+from tests.sim_robot.touch_rules import feet
 
 
 def test_load_and_distance_seldom_disagree_and_only_where_a_foot_just_touches() -> None:
@@ -13,5 +14,5 @@ def test_load_and_distance_seldom_disagree_and_only_where_a_foot_just_touches() 
     assert 40 < touching < 160
     assert len(disputed) <= 6  # of 200; measured: 0.7 %
     for foot in disputed:
-        assert foot.gap < DOUBTFUL
+        assert foot.gap < DOUBTFUL_GAP
         assert foot.load < 0.2

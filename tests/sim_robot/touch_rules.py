@@ -14,12 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from protocol.wire.readings import touch_is_doubtful, touches
 from sim_robot.world.body import Body, load_body, shipped_bodies
 from sim_robot.world.simulation import World
 
 LOADED = 0.1  # N: above it, a gauge says touch
-TOUCHING = 1e-3  # m: below it, a model does
-DOUBTFUL = 2e-3  # m: gaps between 0 and this may go either way
 REACH = 30.0  # degrees
 REST = 4.0  # s
 
@@ -35,11 +34,11 @@ class Foot:
 
     @property
     def disputed(self) -> bool:
-        return (self.load > LOADED) != (self.gap < TOUCHING)
+        return (self.load > LOADED) != touches(self.gap)
 
     @property
     def doubtful(self) -> bool:
-        return 0 < self.gap < DOUBTFUL
+        return touch_is_doubtful(self.gap)
 
 
 def feet(body: Body, programs: int, seed: int = 1) -> Iterator[Foot]:

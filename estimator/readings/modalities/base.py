@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Protocol, TypeAlias
+from typing import ClassVar, Final, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 Value: TypeAlias = float | bool | None
 """One number of a reading; ``None`` where it was not taken."""
 
-ROUNDING = 1e-6
+ROUNDING: Final = 1e-6
 """By how much a reading may exceed its range."""
 
 
