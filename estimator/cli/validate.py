@@ -15,7 +15,7 @@ from estimator.identification.run import problem_of, reconnect, world_of
 from estimator.report.run_files import VALIDATION
 from estimator.report.terminal_tables import print_validation
 from estimator.storage.store import RunStore
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_text
 
 
 def command(
@@ -41,7 +41,6 @@ def command(
             closing(reconnect(store, problem, robot, screen, keys=keys)) as link,
         ):
             validation = validate(store, problem, physics, link, programs=programs, listener=screen)
-        text = validation.model_dump_json(indent=2) + "\n"
-        replace_file(directory / VALIDATION, lambda path: path.write_text(text, encoding="utf-8"))
+        replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
     print_validation(out, validation)
     out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)

@@ -11,7 +11,7 @@ from typing import Any, Final
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_file, replace_text
 
 _DPI: Final = 150
 
@@ -30,8 +30,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Numbers for programs."""
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+    replace_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 
 def write_png(path: Path, figure: Figure) -> None:

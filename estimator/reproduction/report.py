@@ -23,7 +23,7 @@ from estimator.reproduction.runs.plan import (
 )
 from estimator.reproduction.runs.progress import in_words
 from estimator.reproduction.runs.run_summary import Summary
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_text
 
 REPORT: Final = "report.md"
 HEADER: Final = (
@@ -74,8 +74,7 @@ def write_report(
                 f"[{item.name}.json]({item.name}.json)."
             )
     paragraphs += ["## Runs", *_runs(runs)]
-    text = "\n\n".join(paragraphs) + "\n"
-    replace_file(root / REPORT, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+    replace_text(root / REPORT, "\n\n".join(paragraphs) + "\n")
 
 
 def _how(budget: Budget, sessions: Sequence[LedgerEntry], runs: Sequence[Summary]) -> list[str]:

@@ -32,7 +32,7 @@ from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Worke
 from estimator.reproduction.runs.run_summary import summarise
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
 from estimator.reproduction.runs.single_run import TRUTH, is_finished, work_done
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +136,7 @@ def _check(request: ReproductionRequest) -> None:
 def _keep_truth(root: Path) -> None:
     body, path = print_body(), root / TRUTH
     if not path.exists():
-        replace_file(path, lambda fresh: fresh.write_text(body, encoding="utf-8"))
+        replace_text(path, body)
     elif path.read_text("utf-8") != body:
         raise RunDirectoryError(
             f"The simulated robot has another body than the one of the runs in {root}: give "

@@ -1,4 +1,4 @@
-"""Replacing a file in one step."""
+"""Files that are replaced in one step."""
 
 from __future__ import annotations
 
@@ -55,6 +55,11 @@ def replace_file(
             os.unlink(fresh)
         raise
     _sync_folder(path.parent)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Replaces a text file, written in UTF-8, in one step; raises what ``replace_file`` does."""
+    replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 
 def _sync_folder(folder: Path) -> None:

@@ -27,7 +27,7 @@ from estimator.errors import RunDirectoryError
 from estimator.reproduction.runs.plan import Budget
 from estimator.storage.locking import lock
 from estimator.versions import versions
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_text
 
 LEDGER: Final = "reproduction.json"
 _LOCK: Final = "reproduction.lock"
@@ -115,8 +115,7 @@ class Ledger:
     def note(self) -> None:
         """Puts on disk how long this session has worked."""
         content = self._content.model_copy(update={"sessions": self.sessions})
-        text = content.model_dump_json(indent=2) + "\n"
-        replace_file(self._path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+        replace_text(self._path, content.model_dump_json(indent=2) + "\n")
 
     def _read(self, budget: Budget) -> _Content:
         if not self._path.exists():

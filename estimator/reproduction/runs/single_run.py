@@ -29,7 +29,7 @@ from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
 from estimator.storage.database import holds_run
 from estimator.storage.store import RunStore
 from protocol.errors import RobotUnreachableError
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_text
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"
@@ -163,7 +163,7 @@ def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) ->
                     programs=run.predicts,
                     listener=_WorkOnly(listener, store.settings.population / 2),
                 )
-    _write_json(directory / VALIDATION, validation)
+    replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
 
 
 def _score(run: PlannedRun, root: Path) -> None:
@@ -176,12 +176,7 @@ def _score(run: PlannedRun, root: Path) -> None:
             closing(in_this_process(REFERENCE, world)) as reference,
         ):
             run_score = score(store, problem, root / TRUTH, physics, reference)
-    _write_json(directory / SCORE, run_score)
-
-
-def _write_json(path: Path, document: BaseModel) -> None:
-    text = document.model_dump_json(indent=2) + "\n"
-    replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+    replace_text(directory / SCORE, run_score.model_dump_json(indent=2) + "\n")
 
 
 def _read(file: Path, kind: type[_Document]) -> _Document | None:

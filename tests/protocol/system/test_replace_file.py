@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_file, replace_text
 
 
 def put(path: Path, text: str, mode: int | None = None) -> None:
@@ -26,6 +26,11 @@ def test_the_content_comes_and_nothing_else_stays(tmp_path: Path) -> None:
         put(place, text)
         assert place.read_text() == text
     assert list(place.parent.iterdir()) == [place]
+
+
+def test_text_is_written_in_utf_8(tmp_path: Path) -> None:
+    replace_text(tmp_path / "file.txt", "Größe\n")
+    assert (tmp_path / "file.txt").read_bytes() == "Größe\n".encode()
 
 
 def test_the_writer_is_given_an_empty_file_with_the_same_suffix(tmp_path: Path) -> None:
