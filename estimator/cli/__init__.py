@@ -7,8 +7,8 @@ Module                  What is in it
                         ``validate``, ``doctor``, ``reproduce``
 ``command_line``        the list of the subcommands
 ``options``             options that several subcommands share
-``console``             what is said at a terminal, and how a command ends that went wrong
-``screen``              a run as a person watches it: a progress bar, the time left
+``console``             output to the terminal, and the end of a command that failed
+``screen``              the progress display of a run
 ``examination``         whether a robot can be reached and identified, and if not, why
 ======================= =========================================================================
 

@@ -1,4 +1,4 @@
-"""What the command says at a terminal, and how it ends when something went wrong."""
+"""Output to the terminal, and the end of a command that failed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from protocol.text.printable import printable
 
 
 class Terminal(Console):
-    """A console on which no text can do anything but be read.
+    """A console that prints text verbatim: no markup, no control characters.
 
     Names, sentences and phases come from robots, runs and files that others made: square brackets
     are no markup, and what is not printable is shown as an escape.
@@ -35,7 +35,7 @@ class Terminal(Console):
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterable[Segment]:
-        """Everything that is printed, drawn or shown live passes through here."""
+        """Escapes what is not printable; all output passes through here."""
         for segment in super().render(renderable, options):
             text = segment.text if segment.control else printable(segment.text, keep="\n")
             yield Segment(text, segment.style, segment.control)
@@ -55,8 +55,8 @@ def print_json(text: str) -> None:
 
 
 @contextmanager
-def sentences(run: Path | None) -> Iterator[None]:
-    """Turns what can go wrong into a sentence and exit code 1.
+def errors_as_sentences(run: Path | None) -> Iterator[None]:
+    """Turns expected errors into a sentence on standard error and exit code 1.
 
     Args:
         run: The run directory, when its work can be resumed.

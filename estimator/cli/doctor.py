@@ -5,14 +5,14 @@ from __future__ import annotations
 import typer
 from rich.text import Text
 
-from estimator.cli.console import out, sentences
+from estimator.cli.console import errors_as_sentences, out
 from estimator.cli.examination import ExaminedItem, Fitness, examine
 from estimator.cli.options import Keys, Robot
 
 
 def command(*, robot: Robot, keys: Keys = None) -> None:
     """Find out whether a robot can be identified, and why not; moves nothing."""
-    with sentences(None):
+    with errors_as_sentences(None):
         verdicts = [_print_finding(finding) for finding in examine(robot, keys)]
     if Fitness.BAD in verdicts:
         raise typer.Exit(1)

@@ -43,7 +43,7 @@ _KEY_TROUBLE: Final = (
 
 
 class Fitness(Enum):
-    """What a finding means."""
+    """How serious the result of a check is."""
 
     FINE = "fine"
     NOTE = "note"
@@ -52,7 +52,7 @@ class Fitness(Enum):
 
 @dataclass(frozen=True)
 class ExaminedItem:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     subject: str
     verdict: Fitness
@@ -60,7 +60,7 @@ class ExaminedItem:
 
 
 def examine(uri: str, keys: Path | None = None) -> Iterator[ExaminedItem]:
-    """Looks at a robot, from the network up; ends early where nothing more can be seen.
+    """Checks a robot, from the network up; ends early where further checks are impossible.
 
     Args:
         uri: ``tcp://host:port``.

@@ -9,7 +9,7 @@ from typing import Annotated, cast
 
 import typer
 
-from estimator.cli.console import err, out, print_run_directory, sentences
+from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Robot, open_physics
 from estimator.cli.screen import Screen
 from estimator.exploration.rules import RULES
@@ -112,7 +112,7 @@ def command(
         full_steps=full_steps,
         keys=keys,
     )
-    with sentences(place), open_physics(jobs, dask) as physics_of, Screen(err) as screen:
+    with errors_as_sentences(place), open_physics(jobs, dask) as physics_of, Screen(err) as screen:
         result = identify(place, order, physics_of, screen, report=write_report)
     print_result(out, result)
     print_run_directory(place)

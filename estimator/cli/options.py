@@ -49,7 +49,7 @@ PhysicsName: TypeAlias = Annotated[
 
 @contextmanager
 def open_physics(jobs: int, dask: str | None) -> Iterator[OpenPhysics]:
-    """Where ``--jobs`` and ``--dask`` have models simulated.
+    """Opens the back-ends of a command, as ``--jobs`` and ``--dask`` say.
 
     Args:
         jobs: Processes on this computer, where there is no cluster.

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli.console import err, fail, out, sentences
+from estimator.cli.console import err, errors_as_sentences, fail, out
 from estimator.cli.options import CORES, Dask, PhysicsName
 from estimator.cli.screen import Screen
 from estimator.parallel.cluster import Cluster
@@ -51,7 +51,7 @@ def command(
         physics=physics, interactions=interactions, population=population, generations=generations
     )
     with (
-        sentences(None),
+        errors_as_sentences(None),
         nullcontext() if dask is None else Cluster(dask) as cluster,
         Screen(err) as screen,
     ):

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli.console import err, out, print_run_directory, sentences
+from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
 from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, open_physics
 from estimator.cli.screen import Screen
 from estimator.identification.run import resume
@@ -24,7 +24,11 @@ def command(
     keys: Keys = None,
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
-    with sentences(directory), open_physics(jobs, dask) as physics_of, Screen(err) as screen:
+    with (
+        errors_as_sentences(directory),
+        open_physics(jobs, dask) as physics_of,
+        Screen(err) as screen,
+    ):
         result = resume(directory, physics_of, screen, robot=robot, keys=keys, report=write_report)
     print_result(out, result)
     print_run_directory(directory)

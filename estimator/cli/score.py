@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli.console import out, print_json, sentences, unless_unwritable
+from estimator.cli.console import errors_as_sentences, out, print_json, unless_unwritable
 from estimator.cli.options import CORES, Directory, Jobs
 from estimator.evaluation.score import Score, score
 from estimator.identification.final_population import with_last_word
@@ -31,7 +31,7 @@ def command(
     jobs: Jobs = CORES,
 ) -> None:
     """Compare the best model with the true body (the objective error)."""
-    with sentences(None), RunStore.open(directory, to_write=False) as store:
+    with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
         problem = problem_of(store)
         world = world_of(store, problem)
         with (

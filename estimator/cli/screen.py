@@ -1,4 +1,4 @@
-"""A run as a person watches it: a progress bar with the time left, and what is worth knowing."""
+"""The progress display of a run: a bar with the time left, and messages."""
 
 from __future__ import annotations
 

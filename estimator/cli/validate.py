@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli.console import err, out, sentences
+from estimator.cli.console import err, errors_as_sentences, out
 from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, open_physics
 from estimator.cli.screen import Screen
 from estimator.evaluation.validate import validate
@@ -29,7 +29,7 @@ def command(
 ) -> None:
     """Predict fresh motor programs, then perform them (the prediction error)."""
     with (
-        sentences(None),
+        errors_as_sentences(None),
         RunStore.open(directory) as store,
         open_physics(jobs, dask) as physics_of,
         Screen(err) as screen,

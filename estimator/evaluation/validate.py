@@ -1,4 +1,4 @@
-"""The prediction error: how well models foretell motor programs that they were never fitted to.
+"""The prediction error: how well models predict motor programs that they were not fitted to.
 
 It needs no truth, so it is the measure on a real robot. The predictions of all models are on disk
 before the first program is performed. Programs are predicted as they are commanded, so the robot's

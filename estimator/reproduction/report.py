@@ -10,7 +10,7 @@ from estimator.physics.backends import REFERENCE
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.terminal_tables import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
-from estimator.reproduction.figures.figure import Drawn
+from estimator.reproduction.figures.figure import DrawnFigure
 from estimator.reproduction.output_files import write_csv
 from estimator.reproduction.runs.ledger import LedgerEntry
 from estimator.reproduction.runs.plan import (
@@ -42,7 +42,7 @@ def write_report(
     *,
     budget: Budget,
     sessions: Sequence[LedgerEntry],
-    figures: Sequence[Drawn],
+    figures: Sequence[DrawnFigure],
     claims: ClaimsTable | None,
     runs: Sequence[Summary],
 ) -> None:

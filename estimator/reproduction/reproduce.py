@@ -1,4 +1,4 @@
-"""Does the runs that some figures need, as far as they are not done, and draws the figures."""
+"""Completes the runs that figures need, and draws the figures."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import Share
 from estimator.reproduction.figures import figure2, figure3, figure4, figure5, figure6
-from estimator.reproduction.figures.figure import Drawn
+from estimator.reproduction.figures.figure import DrawnFigure
 from estimator.reproduction.report import write_report
-from estimator.reproduction.runs.finished_run import Shelf
+from estimator.reproduction.runs.finished_run import FinishedRuns
 from estimator.reproduction.runs.ledger import Ledger
 from estimator.reproduction.runs.plan import (
     FIGURES,
@@ -26,7 +26,7 @@ from estimator.reproduction.runs.plan import (
     planned_runs,
     work_of,
 )
-from estimator.reproduction.runs.progress import Overall
+from estimator.reproduction.runs.progress import OverallProgress
 from estimator.reproduction.runs.robot_process import print_body
 from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Workers
 from estimator.reproduction.runs.run_summary import summarise
@@ -37,7 +37,7 @@ from protocol.system.replace_file import replace_text
 
 @dataclass(frozen=True, kw_only=True)
 class ReproductionRequest:
-    """What a person asks for.
+    """Which figures to reproduce, and how.
 
     Attributes:
         figures: Some of ``plan.FIGURES``.
@@ -56,7 +56,7 @@ class ReproductionRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class ReproductionResult:
-    """What came of it.
+    """The outcome of a reproduction.
 
     Attributes:
         figures: As drawn.
@@ -64,7 +64,7 @@ class ReproductionResult:
         failures: Runs that could not be finished, with the reason.
     """
 
-    figures: tuple[Drawn, ...]
+    figures: tuple[DrawnFigure, ...]
     claims: ClaimsTable | None
     failures: dict[PlannedRun, str]
 
@@ -85,7 +85,7 @@ def figures_of(name: str) -> tuple[str, ...]:
 def reproduce(
     root: Path, request: ReproductionRequest, listener: Listener, *, cluster: Cluster | None = None
 ) -> ReproductionResult:
-    """Does what is asked for, from wherever the directory says that it stands.
+    """Completes the runs that figures need, resuming those that are begun, and draws the figures.
 
     Args:
         root: The reproduction's directory.
@@ -109,8 +109,8 @@ def reproduce(
             listener.say("Nothing is lost: the same command goes on from here.")
             raise
         listener.say("Drawing.")
-        shelf = Shelf(root)
-        drawn, claims = _draw(shelf, request)
+        finished_runs = FinishedRuns(root)
+        drawn, claims = _draw(finished_runs, request)
         summaries = [summarise(run, root, failures.get(run)) for run in runs]
         write_report(
             root,
@@ -151,11 +151,11 @@ def _do(
     listener: Listener,
     ledger: Ledger,
 ) -> dict[PlannedRun, str]:
-    """Does what is left to do; returns what failed, with the reason."""
+    """Completes the unfinished runs; returns those that failed, with the reason."""
     left = [run for run in runs if not is_finished(run, root)]
     if len(left) < len(runs):
         listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")
-    overall = Overall(
+    progress = OverallProgress(
         listener,
         {run: work_of(run) for run in left},
         {run: work_done(run, root) for run in left},
@@ -164,42 +164,42 @@ def _do(
     with workers:
         for run, news in workers.do(left):
             if isinstance(news, Worked):
-                overall.worked(run, news.work)
+                progress.worked(run, news.work)
             elif isinstance(news, Said):
                 listener.say(f"{run.name}: {news.sentence}")
             elif isinstance(news, Ended):
                 if news.failure is not None:
                     failures[run] = news.failure
-                overall.ended(run, summarise(run, root, news.failure).sentence)
+                progress.ended(run, summarise(run, root, news.failure).sentence)
                 ledger.note()
     return failures
 
 
 def _draw(
-    shelf: Shelf, request: ReproductionRequest
-) -> tuple[tuple[Drawn, ...], ClaimsTable | None]:
+    finished_runs: FinishedRuns, request: ReproductionRequest
+) -> tuple[tuple[DrawnFigure, ...], ClaimsTable | None]:
     budget, runs, asked = request.budget, request.runs, request.figures
     samples: Samples | None = None
     successes: Share | None = None
     drawn = []
     if "fig2" in asked:
-        drawn.append(figure2.make(shelf, budget))
+        drawn.append(figure2.make(finished_runs, budget))
     if "fig3" in asked:
-        models = figure3.make(shelf, budget, runs)
+        models = figure3.make(finished_runs, budget, runs)
         samples = models.samples
         drawn.append(models.drawn)
     if "fig4" in asked:
-        drawn.append(figure4.make(shelf, budget, runs))
+        drawn.append(figure4.make(finished_runs, budget, runs))
     if "fig5" in asked:
-        drawn.append(figure5.make(shelf, budget, runs))
+        drawn.append(figure5.make(finished_runs, budget, runs))
     if "fig6" in asked:
-        counted, successes = figure6.make(shelf, budget, runs, figure6.FOUR_BY_FOUR)
+        counted, successes = figure6.make(finished_runs, budget, runs, figure6.FOUR_BY_FOUR)
         drawn.append(counted)
     if "fig6-8x4" in asked:
-        counted, _ = figure6.make(shelf, budget, runs, figure6.EIGHT_BY_FOUR)
+        counted, _ = figure6.make(finished_runs, budget, runs, figure6.EIGHT_BY_FOUR)
         drawn.append(counted)
     if samples is None and successes is None:
         return tuple(drawn), None
     table = ClaimsTable.of(samples, successes)
-    table.write(shelf.root)
+    table.write(finished_runs.root)
     return tuple(drawn), table

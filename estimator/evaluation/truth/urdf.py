@@ -89,7 +89,7 @@ class Collision(_Element, tag="collision"):
 
 
 class Mass(_Element, tag="mass"):
-    """kg."""
+    """A mass, kg."""
 
     value: _Positive = attr()
 

@@ -13,14 +13,14 @@ from estimator.reproduction.claims.paper_claims import (
     TILT_ALONE,
     TILT_ALONE_DOES_NOT,
     TILT_ALONE_SUFFICES,
-    Aside,
     Samples,
-    SuccessFinding,
+    SuccessRateComparison,
+    TiltAloneComparison,
     VariantComparison,
     judge,
     judge_successes,
-    overall,
     tilt_alone,
+    verdict_on,
 )
 from estimator.reproduction.claims.statistics import MeanDifference, Share
 from estimator.reproduction.output_files import write_csv, write_json
@@ -39,8 +39,8 @@ class ClaimsTable:
     """All verdicts; what was not run is empty or ``None``."""
 
     findings: tuple[VariantComparison, ...]
-    asides: tuple[Aside, ...]
-    successes: SuccessFinding | None
+    asides: tuple[TiltAloneComparison, ...]
+    successes: SuccessRateComparison | None
 
     @classmethod
     def of(cls, samples: Samples | None, successes: Share | None) -> ClaimsTable:
@@ -71,8 +71,8 @@ class ClaimsTable:
             rows = [item for item in self.findings if item.panel == statement.panel]
             held = sum(item.verdict == "holds" for item in rows)
             paragraphs += [
-                f"**Figure {statement.panel}: {overall(statement, rows)}** ({held} of {len(rows)} "
-                f'hold). "{statement.words}"',
+                f"**Figure {statement.panel}: {verdict_on(statement, rows)}** "
+                f'({held} of {len(rows)} hold). "{statement.words}"',
                 "\n".join(
                     [
                         "| better | than | pairs | means (mm) | difference (mm) | p | p, Holm | "
@@ -120,7 +120,7 @@ def _row(item: VariantComparison) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-def _aside(item: Aside) -> str:
+def _aside(item: TiltAloneComparison) -> str:
     if item.p is None:
         return f"Figure {item.panel}: not run."
     alone, other = item.means
@@ -134,7 +134,7 @@ def _aside(item: Aside) -> str:
     )
 
 
-def _successes(item: SuccessFinding) -> str:
+def _successes(item: SuccessRateComparison) -> str:
     ours, papers = item.ours, item.papers
     needed = "more runs"
     if item.refuting is not None:

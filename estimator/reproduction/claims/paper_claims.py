@@ -128,7 +128,7 @@ class VariantComparison:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Aside:
+class TiltAloneComparison:
     """Tilt alone beside tilt with more.
 
     No claim, for the paper says both that tilt alone suffices and that it does not.
@@ -149,7 +149,7 @@ class Aside:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SuccessFinding:
+class SuccessRateComparison:
     """How often all configurations were found, beside the paper's 1 in 10.
 
     Attributes:
@@ -231,15 +231,15 @@ def judge(samples: Samples) -> tuple[VariantComparison, ...]:
     return tuple(comparisons)
 
 
-def overall(statement: Statement, findings: Sequence[VariantComparison]) -> ClaimVerdict:
+def verdict_on(statement: Statement, comparisons: Sequence[VariantComparison]) -> ClaimVerdict:
     """The verdict on a sentence of the paper: that on its weakest claim."""
-    verdicts = {item.verdict for item in findings if item.panel == statement.panel}
+    verdicts = {item.verdict for item in comparisons if item.panel == statement.panel}
     if "contradicted" in verdicts:
         return "contradicted"
     return "holds" if verdicts == {"holds"} else "not shown"
 
 
-def tilt_alone(samples: Samples) -> tuple[Aside, ...]:
+def tilt_alone(samples: Samples) -> tuple[TiltAloneComparison, ...]:
     """How models that know tilt alone compare with those that know more."""
     panels: tuple[Panel, ...] = ("3a", "3b")
     asides = []
@@ -247,7 +247,7 @@ def tilt_alone(samples: Samples) -> tuple[Aside, ...]:
         for number in TILT_AND_MORE:
             pair = _Paired.of(samples, panel, TILT_ALONE, number)
             asides.append(
-                Aside(
+                TiltAloneComparison(
                     panel=panel,
                     other=number,
                     means=pair.means,
@@ -258,7 +258,7 @@ def tilt_alone(samples: Samples) -> tuple[Aside, ...]:
     return tuple(asides)
 
 
-def judge_successes(ours: Share) -> SuccessFinding:
+def judge_successes(ours: Share) -> SuccessRateComparison:
     """The verdict on the paper's success rate.
 
     It is contradicted where the two rates differ significantly. Otherwise it is not refuted, which
@@ -271,7 +271,7 @@ def judge_successes(ours: Share) -> SuccessFinding:
     refuting = (
         number for number in more if rates_differ(share(number, ours.trials), papers) < SIGNIFICANT
     )
-    return SuccessFinding(
+    return SuccessRateComparison(
         ours=ours,
         papers=papers,
         p=p,

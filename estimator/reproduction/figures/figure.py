@@ -17,7 +17,7 @@ Row = tuple[object, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drawn:
+class DrawnFigure:
     """A figure as the report shows it.
 
     Attributes:

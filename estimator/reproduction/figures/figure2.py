@@ -8,13 +8,13 @@ from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.terminal_tables import number
 from estimator.reproduction.figures.figure import (
     HISTORY,
-    Drawn,
+    DrawnFigure,
     Row,
     history_numbers,
     history_rows,
     write_figure,
 )
-from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
+from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import Budget, typical_runs
 
 NAME = "fig2"
@@ -27,11 +27,13 @@ CAPTION = (
 )
 
 
-def make(shelf: Shelf, budget: Budget) -> Drawn:
+def make(finished_runs: FinishedRuns, budget: Budget) -> DrawnFigure:
     """Draws the figure and writes its files."""
-    finished = list(shelf.read(typical_runs(budget)))
+    finished = list(finished_runs.read(typical_runs(budget)))
     if len(finished) < len(PANELS):
-        return Drawn(name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False)
+        return DrawnFigure(
+            name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False
+        )
     picture = Figure(figsize=(11, 7.4), layout="constrained")
     axes = picture.subplots(2, 2)
     rows: list[Row] = []
@@ -56,8 +58,10 @@ def make(shelf: Shelf, budget: Budget) -> Drawn:
             for run, panels in zip(finished, PANELS, strict=True)
         },
     }
-    write_figure(shelf.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
-    return Drawn(name=NAME, caption=CAPTION, sentences=tuple(_sentence(run) for run in finished))
+    write_figure(finished_runs.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
+    return DrawnFigure(
+        name=NAME, caption=CAPTION, sentences=tuple(_sentence(run) for run in finished)
+    )
 
 
 def _sentence(run: FinishedRun) -> str:

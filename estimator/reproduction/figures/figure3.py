@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from estimator.body.morphology import Array
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import mean_and_deviation
-from estimator.reproduction.figures.figure import Drawn, Row, write_figure
+from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.figures.random_models import Quality, quality, random_models
-from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
+from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import Budget, parametric_runs
 from estimator.reproduction.runs.variants import VARIANTS
 
@@ -57,21 +57,21 @@ class _Cell:
 class Figure3:
     """The figure, and the samples that the claims are about."""
 
-    drawn: Drawn
+    drawn: DrawnFigure
     samples: Samples
 
 
-def make(shelf: Shelf, budget: Budget, runs: int | None) -> Figure3:
+def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Figure3:
     """Draws the figure and writes its files."""
     cells: list[_Cell] = []
     chance: Quality | None = None
     for variant in VARIANTS:
-        for run in shelf.read(parametric_runs(variant, runs, budget)):
+        for run in finished_runs.read(parametric_runs(variant, runs, budget)):
             cells += _cells(run)
             if chance is None:
                 chance = random_models(run.genome, run.true_lengths)
     if chance is None:
-        missing = Drawn(
+        missing = DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
         return Figure3(missing, {})
@@ -106,14 +106,16 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Figure3:
         },
     }
     write_figure(
-        shelf.root,
+        finished_runs.root,
         NAME,
         picture,
         header=HEADER,
         rows=[_row(cell) for cell in cells],
         numbers=numbers,
     )
-    drawn = Drawn(name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, by_chance))
+    drawn = DrawnFigure(
+        name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, by_chance)
+    )
     return Figure3(drawn, _samples(cells, iterations))
 
 

@@ -12,13 +12,13 @@ from estimator.report.plots import draw_errors, draw_lengths, mark_iterations
 from estimator.report.terminal_tables import number
 from estimator.reproduction.figures.figure import (
     HISTORY,
-    Drawn,
+    DrawnFigure,
     Row,
     history_numbers,
     history_rows,
     write_figure,
 )
-from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
+from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import Budget, PlannedRun, topological_runs
 
 NAME: Final = "fig4"
@@ -33,21 +33,21 @@ CAPTION: Final = (
 _LETTERS: Final = {"parent": "P", "side": "O", "hinge": "J"}
 
 
-def choose(shelf: Shelf, budget: Budget, runs: int | None) -> PlannedRun | None:
+def choose(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> PlannedRun | None:
     """The first successful run by seed, or where there is none the one that has most right."""
-    scores = {run: shelf.score(run) for run in topological_runs(runs, budget)}
+    scores = {run: finished_runs.score(run) for run in topological_runs(runs, budget)}
     right = {run: score.configurations_right for run, score in scores.items() if score}
     return max(right, key=lambda run: right[run], default=None)  # the first of equals
 
 
-def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
+def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> DrawnFigure:
     """Draws the figure and writes its files."""
-    chosen = choose(shelf, budget, runs)
+    chosen = choose(finished_runs, budget, runs)
     if chosen is None:
-        return Drawn(
+        return DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
-    (run,) = shelf.read([chosen])
+    (run,) = finished_runs.read([chosen])
     right = np.array([run.configurations_right(item) for item in run.generations])
     names = _names(run)
     picture = Figure(figsize=(12, 8), layout="constrained")
@@ -74,8 +74,8 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
         "right_at_iteration_ends": [right[item.number].tolist() for item in run.iteration_ends],
         "first_generation_with_all_right": _first_with_all(right),
     }
-    write_figure(shelf.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
-    return Drawn(name=NAME, caption=CAPTION, sentences=_sentences(run, right))
+    write_figure(finished_runs.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
+    return DrawnFigure(name=NAME, caption=CAPTION, sentences=_sentences(run, right))
 
 
 def _names(run: FinishedRun) -> list[str]:

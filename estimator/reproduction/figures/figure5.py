@@ -19,7 +19,7 @@ from estimator.physics.base import Readings
 from estimator.readings.observation import Observation
 from estimator.report.plots import COLOURS
 from estimator.reproduction.figures.camera import reach, take_picture
-from estimator.reproduction.figures.figure import Drawn, Row, write_figure
+from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.figures.figure4 import choose
 from estimator.reproduction.figures.scene import (
     Attitude,
@@ -28,7 +28,7 @@ from estimator.reproduction.figures.scene import (
     model_solids,
     robot_solids,
 )
-from estimator.reproduction.runs.finished_run import FinishedRun, Shelf, observed
+from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns, observed
 from estimator.reproduction.runs.plan import Budget
 from estimator.reproduction.runs.single_run import TRUTH
 
@@ -58,16 +58,16 @@ class _Subject:
     attitude: Attitude
 
 
-def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
+def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> DrawnFigure:
     """Draws the figure and writes its files."""
-    chosen = choose(shelf, budget, runs)
+    chosen = choose(finished_runs, budget, runs)
     if chosen is None:
-        return Drawn(
+        return DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
-    (run,) = shelf.read([chosen])
+    (run,) = finished_runs.read([chosen])
     poses = [observed(item) for item in (run.interactions[0], *run.predictions[:1])]
-    subjects = [[_robot(run, shelf, pose), *_models(run, pose)] for pose in poses]
+    subjects = [[_robot(run, finished_runs, pose), *_models(run, pose)] for pose in poses]
     radius = max(reach(item.solids) for line in subjects for item in line)
     picture = Figure(figsize=(14, 6.2), layout="constrained")
     axes = picture.subplots(len(poses), len(subjects[0]), squeeze=False)
@@ -95,11 +95,11 @@ def make(shelf: Shelf, budget: Budget, runs: int | None) -> Drawn:
         "seed": run.planned.seed,
         "poses": [dict(zip(HEADER, row, strict=True)) for row in rows],
     }
-    write_figure(shelf.root, NAME, picture, header=HEADER, rows=rows, numbers=numbers)
-    return Drawn(name=NAME, caption=CAPTION, sentences=(_sentence(run, subjects),))
+    write_figure(finished_runs.root, NAME, picture, header=HEADER, rows=rows, numbers=numbers)
+    return DrawnFigure(name=NAME, caption=CAPTION, sentences=(_sentence(run, subjects),))
 
 
-def _robot(run: FinishedRun, shelf: Shelf, pose: Observation) -> _Subject:
+def _robot(run: FinishedRun, finished_runs: FinishedRuns, pose: Observation) -> _Subject:
     joints = [joint["name"] for joint in run.result.robot["joints"]]
     driven = {joints[motor]: motor for motor in run.problem.motors.driven}
     angles = dict(zip(joints, pose.angles, strict=True))
@@ -109,7 +109,7 @@ def _robot(run: FinishedRun, shelf: Shelf, pose: Observation) -> _Subject:
         clearance=pose.clearance,
         saturated=pose.clearance_saturated,
     )
-    solids = robot_solids(read_urdf(shelf.root / TRUTH), angles, driven)
+    solids = robot_solids(read_urdf(finished_runs.root / TRUTH), angles, driven)
     return _Subject(
         name="robot", solids=at_rest(solids, attitude), touch=pose.touch, attitude=attitude
     )

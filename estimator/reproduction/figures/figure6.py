@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.reproduction.claims.statistics import Share, share
-from estimator.reproduction.figures.figure import Drawn, Row, write_figure
-from estimator.reproduction.runs.finished_run import FinishedRun, Shelf
+from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
+from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, Budget, topological_runs
 
 _CAPTION: Final = (
@@ -58,13 +58,13 @@ EIGHT_BY_FOUR: Final = Study(
 
 
 def make(
-    shelf: Shelf, budget: Budget, runs: int | None, study: Study
-) -> tuple[Drawn, Share | None]:
+    finished_runs: FinishedRuns, budget: Budget, runs: int | None, study: Study
+) -> tuple[DrawnFigure, Share | None]:
     """Draws the figure of a study and writes its files; the share of runs with all right."""
-    finished = list(shelf.read(topological_runs(runs, budget, study.problem)))
+    finished = list(finished_runs.read(topological_runs(runs, budget, study.problem)))
     if not finished:
         missing = ("All runs are missing.",)
-        return Drawn(
+        return DrawnFigure(
             name=study.name, caption=study.caption, sentences=missing, complete=False
         ), None
     total = finished[0].score.configurations_total
@@ -95,7 +95,7 @@ def make(
         "truth_fits_worse_than_the_best_model": hidden,
     }
     write_figure(
-        shelf.root,
+        finished_runs.root,
         study.name,
         picture,
         header=HEADER,
@@ -113,7 +113,7 @@ def make(
         "than the best one that was found. Where by much, its simulation comes to rest otherwise "
         "in some interaction than the robot did, and the search is led away from it.",
     )
-    return Drawn(name=study.name, caption=study.caption, sentences=sentences), successes
+    return DrawnFigure(name=study.name, caption=study.caption, sentences=sentences), successes
 
 
 def _is_hidden(run: FinishedRun) -> bool:

@@ -1,4 +1,4 @@
-"""What knowing nothing is worth: models drawn at random."""
+"""Models drawn at random: the baseline of Figure 3."""
 
 from __future__ import annotations
 

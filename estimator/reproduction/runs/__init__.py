@@ -3,12 +3,12 @@
 ======================= ==================================================================
 ``plan``                seeds and runs, fixed in code before any run
 ``variants``            the seven experimental variants, in the order of Figure 3's caption
-``robot_process``       a ``sim-robotd`` of one's own
+``robot_process``       a ``sim-robotd`` process for one run
 ``single_run``          one run from start to end
 ``run_processes``       runs in parallel on this computer
 ``runs_on_cluster``     runs on other computers
 ``progress``            how far a reproduction is, and how long the rest will take
-``ledger``              the directory of a reproduction
+``ledger``              the record of a reproduction: its budget and its sessions
 ``finished_run``        what the figures read of a finished run
 ``run_summary``         a run as one line of a list
 ======================= ==================================================================

@@ -126,8 +126,8 @@ def observed(item: InteractionRecord) -> Observation:
     return item.observation
 
 
-class Shelf:
-    """The finished runs below a reproduction's directory; others are not there.
+class FinishedRuns:
+    """Reads the finished runs of a reproduction; unfinished ones are left out.
 
     Args:
         root: The reproduction's directory.

@@ -1,4 +1,4 @@
-"""What a reproduction's directory knows of itself: what its runs were asked for, and by whom.
+"""The record of a reproduction: the budget of its runs, and every start of the command.
 
 Layout of the directory::
 

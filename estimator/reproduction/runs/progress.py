@@ -9,7 +9,7 @@ from estimator.identification.listener import Listener
 from estimator.reproduction.runs.plan import PlannedRun
 
 
-class Overall:
+class OverallProgress:
     """Progress over all runs, by work rather than by number: runs differ a hundredfold.
 
     Args:

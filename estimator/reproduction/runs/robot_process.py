@@ -1,4 +1,4 @@
-"""A simulated robot of one's own: ``sim-robotd`` as a process, started by command like by a person.
+"""A ``sim-robotd`` process for one run, started by its command as a person would start it.
 
 Its noise comes from its seed and the number of the interaction, so a robot that was started anew
 feels what its predecessor felt, once it has performed what its predecessor had performed.

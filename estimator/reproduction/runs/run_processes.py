@@ -15,7 +15,7 @@ from typing import Final, Self, TypeAlias
 from estimator.identification.listener import Listener
 from estimator.parallel.worker_processes import Raised, Returned, Work, WorkerProcesses
 from estimator.reproduction.runs.plan import PlannedRun
-from estimator.reproduction.runs.single_run import see_through
+from estimator.reproduction.runs.single_run import complete_run
 from protocol.errors import BodyschemaError
 
 FAILURES: Final = (BodyschemaError, OSError, sqlite3.Error)
@@ -31,7 +31,7 @@ class Worked:
 
 @dataclass(frozen=True)
 class Said:
-    """Something that a person should know."""
+    """A message for the user."""
 
     sentence: str
 
@@ -80,8 +80,8 @@ class Workers:
             yield runs[index], news
 
 
-class _Teller(Listener):
-    """Passes on what a run's owner wants to know of it."""
+class _EventListener(Listener):
+    """Sends a run's progress to the process that started it."""
 
     def __init__(self, tell: Callable[[Worked | Said], None]):
         self._tell = tell
@@ -94,4 +94,4 @@ class _Teller(Listener):
 
 
 def _start(root: Path) -> Work[PlannedRun, Worked | Said, None]:
-    return lambda run, tell: see_through(run, root, _Teller(tell))
+    return lambda run, tell: complete_run(run, root, _EventListener(tell))

@@ -24,9 +24,9 @@ from estimator.reproduction.runs.run_processes import FAILURES, Ended, News, Sai
 from estimator.reproduction.runs.single_run import (
     SCORE,
     TRUTH,
+    complete_run,
     has_begun,
     is_finished,
-    see_through,
     work_done,
 )
 from estimator.storage.database import DATABASE
@@ -39,7 +39,7 @@ TURN: Final = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Turn:
-    """What came of a turn.
+    """The outcome of a turn.
 
     Attributes:
         files: By their path below the run directory: all of them when the run is finished, or
@@ -123,14 +123,14 @@ class ClusterWorkers:
 
 
 class _TurnOver(Exception):  # noqa: N818  not an error
-    """Enough for one turn."""
+    """The time of a turn is up."""
 
 
 class _NoLongerWanted(Exception):  # noqa: N818  not an error
-    """Nobody waits for the result any more."""
+    """The run was cancelled."""
 
 
-class _Clock(Listener):
+class _TurnListener(Listener):
     """Ends a turn when its time is up, provided that it has brought anything.
 
     What a run is doing between two commits would be done again in the next turn, for ever if it
@@ -164,10 +164,10 @@ def _take_turn(run: PlannedRun, truth: str, database: bytes | None, seconds: flo
         (root / TRUTH).write_text(truth, encoding="utf-8")
         if database is not None:
             (directory / DATABASE).write_bytes(database)
-        clock = _Clock(run, root, seconds)
+        clock = _TurnListener(run, root, seconds)
         failure = None
         try:
-            see_through(run, root, clock)
+            complete_run(run, root, clock)
         except _TurnOver:
             pass
         except FAILURES as error:

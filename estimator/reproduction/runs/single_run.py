@@ -41,7 +41,7 @@ _write = partial(write_report, plots=False)
 
 @dataclass(frozen=True, kw_only=True)
 class Documents:
-    """What a finished run has written.
+    """The result files of a finished run.
 
     Attributes:
         result: Its outcome.
@@ -55,7 +55,7 @@ class Documents:
 
 
 def documents(run: PlannedRun, root: Path) -> Documents | None:
-    """What a run has written; ``None`` where it is not finished."""
+    """Reads a run's result files; ``None`` where it is not finished."""
     directory = run.directory(root)
     result, score = _read(directory / RESULT, Result), _read(directory / SCORE, Score)
     validation = _read(directory / VALIDATION, Validation)
@@ -65,12 +65,12 @@ def documents(run: PlannedRun, root: Path) -> Documents | None:
 
 
 def is_finished(run: PlannedRun, root: Path) -> bool:
-    """Whether there is nothing left to do."""
+    """Whether a run has written all its files."""
     return documents(run, root) is not None
 
 
 def has_begun(run: PlannedRun, root: Path) -> bool:
-    """Whether there is anything to resume."""
+    """Whether a run has a database to resume from."""
     return holds_run(run.directory(root))
 
 
@@ -89,7 +89,7 @@ def work_done(run: PlannedRun, root: Path) -> float:
         )
 
 
-def see_through(run: PlannedRun, root: Path, listener: Listener) -> None:
+def complete_run(run: PlannedRun, root: Path, listener: Listener) -> None:
     """Begins or resumes a run, and leaves it finished.
 
     A robot that fails is replaced by a new one, some times.
@@ -105,7 +105,7 @@ def see_through(run: PlannedRun, root: Path, listener: Listener) -> None:
     for attempt in range(1, _ATTEMPTS + 1):
         try:
             with RobotProcess(run.seed) as robot:
-                _see_through(run, root, robot.uri, listener)
+                _search_and_validate(run, root, robot.uri, listener)
             break
         except (InteractionError, RobotUnreachableError) as error:
             if attempt == _ATTEMPTS:
@@ -114,7 +114,7 @@ def see_through(run: PlannedRun, root: Path, listener: Listener) -> None:
     _score(run, root)
 
 
-def _see_through(run: PlannedRun, root: Path, uri: str, listener: Listener) -> None:
+def _search_and_validate(run: PlannedRun, root: Path, uri: str, listener: Listener) -> None:
     directory, quietly = run.directory(root), _WorkOnly(listener)
     if has_begun(run, root):
         with RunStore.open(directory, to_write=False) as store:
@@ -127,7 +127,7 @@ def _see_through(run: PlannedRun, root: Path, uri: str, listener: Listener) -> N
 
 
 class _WorkOnly(Listener):
-    """Passes on how much is done, in simulations: what one run has to say is not news of many.
+    """Passes on only how much work is done, in simulations, and nothing that is said.
 
     Args:
         listener: Who is told.

@@ -37,7 +37,7 @@ def performed(
         link.close()
 
 
-def test_the_true_model_foretells_what_random_ones_do_not(
+def test_the_true_model_predicts_what_random_ones_do_not(
     run: tuple[RunStore, Problem], physics: PyBulletPhysics
 ) -> None:
     robot = ModelRobot()

@@ -34,7 +34,7 @@ from estimator.reproduction.runs.plan import Budget, PlannedRun, typical_runs
 from estimator.reproduction.runs.robot_process import print_body
 from estimator.reproduction.runs.run_processes import Ended, Worked
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
-from estimator.reproduction.runs.single_run import TRUTH, see_through
+from estimator.reproduction.runs.single_run import TRUTH, complete_run
 from estimator.storage.store import RunStore
 from tests.estimator.dask_cluster import (
     ROOT,
@@ -290,7 +290,7 @@ def truth() -> str:
 def done_here(tmp_path_factory: pytest.TempPathFactory, truth: str) -> Path:
     root = tmp_path_factory.mktemp("here")
     (root / TRUTH).write_text(truth)
-    see_through(RUN, root, Listener())
+    complete_run(RUN, root, Listener())
     return RUN.directory(root)
 
 

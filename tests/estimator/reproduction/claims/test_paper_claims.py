@@ -14,8 +14,8 @@ from estimator.reproduction.claims.paper_claims import (
     Panel,
     judge,
     judge_successes,
-    overall,
     tilt_alone,
+    verdict_on,
 )
 from estimator.reproduction.claims.statistics import share
 
@@ -47,28 +47,28 @@ def test_the_claims_are_those_that_were_declared() -> None:
 def test_what_the_paper_says_would_hold() -> None:
     comparisons = judge(samples(as_the_paper_has_it))
     assert {item.verdict for item in comparisons} == {"holds"}
-    assert [overall(statement, comparisons) for statement in STATEMENTS] == ["holds", "holds"]
+    assert [verdict_on(statement, comparisons) for statement in STATEMENTS] == ["holds", "holds"]
     assert all(item.corrected >= item.p for item in comparisons if item.p and item.corrected)
 
 
 def test_the_opposite_contradicts() -> None:
     comparisons = judge(samples(lambda panel, number: -as_the_paper_has_it(panel, number)))
     assert {item.verdict for item in comparisons} == {"contradicted"}
-    assert overall(STATEMENTS[0], comparisons) == "contradicted"
+    assert verdict_on(STATEMENTS[0], comparisons) == "contradicted"
 
 
 def test_no_difference_shows_nothing() -> None:
     comparisons = judge(samples(lambda panel, number: 0.05))
     assert "holds" not in {item.verdict for item in comparisons}
-    assert overall(STATEMENTS[0], comparisons) == "not shown"
+    assert verdict_on(STATEMENTS[0], comparisons) == "not shown"
 
 
 def test_one_weak_claim_weakens_the_sentence() -> None:
     comparisons = judge(
         samples(lambda panel, number: 0.06 if number == 6 else as_the_paper_has_it(panel, number))
     )
-    assert overall(STATEMENTS[0], comparisons) == "not shown"
-    assert overall(STATEMENTS[1], comparisons) == "holds"
+    assert verdict_on(STATEMENTS[0], comparisons) == "not shown"
+    assert verdict_on(STATEMENTS[1], comparisons) == "holds"
 
 
 def test_a_variant_without_runs_is_not_shown() -> None:

@@ -4,7 +4,7 @@ import pytest
 
 from estimator.identification.listener import Listener
 from estimator.reproduction.runs.plan import Budget, topological_runs
-from estimator.reproduction.runs.progress import Overall, in_words
+from estimator.reproduction.runs.progress import OverallProgress, in_words
 
 ONE, TWO = topological_runs(2, Budget())
 
@@ -28,25 +28,25 @@ class Heard(Listener):
 def test_time_left_follows_the_pace_of_this_session_over_all_runs() -> None:
     now = 0.0
     heard = Heard()
-    overall = Overall(heard, {ONE: 100, TWO: 300}, {ONE: 50}, clock=lambda: now)
+    progress = OverallProgress(heard, {ONE: 100, TWO: 300}, {ONE: 50}, clock=lambda: now)
     assert (heard.total, heard.done) == (400, 50)
-    assert overall.seconds_left() is None
+    assert progress.seconds_left() is None
     now = 10.0
-    overall.worked(TWO, 50)
-    assert overall.seconds_left() == pytest.approx(60)  # 300 left, 5 a second
+    progress.worked(TWO, 50)
+    assert progress.seconds_left() == pytest.approx(60)  # 300 left, 5 a second
     now = 20.0
-    overall.ended(ONE, "fine")
-    assert overall.seconds_left() == pytest.approx(50)
+    progress.ended(ONE, "fine")
+    assert progress.seconds_left() == pytest.approx(50)
     assert heard.said == [f"1/2 {ONE.name}: fine; about 50 s left"]
-    overall.ended(TWO, "fine")
+    progress.ended(TWO, "fine")
     assert heard.done == heard.total
     assert heard.said[-1] == f"2/2 {TWO.name}: fine"
 
 
 def test_more_work_than_was_expected_does_not_overflow() -> None:
     heard = Heard()
-    overall = Overall(heard, {ONE: 100}, {})
-    overall.worked(ONE, 150)
+    progress = OverallProgress(heard, {ONE: 100}, {})
+    progress.worked(ONE, 150)
     assert heard.done == 100
 
 

@@ -18,9 +18,9 @@ from estimator.reproduction.runs.plan import PlannedRun, work_of
 from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
 from estimator.reproduction.runs.single_run import (
     SCORE,
+    complete_run,
     has_begun,
     is_finished,
-    see_through,
     work_done,
 )
 from estimator.storage.database import DATABASE
@@ -71,13 +71,13 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
     whole = tmp_path_factory.mktemp("whole")
     (whole / single_run.TRUTH).write_text(body)
     counting = Breaking()
-    see_through(topological, whole, counting)
+    complete_run(topological, whole, counting)
     assert counting.work == work_of(topological)
 
     breaks = 0
     while not is_finished(topological, root):
         try:
-            see_through(topological, root, Breaking(after=breaks + 1))
+            complete_run(topological, root, Breaking(after=breaks + 1))
         except KeyboardInterrupt:
             breaks += 1
     assert breaks == 4  # of 4 generations, then 2 predictions, twice, and 2 performances
@@ -107,20 +107,20 @@ def test_what_is_damaged_or_of_another_version_is_written_again(
     topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: bytes
 ) -> None:
     monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
-    see_through(topological, root, Breaking())
+    complete_run(topological, root, Breaking())
     assert is_finished(topological, root)
     before = history(topological, root)
     file = topological.directory(root) / name
     file.write_bytes(text)
     assert not is_finished(topological, root)
-    see_through(topological, root, Breaking())
+    complete_run(topological, root, Breaking())
     assert is_finished(topological, root)
     assert history(topological, root) == before
 
 
 def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        see_through(topological, root, Breaking(after=1))
+        complete_run(topological, root, Breaking(after=1))
     with (
         RunStore.open(topological.directory(root), to_write=False) as store,
         RobotProcess(topological.seed + 1) as robot,
@@ -134,7 +134,7 @@ def test_how_far_a_run_is(topological: PlannedRun, root: Path) -> None:
     assert work_done(topological, root) == 0
     breaking = Breaking(after=1)
     with pytest.raises(KeyboardInterrupt):
-        see_through(topological, root, breaking)
+        complete_run(topological, root, breaking)
     assert has_begun(topological, root)
     assert work_done(topological, root) == breaking.work == 4
 
@@ -148,5 +148,5 @@ def test_a_database_that_was_never_filled_is_no_beginning(
     (directory / DATABASE).touch()
     assert not has_begun(topological, root)
     with pytest.raises(KeyboardInterrupt):
-        see_through(topological, root, Breaking(after=1))
+        complete_run(topological, root, Breaking(after=1))
     assert has_begun(topological, root)
