@@ -34,7 +34,13 @@ def check_board(
     counts: dict[int, int] = {}
     if not settings.reads_back:
         unseen = "It cannot be read back: where the servos stand is not known."
-        return [look(subject, f"{servos.name}: {unseen}", "Watch them, with --move.")], {}
+        return [
+            look(
+                subject,
+                f"{servos.name}: {unseen}",
+                "Watch them when a program moves them: a reset goes unnoticed.",
+            )
+        ], {}
     try:
         for query in range(QUERIES):
             counts |= servos.read_counts([outputs[query % len(outputs)]])

@@ -9,12 +9,11 @@ A distribution offers a driver by an entry point, whose name is what ``robot.tom
     "accelerometer.adxl345" = "my_robot.adxl345:ADXL345Settings"
 
 A sensor's name begins with its table: ``accelerometer``, ``touch``, ``distance`` or ``daq``. A
-module is imported only when a configuration names its driver.
+module is imported only when a configuration names its driver. A name that is ours remains ours.
 """
 
 from __future__ import annotations
 
-import importlib
 from importlib import metadata
 from types import MappingProxyType
 from typing import Any, Final
@@ -51,16 +50,30 @@ def driver_class(table: Section, group: str, default: str, *, kind: str = "") ->
         kind: For a sensor, the name of its table.
 
     Raises:
-        ConfigError: There is no such driver, or it cannot be imported; names file, key and reason.
+        ConfigError: There is no such driver, more than one, or it cannot be imported; names file,
+            key and reason.
     """
     prefix = f"{kind}." if kind else ""
-    places = {point.name: point.value for point in metadata.entry_points(group=group)}
-    places |= OURS[group]
-    names = sorted(name.removeprefix(prefix) for name in places if name.startswith(prefix))
-    place = places[prefix + table.choice("driver", names, default)]
-    module, _, name = place.partition(":")
+    driver = table.text("driver", default)
+    name, ours = prefix + driver, OURS[group]
+    if name in ours:  # theirs need not be looked for, which takes a while on a small computer
+        points = [metadata.EntryPoint(name, ours[name], group)]
+    else:
+        points = list(metadata.entry_points(group=group, name=name))
+    if not points:
+        names = {*ours, *metadata.entry_points(group=group).names}
+        known = sorted(one.removeprefix(prefix) for one in names if one.startswith(prefix))
+        raise table.refuse("driver", f"must be one of {', '.join(known)}, not {driver!r}.")
+    if len(points) > 1:
+        brought = sorted(point.dist.name for point in points if point.dist is not None)
+        raise table.refuse(
+            "driver", f"is offered by {' and '.join(brought)}; uninstall all of them but one."
+        )
+    (point,) = points
     try:
-        return getattr(importlib.import_module(module), name)
+        return point.load()
     except Exception as error:  # whatever a module does when it is imported
         cause = f"{type(error).__name__}: {error}"
-        raise table.refuse("driver", f"is {place}, which cannot be imported: {cause}.") from error
+        raise table.refuse(
+            "driver", f"is {point.value}, which cannot be imported: {cause}."
+        ) from error

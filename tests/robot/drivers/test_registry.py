@@ -25,7 +25,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (folder / "entry_points.txt").write_text(
         f"[{SERVOS}]\nsound = outside_servos:Settings\nnameless = outside_servos:Missing\n"
         "broken = outside_broken:Settings\nunwritten = outside_unwritten:Settings\n"
-        "sv203 = outside_servos:Settings\n"
+        "double = outside_servos:Settings\nsv203 = outside_servos:Settings\n"
         f"[{SENSORS}]\ntouch.outside = outside_servos:Settings\n"
     )
     (tmp_path / "outside_servos.py").write_text("class Settings: ...\n")
@@ -41,12 +41,21 @@ def test_the_drivers_of_other_distributions_are_found_and_ours_stay(site: Path) 
     assert driver_class(servos("sv203"), SERVOS, "sv203") is SV203Settings
 
 
+def test_a_name_that_two_distributions_offer_is_refused(site: Path) -> None:
+    other = site / "other-1.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\n")
+    (other / "entry_points.txt").write_text(f"[{SERVOS}]\ndouble = other_servos:Settings\n")
+    with pytest.raises(ConfigError, match="is offered by other and outside; uninstall"):
+        driver_class(servos("double"), SERVOS, "sv203")
+
+
 @pytest.mark.parametrize(
     ("driver", "words"),
     [
         (
             "none",
-            "must be one of broken, nameless, sound, sv203, unwritten, not 'none'",
+            "must be one of broken, double, nameless, sound, sv203, unwritten, not 'none'",
         ),
         (
             "broken",

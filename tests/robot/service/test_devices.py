@@ -1,0 +1,76 @@
+"""Devices opened by a configuration: closed if one fails, and revived after a fault."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import pytest
+
+from bench.still_robot import example_config
+from robot.configuration.robot_config import RobotConfig
+from robot.drivers.buses import Buses
+from robot.drivers.i2c import I2CBus
+from robot.drivers.sv203 import SV203Settings
+from robot.errors import DeviceError, DeviceMissingError
+from robot.service.devices import Devices, open_devices, revive
+from sim_robot.electronics.dmm32 import DMM32Emulator
+from sim_robot.electronics.sv203 import SV203Emulator
+from tests.robot.calibration.desk import Board
+from tests.robot.clocks import InstantClock
+from tests.robot.sensing.test_sensors import Leaning
+
+
+class Unreadable(SV203Settings):
+    reads_back = False
+
+
+@dataclass
+class Servos(Board):
+    """Servos in memory whose link may be dead, and that count how often it was opened anew."""
+
+    dead: bool = False
+    reopened: list[None] = field(default_factory=list)
+
+    def read_counts(self, outputs: object) -> dict[int, int]:
+        if self.dead:
+            raise DeviceMissingError("The link is dead.", "Plug it in.")
+        return {}
+
+    def reopen(self) -> None:
+        self.reopened.append(None)
+
+
+def config(*, reads_back: bool = True) -> RobotConfig:
+    settings = SV203Settings if reads_back else Unreadable
+    servos = settings(port="", baud=9600, board=1, line_gap=0.003)
+    return replace(example_config(""), servos=servos)
+
+
+@pytest.mark.parametrize(
+    ("dead", "reads_back", "reopened"), [(False, True, 0), (True, True, 1), (False, False, 1)]
+)
+def test_a_link_is_opened_anew_unless_it_is_known_to_work(
+    dead: bool, reads_back: bool, reopened: int
+) -> None:
+    servos = Servos(dead=dead)
+    devices = Devices(servos=servos, board=None, accelerometer=Leaning(), touch=(), distance=None)
+    revive(config(reads_back=reads_back), devices)
+    assert len(servos.reopened) == reopened
+
+
+def test_what_was_opened_is_closed_when_a_later_device_fails() -> None:
+    def no_bus(path: str) -> I2CBus:
+        raise DeviceMissingError(f"There is no {path}.", "Load i2c-dev.")
+
+    board, closed = SV203Emulator(), []
+    clock = InstantClock()
+    daq = DMM32Emulator(lambda channel: 2.5, clock)
+    daq.close = lambda: closed.append("daq")  # type: ignore[method-assign]
+    buses = Buses(clock=clock, open_ports=lambda base: daq, open_i2c=no_bus)
+    try:
+        with pytest.raises(DeviceError, match="/dev/i2c-1"):
+            open_devices(example_config(board.port), buses)
+        assert closed == ["daq"]
+        buses.open_serial(board.port, 9600).close()  # exclusive: nobody else has it open
+    finally:
+        board.close()
