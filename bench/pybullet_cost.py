@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from estimator.identification.modelling import Modeller
+from estimator.identification.objectives import LargestError
 from estimator.physics.backends import REFERENCE, foresight_of
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool
@@ -91,6 +92,7 @@ def search(physics: Physics, population: int, generations: int) -> tuple[int, in
         physics,
         ("touch", "tilt", "clearance"),
         Counters(),
+        objective=LargestError(),
         foresight=foresight_of(REFERENCE, WorldSettings()),
     )
     rng = np.random.default_rng(2)

@@ -27,6 +27,7 @@ from bench.pybullet_cost import workload as topological_workload
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
 from estimator.identification.modelling import Modeller
+from estimator.identification.objectives import LargestError
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
@@ -137,7 +138,9 @@ def topological_run() -> tuple[float, float, Counters]:
         rng = np.random.default_rng(SEED)
         bodies = genome.bodies(rng.random((1, genome.size)))
         physics.read_bodies(bodies, np.array(observations[0].angles))  # compiles, or loads
-        modeller = Modeller(genome, physics, ("touch", "tilt", "clearance"), Counters())
+        modeller = Modeller(
+            genome, physics, ("touch", "tilt", "clearance"), Counters(), objective=LargestError()
+        )
         crowd = DeterministicCrowding(
             _POPULATION, genome.size, rng, operators=problem.search.operators()
         )

@@ -13,6 +13,7 @@ from estimator.cli.console import err, errors_as_sentences, out, print_run_direc
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Robot, open_physics
 from estimator.cli.screen import Screen
 from estimator.exploration.rules import RULES
+from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.run import METHODS, MethodName, Order, identify
 from estimator.physics.backends import BACKENDS
 from estimator.readings.modalities.registry import MODALITIES
@@ -58,6 +59,13 @@ def command(
             help=f"What optimises the paper's population: {', '.join(SEARCHES.own)}, or a plug-in.",
         ),
     ] = next(iter(SEARCHES.own)),
+    objective: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"What that minimises: {', '.join(OBJECTIVES.own)}, or a plug-in.",
+        ),
+    ] = next(iter(OBJECTIVES.own)),
     sure: Annotated[
         float | None,
         typer.Option(
@@ -103,6 +111,7 @@ def command(
         method=cast(MethodName, method),  # identify refuses what is no method
         physics=physics,
         search=search,
+        objective=objective,
         explore=explore,
         sure=sure,
         modalities=tuple(item.strip() for item in modalities.split(",")),

@@ -20,6 +20,7 @@ from estimator.evaluation.attachments import Comparison, Configuration, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.fit import fit_bodies
+from estimator.identification.objectives import LargestError
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.problem.genome import Genome
@@ -162,7 +163,7 @@ def score(
 def _error(
     body: Morphology, seen: Observation, modalities: Sequence[str], physics: Physics
 ) -> float | None:
-    (error,) = fit_bodies([body], [seen], modalities, physics).errors.tolist()
+    (error,) = fit_bodies([body], [seen], modalities, physics, LargestError()).errors.tolist()
     return error if math.isfinite(error) else None
 
 

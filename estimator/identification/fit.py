@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
-from estimator.identification.subjective_error import interaction_errors, largest
+from estimator.identification.objectives import Objective
 from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation, ObservedReadings
@@ -25,7 +25,7 @@ class Fit:
     """How badly bodies fit observations.
 
     Attributes:
-        errors: Largest error of each body over the observations, shape (n,).
+        errors: Of each body over all observations, shape (n,), by the objective.
         invalid: How many simulations cannot be believed.
         undecided: How many of the others have no weight.
     """
@@ -40,9 +40,10 @@ def fit_bodies(
     observations: Sequence[Observation],
     modalities: Sequence[str],
     physics: Physics,
+    objective: Objective,
 ) -> Fit:
     """How badly bodies fit, each simulated in all interactions."""
-    targets = _Targets.of(observations, modalities)
+    targets = _Targets.of(observations, modalities, objective)
     reader = _BodyReader(bodies, physics, targets.programs)
     return targets.compare(reader, np.full(len(bodies), np.inf))
 
@@ -54,6 +55,7 @@ def fit_genes(
     modalities: Sequence[str],
     physics: Physics,
     *,
+    objective: Objective,
     limits: Array,
     foresight: ArrayPhysics | None = None,
 ) -> Fit:
@@ -69,11 +71,12 @@ def fit_genes(
         observations: What the robot felt.
         modalities: Modalities that count.
         physics: Predicts what models feel; it alone decides how well they fit.
+        objective: What the errors of single interactions add up to.
         limits: Error at which a model has lost, shape (n,).
         foresight: Guesses which interaction a model fits worst, so that this one comes first. That
             saves simulations and changes no verdict.
     """
-    targets = _Targets.of(observations, modalities)
+    targets = _Targets.of(observations, modalities, objective)
     order = None
     if foresight is not None and len(observations) > 1 and np.isfinite(limits).any():
         guesser = _ArrayReader(genome.bodies(genes), foresight, targets.programs)
@@ -124,16 +127,21 @@ class _Targets:
         observed: What the robot felt in each of k interactions.
         programs: What it did, rad, shape (k, motors).
         modalities: Modalities that count.
+        objective: What the errors add up to.
     """
 
     observed: Sequence[ObservedReadings]
     programs: Array
     modalities: Sequence[str]
+    objective: Objective
 
     @classmethod
-    def of(cls, observations: Sequence[Observation], modalities: Sequence[str]) -> _Targets:
+    def of(
+        cls, observations: Sequence[Observation], modalities: Sequence[str], objective: Objective
+    ) -> _Targets:
         observed = [item.as_arrays() for item in observations]
-        return cls(observed, np.array([item.angles for item in observed]), modalities)
+        programs = np.array([item.angles for item in observed])
+        return cls(observed, programs, modalities, objective)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:
         """The interactions of each model, the one that it fits worst first, shape (n, k)."""
@@ -160,16 +168,18 @@ class _Targets:
             errors[turns, rows] = self._errors(readings, turns)
             undecided[turns, rows] = readings.undecided
             invalid += int(np.count_nonzero(~readings.valid))
-            alive = alive[np.max(errors[:, alive], axis=0) < limits[alive]]
+            alive = alive[self.objective.lower_bound(errors[:, alive]) < limits[alive]]
         counted = int(np.count_nonzero(undecided & np.isfinite(errors)))
-        return Fit(errors=largest(errors, undecided), invalid=invalid, undecided=counted)
+        return Fit(
+            errors=self.objective.total(errors, undecided), invalid=invalid, undecided=counted
+        )
 
     def _errors(self, readings: Readings, turns: Rows) -> Array:
         errors = np.zeros(len(turns))
         for turn in np.unique(turns):
             rows = np.flatnonzero(turns == turn)
             target = self.observed[turn]
-            errors[rows] = interaction_errors(readings[rows], target, self.modalities)
+            errors[rows] = self.objective.terms(readings[rows], target, self.modalities)
         return errors
 
 

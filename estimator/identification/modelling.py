@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from estimator.body.morphology import Array
 from estimator.identification.fit import fit_genes
+from estimator.identification.objectives import Objective
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
@@ -21,6 +22,7 @@ class Modeller:
         physics: Predicts what bodies feel.
         modalities: Modalities that count.
         counters: What the run has cost so far.
+        objective: What models are fitted by.
         foresight: Guesses what a slower back-end will find; see ``fit_genes``.
     """
 
@@ -31,10 +33,12 @@ class Modeller:
         modalities: Sequence[str],
         counters: Counters,
         *,
+        objective: Objective,
         foresight: ArrayPhysics | None = None,
     ):
         self._genome = genome
         self._physics = physics
+        self._objective = objective
         self._foresight = foresight
         self._modalities = tuple(modalities)
         self._requested = counters.simulations_requested
@@ -75,6 +79,7 @@ class Modeller:
             observations,
             self._modalities,
             self._physics,
+            objective=self._objective,
             limits=limits,
             foresight=self._foresight,
         )

@@ -13,6 +13,7 @@ from estimator.errors import SearchStateError
 from estimator.exploration.situation import Models
 from estimator.identification.listener import Listener
 from estimator.identification.modelling import Modeller
+from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.reference_check import finish
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
@@ -50,13 +51,19 @@ class PaperMethod:
         self._listener = listener
         self._open_reference = open_reference
         self._genome = Genome(problem, problem.base(store.capabilities))
+        self._objective = OBJECTIVES.load(store.settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()
         self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
         counters = store.generations()[-1].counters if checkpoint else Counters()
         self._seconds_before = counters.wall_seconds
         self._started = time.monotonic()
         self._modeller = Modeller(
-            self._genome, physics, store.settings.modalities, counters, foresight=foresight
+            self._genome,
+            physics,
+            store.settings.modalities,
+            counters,
+            objective=self._objective,
+            foresight=foresight,
         )
         operators = problem.search.operators()
         search = SEARCHES.load(store.settings.search)
@@ -129,6 +136,7 @@ class PaperMethod:
                 observations=observations,
                 modalities=self._store.settings.modalities,
                 physics=reference,
+                objective=self._objective,
             )
         self._store.save_finish(checked)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from estimator.body.morphology import Array, Morphology
 from estimator.identification.fit import fit_bodies
+from estimator.identification.objectives import Objective
 from estimator.physics.base import Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
@@ -32,6 +33,7 @@ def finish(
     observations: Sequence[Observation],
     modalities: Sequence[str],
     physics: Physics,
+    objective: Objective,
 ) -> Finish:
     """Simulates the leading distinct models.
 
@@ -42,11 +44,12 @@ def finish(
         observations: Of every interaction of the run.
         modalities: Modalities that the subjective error counts.
         physics: The reference back-end.
+        objective: What the search minimised.
     """
     leaders = leading(genome, population, errors)
     bodies = genome.decode_all(population[leaders])
     simulations, steps = physics.simulations, physics.steps
-    found = fit_bodies(bodies, observations, modalities, physics)
+    found = fit_bodies(bodies, observations, modalities, physics, objective)
     return Finish(
         models=tuple(leaders),
         searched=tuple(errors[leaders].tolist()),

@@ -18,6 +18,7 @@ from estimator.exploration.rules import RULES
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.method import Method
+from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.paper_method import PaperMethod
 from estimator.identification.posterior_method import PosteriorMethod
 from estimator.physics.backends import (
@@ -74,6 +75,7 @@ class Order:
     method: MethodName = "posterior"
     physics: str | None = None
     search: str = "deterministic-crowding"
+    objective: str = "largest"
     explore: str | None = None
     sure: float | None = None
     modalities: tuple[str, ...] = tuple(MODALITIES)
@@ -209,18 +211,19 @@ def _body(capabilities: Capabilities) -> tuple[object, ...]:
     )
 
 
-def _packages(physics: str, search: str, explore: str) -> dict[str, str]:
+def _packages(physics: str, search: str, objective: str, explore: str) -> dict[str, str]:
     """Version by name of the packages from outside that decide a run's outcome too."""
     return {
         **BACKENDS.package(physics),
         **SEARCHES.package(search),
+        **OBJECTIVES.package(objective),
         **RULES.package(explore),
     }
 
 
 def _compare_packages(store: RunStore, listener: Listener) -> None:
     settings = store.settings
-    now = _packages(settings.physics, settings.search, settings.explore)
+    now = _packages(settings.physics, settings.search, settings.objective, settings.explore)
     if now != settings.plugins:
         listener.say(
             f"Note: the run was started with {_said(settings.plugins)}, and goes on with "
@@ -256,7 +259,8 @@ def _settings(
             method=order.method,
             physics=physics,
             search=order.search,
-            plugins=_packages(physics, order.search, explore),
+            objective=order.objective,
+            plugins=_packages(physics, order.search, order.objective, explore),
             explore=explore,
             sure=order.sure,
             modalities=modalities,
@@ -281,9 +285,10 @@ def _choices(order: Order) -> tuple[str, str]:
     defaults = METHODS[order.method]
     physics = order.physics or defaults.physics
     explore = order.explore or defaults.explore
-    abilities, search = abilities_of(physics), order.search
+    abilities = abilities_of(physics)
     RULES.check(explore)
-    SEARCHES.check(search)
+    SEARCHES.check(order.search)
+    OBJECTIVES.check(order.objective)
     if order.method == "posterior" and (order.population or order.generations or order.full_steps):
         raise EstimatorError(
             "population, generations and full steps belong to the method paper: leave them out, or "

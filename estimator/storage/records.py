@@ -23,6 +23,7 @@ class RunSettings(BaseModel):
             explains the readings.
         physics: Name of the physics back-end that searches.
         search: Name of the search, of the method ``paper``.
+        objective: Name of what that search minimises.
         explore: Name of the exploration rule.
         sure: Probability of the attachments at which the run ends before its last interaction, if
             the lengths are known to 5 mm by then.
@@ -43,6 +44,7 @@ class RunSettings(BaseModel):
     method: Literal["paper", "posterior"] = "paper"
     physics: str
     search: str = "deterministic-crowding"
+    objective: str = "largest"
     explore: str = "random"
     sure: Annotated[float, Field(gt=0, lt=1)] | None = None
     modalities: tuple[str, ...]

@@ -5,6 +5,7 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.identification.modelling import Modeller
+from estimator.identification.objectives import LargestError
 from estimator.identification.subjective_error import interaction_errors
 from estimator.physics.base import BackEnd, Pair, Readings
 from estimator.physics.pybullet import PyBulletPhysics
@@ -66,7 +67,9 @@ def test_the_early_verdict_decides_as_full_evaluation_would(
     observations = make_observations(4)
     quick, full = (DeterministicCrowding(20, 4, np.random.default_rng(1)) for _ in range(2))
     physics, reference = ToyPhysics(), ToyPhysics()
-    modeller = Modeller(genome, physics, MODALITIES, Counters(), foresight=foresight)
+    modeller = Modeller(
+        genome, physics, MODALITIES, Counters(), foresight=foresight, objective=LargestError()
+    )
     for count in range(1, 5):
         modeller.introduce(quick, observations[:count])
         if count > 1:
@@ -85,7 +88,7 @@ def test_the_early_verdict_decides_as_full_evaluation_would(
 def test_the_requested_total_is_the_papers_for_its_topological_run(genome: Genome) -> None:
     # 300 models, 40 generations, nine interactions: re-evaluations included.
     observations = make_observations(9)
-    modeller = Modeller(genome, ToyPhysics(), MODALITIES, Counters())
+    modeller = Modeller(genome, ToyPhysics(), MODALITIES, Counters(), objective=LargestError())
     search = DeterministicCrowding(6, 4, np.random.default_rng(1))
     for count in range(1, 10):
         modeller.introduce(search, observations[:count])
@@ -96,7 +99,7 @@ def test_the_requested_total_is_the_papers_for_its_topological_run(genome: Genom
 
 def test_counting_goes_on_where_an_earlier_process_stopped(genome: Genome) -> None:
     before = Counters(simulations_requested=100, simulations_run=60, steps=18_000)
-    modeller = Modeller(genome, ToyPhysics(), MODALITIES, before)
+    modeller = Modeller(genome, ToyPhysics(), MODALITIES, before, objective=LargestError())
     search = DeterministicCrowding(6, 4, np.random.default_rng(1))
     modeller.introduce(search, make_observations(1))
     after = modeller.counters(2.5)
@@ -119,7 +122,9 @@ def test_real_physics_tells_the_true_model_from_others(
     search = DeterministicCrowding(
         2, 4, np.random.default_rng(0), population=np.array([true, true * 0.5])
     )
-    Modeller(genome, physics, MODALITIES, Counters()).introduce(search, [observation])
+    Modeller(genome, physics, MODALITIES, Counters(), objective=LargestError()).introduce(
+        search, [observation]
+    )
     assert search.errors[0] == pytest.approx(float(felt.speed[0]), abs=1e-9)
     assert search.errors[1] > 1.0
 
@@ -130,7 +135,14 @@ def test_foresight_saves_simulations_and_changes_no_verdict(genome: Genome) -> N
     for foresight in (None, StaticsPhysics()):
         search = DeterministicCrowding(16, 4, np.random.default_rng(1))
         with PyBulletPhysics() as physics:
-            modeller = Modeller(genome, physics, MODALITIES, Counters(), foresight=foresight)
+            modeller = Modeller(
+                genome,
+                physics,
+                MODALITIES,
+                Counters(),
+                foresight=foresight,
+                objective=LargestError(),
+            )
             modeller.introduce(search, observations)
             for _ in range(4):
                 modeller.evolve(search, observations)

@@ -11,6 +11,7 @@ import pytest
 
 from estimator.body.limbs import driven_limbs
 from estimator.identification.final_population import FinalPopulation, with_last_word
+from estimator.identification.objectives import LargestError
 from estimator.identification.reference_check import (
     LEADERS,
     SAME_LENGTH,
@@ -76,6 +77,7 @@ def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
             observations=store.observations(),
             modalities=("touch", "tilt"),
             physics=Sceptic(0.1),
+            objective=LargestError(),
         )
         assert found.models == (1, 0)
         assert found.simulated[0] == math.inf

@@ -1,0 +1,134 @@
+"""Objectives by name: how the errors of single interactions become one figure of a model.
+
+An objective of another package belongs to the entry-point group ``bodyschema.objective``: a class
+that is constructed with the robot's ``Capabilities``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Final, Protocol
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.identification.subjective_error import interaction_errors, largest
+from estimator.physics.base import Flags, Readings
+from estimator.plugins import Registry
+from estimator.posterior.likelihood import Noise
+from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.observation import ObservedReadings
+from protocol.wire.capabilities import Capabilities
+
+
+class Objective(Protocol):
+    """What the paper's search minimises."""
+
+    def __init__(self, capabilities: Capabilities) -> None: ...
+
+    def terms(
+        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+    ) -> Array:
+        """Error of each of n models in one interaction, shape (n,).
+
+        At least 0; infinite where a model's reading is invalid.
+        """
+
+    def lower_bound(self, terms: Array) -> Array:
+        """What the total is at least, shape (n,): a model that reaches its limit has lost.
+
+        Args:
+            terms: Of n models in k interactions, shape (k, n); 0 where not yet computed.
+        """
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        """The figure over all interactions, shape (n,).
+
+        Args:
+            terms: Shape (k, n).
+            undecided: Whether the model's pose might as well be another, shape (k, n).
+        """
+
+
+class LargestError:
+    """The paper's: the largest error over the interactions. It asks nothing of the robot."""
+
+    def __init__(self, capabilities: Capabilities | None = None) -> None:
+        del capabilities
+
+    def terms(
+        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+    ) -> Array:
+        """The paper's subjective error."""
+        return interaction_errors(readings, observed, modalities)
+
+    def lower_bound(self, terms: Array) -> Array:
+        """The largest so far."""
+        bound: Array = np.max(terms, axis=0)
+        return bound
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        """The largest of those that say something."""
+        return largest(terms, undecided)
+
+
+class RobustMeanError:
+    """The mean over interactions of log(1 + capped error in units of noise), sense by sense.
+
+    One pose in which a model lands elsewhere than the robot does cannot veto the model.
+    """
+
+    _CAP: Final = 20.0  # standard deviations: more is no worse
+    _TOUCH: Final = 0.1  # of a bit that differs, as if it were a standard deviation
+
+    def __init__(self, capabilities: Capabilities) -> None:
+        noise = Noise.announced(capabilities)
+        self._scales = {
+            "touch": self._TOUCH,
+            "tilt": math.degrees(noise.tilt),
+            "clearance": 10.0 * noise.clearance,  # the paper's weight
+        }
+
+    def terms(
+        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+    ) -> Array:
+        """Shape (n,)."""
+        total: Array = np.zeros(len(readings))
+        for name, modality in MODALITIES.items():
+            if name in modalities:
+                error = modality.error(readings, observed) / self._scales[name]
+                total += np.log1p(np.minimum(error, self._CAP))
+        total[readings.undecided] = self._worst(modalities)
+        errors: Array = np.where(readings.valid & ~np.isnan(total), total, np.inf)
+        return errors
+
+    def lower_bound(self, terms: Array) -> Array:
+        """The mean, were all others perfect."""
+        return self._mean(terms)
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        """The mean; an undecided pose counts as the worst."""
+        del undecided
+        return self._mean(terms)
+
+    def _worst(self, modalities: Sequence[str]) -> float:
+        return len(modalities) * math.log1p(self._CAP)
+
+    @staticmethod
+    def _mean(terms: Array) -> Array:
+        mean: Array = np.mean(terms, axis=0)
+        return mean
+
+
+OBJECTIVES: Final[Registry[type[Objective]]] = Registry(
+    kind="objective",
+    group="bodyschema.objective",
+    own=MappingProxyType(
+        {
+            "largest": "estimator.identification.objectives:LargestError",
+            "robust-mean": "estimator.identification.objectives:RobustMeanError",
+        }
+    ),
+)
