@@ -11,7 +11,7 @@ from typing import Annotated, Final, TypeAlias
 import typer
 
 from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import BACKENDS, OpenPhysics, on_cluster, on_this_computer
+from estimator.physics.backends import OpenPhysics, on_cluster, on_this_computer
 
 CORES: Final = len(os.sched_getaffinity(0))
 """Processor cores that this process may use: the default of ``--jobs``."""
@@ -36,13 +36,6 @@ Keys: TypeAlias = Annotated[
     typer.Option(
         metavar="DIR",
         help="Key directory, where the robot asks for keys: robotd keys new makes one.",
-    ),
-]
-PhysicsName: TypeAlias = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help=f"What predicts a model's readings: {', '.join(BACKENDS.own)}, or a plug-in.",
     ),
 ]
 

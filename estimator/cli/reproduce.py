@@ -11,10 +11,10 @@ from typing import Annotated
 import typer
 
 from estimator.cli.console import err, errors_as_sentences, fail, out
-from estimator.cli.options import CORES, Dask, PhysicsName
+from estimator.cli.options import CORES, Dask
 from estimator.cli.screen import Screen
 from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import REFERENCE
+from estimator.physics.backends import BACKENDS, REFERENCE
 from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
 from estimator.reproduction.runs.plan import FIGURES, SEEDS, Budget
@@ -36,7 +36,13 @@ def command(
     generations: Annotated[
         int | None, typer.Option(min=1, help="After each interaction. Default: the paper's.")
     ] = None,
-    physics: PhysicsName = REFERENCE,
+    physics: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help=f"What predicts a model's readings: {', '.join(BACKENDS.own)}, or a plug-in.",
+        ),
+    ] = REFERENCE,
     jobs: Annotated[
         int, typer.Option(min=1, help="Runs at a time; the result does not depend on it.")
     ] = CORES,

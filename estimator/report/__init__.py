@@ -2,8 +2,12 @@
 
 ========================== ===============================================================
 ``result.summarise``       a run in numbers: the content of ``result.json``
+``posterior_summary``      the posterior in it: attachments with probabilities, intervals, rivals
 ``plots``                  errors and leg lengths over generations, as in the paper's Figure 2
+``posterior_plots``        probabilities and intervals over interactions
+``posterior_csv``          the samples, a row each
 ``run_files.write_report`` all derived files of a run directory
-``terminal_tables``        the same for a terminal
+``terminal_tables``        the paper's result and scores at a terminal
+``posterior_tables``       the posterior at a terminal
 ========================== ===============================================================
 """

@@ -293,7 +293,7 @@ def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
 
 
 def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> tuple[str, ...]:
-    found = [
+    warnings = [
         f"The leg at {leg.joint} never touched the ground, so its length of "
         f"{leg.length_m * 1000:.0f} mm is little more than a guess."
         for leg in legs
@@ -301,8 +301,10 @@ def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> 
     ]
     unsettled = [str(number) for number, item in enumerate(observations, 1) if not item.settled]
     if unsettled:
-        found.append(f"The robot was not at rest when interaction {', '.join(unsettled)} was read.")
+        warnings.append(
+            f"The robot was not at rest when interaction {', '.join(unsettled)} was read."
+        )
     at_end = sorted({name for item in observations for name in item.saturated_joints})
     if at_end:
-        found.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")
-    return tuple(found)
+        warnings.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")
+    return tuple(warnings)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Final
 
 from estimator.identification.final_population import with_last_word
@@ -16,7 +15,7 @@ from estimator.report.posterior_plots import plot_belief, plot_interval_lengths
 from estimator.report.result import Result, summarise
 from estimator.storage.store import RunStore
 from protocol.system.interrupts import interrupts_deferred
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_file, replace_text
 
 RESULT: Final = "result.json"
 READINGS: Final = "readings.csv"
@@ -56,15 +55,13 @@ def write_files(store: RunStore, problem: Problem, result: Result, *, plots: boo
 
 def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
     joints = [joint.name for joint in store.capabilities.joints]
-    replace_file(
-        store.directory / RESULT, lambda path: _text(path, result.model_dump_json(indent=2))
-    )
+    replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
     replace_file(
         store.directory / READINGS,
         lambda path: readings_csv.write(path, joints, store.observations()),
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
-    replace_file(store.directory / ROBOT, lambda path: _text(path, robot))
+    replace_text(store.directory / ROBOT, robot + "\n")
     _write_posterior(store, problem, result, plots=plots)
     generations = with_last_word(store)
     if generations and plots:
@@ -92,7 +89,3 @@ def _write_posterior(store: RunStore, problem: Problem, result: Result, *, plots
             store.directory / LENGTHS,
             lambda path: plot_interval_lengths(path, beliefs, genome, names),
         )
-
-
-def _text(path: Path, text: str) -> None:
-    path.write_text(text + "\n", encoding="utf-8")

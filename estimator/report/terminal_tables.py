@@ -171,11 +171,11 @@ def _print_configurations(console: Console, score: Score) -> None:
     console.print(table)
 
 
-def _verdict(found: Configuration) -> Text:
-    if found.right:
-        return Text.assemble(("■", "green"), f" {found.found}")
-    mark = ("≈", "yellow") if found.right_up_to_equivalence else ("□", "red")
-    return Text.assemble(mark, f" {found.found} ", (f"(true: {found.true})", "dim"))
+def _verdict(cell: Configuration) -> Text:
+    if cell.right:
+        return Text.assemble(("■", "green"), f" {cell.found}")
+    mark = ("≈", "yellow") if cell.right_up_to_equivalence else ("□", "red")
+    return Text.assemble(mark, f" {cell.found} ", (f"(true: {cell.true})", "dim"))
 
 
 def print_validation(console: Console, validation: Validation) -> None:

@@ -13,21 +13,21 @@ from tests.estimator.model_robot import JOINTS
 def test_a_run_in_numbers(tmp_path: Path) -> None:
     store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
-        found = summarise(store, problem)
-    assert not found.complete
-    assert (found.problem, found.physics, found.seed) == ("legs", "pybullet", 1)
-    assert found.modalities == ("touch", "tilt", "clearance")
-    assert found.interactions == 1
-    assert found.sensor_error == 1.0
-    assert found.robot["joints"][0]["name"] == "left"
-    assert {"python", "numpy", "pybullet", "bodyschema"} <= found.versions.keys()
-    best, other = found.best_models
+        result = summarise(store, problem)
+    assert not result.complete
+    assert (result.problem, result.physics, result.seed) == ("legs", "pybullet", 1)
+    assert result.modalities == ("touch", "tilt", "clearance")
+    assert result.interactions == 1
+    assert result.sensor_error == 1.0
+    assert result.robot["joints"][0]["name"] == "left"
+    assert {"python", "numpy", "pybullet", "bodyschema"} <= result.versions.keys()
+    best, other = result.best_models
     assert best.leg_lengths_m == pytest.approx((0.17, 0.15, 0.18, 0.16))
     assert other.leg_lengths_m == pytest.approx((0.05,) * 4)
     part = best.parts[1]
     assert (part.name, part.parent, part.side, part.hinge) == ("front", "main body", "front", "up")
     assert part.joint == "front"
-    left = found.legs[0]
+    left = result.legs[0]
     assert left.length_m == pytest.approx(0.17)
     assert left.spread_m == pytest.approx(0.06)  # of 0.17 and 0.05
 
@@ -35,9 +35,9 @@ def test_a_run_in_numbers(tmp_path: Path) -> None:
 def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
     store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
-        found = summarise(store, problem)
-    assert [leg.touched for leg in found.legs] == [True, True, False, True]
-    (warning,) = found.warnings
+        result = summarise(store, problem)
+    assert [leg.touched for leg in result.legs] == [True, True, False, True]
+    (warning,) = result.warnings
     assert warning.startswith("The leg at right never touched the ground")
     assert "180 mm" in warning
 
@@ -64,8 +64,8 @@ def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: 
     with store:
         store._database.execute("DELETE FROM checkpoint")
         store._database.execute("DELETE FROM generations")
-        found = write_report(store, problem)
-    assert (found.sensor_error, found.legs, found.best_models) == (None, (), ())
+        result = write_report(store, problem)
+    assert (result.sensor_error, result.legs, result.best_models) == (None, (), ())
     assert not (store.directory / "plots").exists()
 
 
