@@ -8,8 +8,10 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Choice, Situation
+from estimator.posterior.densities import DENSITIES
 from estimator.posterior.likelihood import Noise
 from estimator.problem.genome import Genome
+from estimator.readings.modalities.registry import MODALITIES
 
 CANDIDATES: Final = 300
 MODELS: Final = 64
@@ -30,13 +32,11 @@ def most_disputed_program(situation: Situation) -> Choice:
     spread = np.zeros(CANDIDATES)
     for index, program in enumerate(programs):
         readings = situation.physics.read_bodies(bodies, program)
-        told = []
-        if "tilt" in situation.modalities:
-            told += list(readings.tilt.T / noise.tilt)
-        if "clearance" in situation.modalities:
-            told.append(readings.clearance / noise.clearance)
-        if "touch" in situation.modalities:
-            told += list(_SATURATED * readings.touch.T.astype(float))
+        told: list[Array] = []
+        for name, density in DENSITIES.items():
+            if name in situation.modalities:
+                values = MODALITIES[name].predicted(readings).T
+                told += list(values / noise.of(name) if density.scaled else _SATURATED * values)
         spread[index] = sum(_mean_distance(values) for values in told)
     winner = int(np.argmax(spread))
     return Choice(

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array, Morphology
+from estimator.posterior.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.storage.beliefs import Belief, Foretold
@@ -130,10 +131,7 @@ def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | N
         attachments=_attachments(genome, belief, genes, weights),
         lengths_m=_lengths(bodies, weights),
         rivals=_rivals(genome, belief),
-        noise={
-            name: _interval(scales[:, column], weights)
-            for column, name in enumerate(("tilt", "clearance"))
-        },
+        noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
         steps=tuple(
             Step(
                 reason=interaction.reason,
