@@ -7,7 +7,7 @@ import pytest
 from robot.sensing.raw_samples import sample_channels, sample_distance, spread
 from tests.robot.calibration.desk import Inputs
 from tests.robot.clocks import InstantClock
-from tests.robot.sensing.test_sensors import Leaning
+from tests.robot.sensing.resting import Leaning
 
 
 def test_a_spread_by_hand() -> None:

@@ -17,7 +17,7 @@ from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.calibration.desk import Board
 from tests.robot.clocks import InstantClock
-from tests.robot.sensing.test_sensors import Leaning
+from tests.robot.sensing.resting import Leaning
 
 
 class Unreadable(SV203Settings):
