@@ -1,4 +1,4 @@
-"""Implementations by name: our own, and those that installed packages bring as entry points.
+"""Implementations by name: our own, those of installed packages, and those of the calling program.
 
 A package offers an implementation under a name in one of our entry-point groups::
 
@@ -7,18 +7,21 @@ A package offers an implementation under a name in one of our entry-point groups
 
 Nothing is imported before it is asked for by name, so a package that is broken, or that lacks what
 it needs, disturbs only those who want it.
+
+A program that runs the estimator itself needs no entry point: it calls ``Registry.add``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import metadata
 from typing import Final, Generic, TypeVar, cast
 
 from estimator.errors import EstimatorError
 
 _GROUPS: Final = "bodyschema."
+_ADDED: Final = "of the calling program"  # in the place of a package's version
 T = TypeVar("T")
 
 
@@ -44,11 +47,29 @@ class Registry(Generic[T]):
     kind: str
     group: str
     own: Mapping[str, str]
+    _added: dict[str, T] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def names(self) -> tuple[str, ...]:
-        """All names there are: our own, then those of installed packages."""
-        theirs = sorted(metadata.entry_points(group=self.group).names - self.own.keys())
-        return (*self.own, *theirs)
+        """All names there are: our own, the calling program's, those of installed packages."""
+        here = {**self.own, **self._added}
+        return (*here, *sorted(metadata.entry_points(group=self.group).names - here.keys()))
+
+    def add(self, name: str, implementation: T) -> None:
+        """Offers an implementation of the calling program's own, for as long as this process runs.
+
+        A run that uses it records where it is defined, and goes on only where it was added again.
+
+        Args:
+            name: Its name.
+            implementation: What an entry point of the group would refer to. Where worker processes
+                use it, at the top level of a module that they can import.
+
+        Raises:
+            EstimatorError: The name is taken.
+        """
+        if name in self.names():
+            raise EstimatorError(f"there is a {self.kind} {name!r} already: choose another name")
+        self._added[name] = implementation
 
     def check(self, name: str) -> None:
         """Refuses a name that nothing has; imports nothing.
@@ -56,14 +77,17 @@ class Registry(Generic[T]):
         Raises:
             EstimatorError: No implementation has this name, or more than one.
         """
-        self._entry(name)
+        if name not in self._added:
+            self._entry(name)
 
     def load(self, name: str) -> T:
-        """Imports an implementation.
+        """Imports an implementation, unless the calling program has added it.
 
         Raises:
             EstimatorError: No implementation has this name, or more than one; or its import fails.
         """
+        if name in self._added:
+            return self._added[name]
         entry = self._entry(name)
         try:
             return cast(T, entry.load())
@@ -76,9 +100,13 @@ class Registry(Generic[T]):
     def package(self, name: str) -> dict[str, str]:
         """Version by name of the package that an implementation comes from; empty if it is ours.
 
+        One that the calling program has added goes by its module and class or function.
+
         Raises:
             EstimatorError: No implementation has this name, or more than one.
         """
+        if name in self._added:
+            return {_place(self._added[name]): _ADDED}
         package = self._entry(name).dist
         return {} if package is None else {package.name: package.version}
 
@@ -102,3 +130,9 @@ class Registry(Generic[T]):
                 f"{', '.join(packages)}"
             )
         return entries[0]
+
+
+def _place(implementation: object) -> str:
+    """Module and name of a class or function; of any other object, those of its class."""
+    definition = implementation if hasattr(implementation, "__qualname__") else type(implementation)
+    return f"{definition.__module__}:{definition.__qualname__}"

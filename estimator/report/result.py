@@ -113,6 +113,9 @@ class Result(_Record):
         problem: Name of the problem.
         searched: What was to be found, gene by gene.
         physics: Back-end that predicted what models feel.
+        search: What optimised the population of the method ``paper``.
+        objective: What that minimised.
+        explore: What chose the motor programs.
         modalities: Modalities that the subjective error counts.
         seed: Source of all randomness.
         population: Models in the population.
@@ -141,6 +144,9 @@ class Result(_Record):
     problem: str
     searched: tuple[str, ...]
     physics: str
+    search: str = "deterministic-crowding"
+    objective: str = "largest"
+    explore: str = "random"
     modalities: tuple[str, ...]
     seed: int
     population: int
@@ -193,6 +199,9 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         problem=problem.name,
         searched=tuple(gene.name for gene in genome.genes),
         physics=settings.physics,
+        search=settings.search,
+        objective=settings.objective,
+        explore=settings.explore,
         modalities=settings.modalities,
         seed=settings.seed,
         population=settings.population,

@@ -65,7 +65,10 @@ class Search(Protocol):
         """Declares the errors void, because there is a new observation to fit."""
 
     def state(self) -> dict[str, Any]:
-        """Everything needed to go on exactly as now, as plain values for JSON."""
+        """Everything needed to go on exactly as now, as plain values for JSON.
+
+        Reports read the genes of the members from it, as ``population``.
+        """
 
 
 SEARCHES: Final[Registry[type[Search]]] = Registry(

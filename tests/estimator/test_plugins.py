@@ -46,3 +46,28 @@ def test_a_cluster_must_have_the_packages_that_compute_here(
     assert installed_packages() == {"circles": "2.0"}
     with pytest.raises(EstimatorError, match=r"circles is missing there and 2\.0 here"):
         cluster._compare("Worker 1", theirs, cluster._identity.__wrapped__())
+
+
+class Half:
+    """A number that a program brings."""
+
+
+def test_a_program_adds_implementations_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    registry: Registry[object] = Registry(
+        kind="number", group="bodyschema.numbers", own={"pi": "math:pi"}
+    )
+    points = "[bodyschema.numbers]\ntau = math:tau\n"
+    monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
+    registry.add("half", Half)
+    registry.add("third", Half())
+    assert registry.names() == ("pi", "half", "third", "tau")
+    registry.check("half")
+    assert registry.load("half") is Half
+    assert registry.package("half") == {f"{__name__}:Half": "of the calling program"}
+    assert registry.package("third") == registry.package("half")  # an object goes by its class
+    assert registry.described("half") == f"'half' of {__name__}:Half of the calling program"
+    for taken in ("pi", "half", "tau"):
+        with pytest.raises(EstimatorError, match=f"there is a number '{taken}' already"):
+            registry.add(taken, Half)

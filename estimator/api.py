@@ -1,0 +1,126 @@
+"""Runs from a program, as ``estimator identify`` and ``estimator resume`` make them."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Iterable
+from pathlib import Path
+
+from estimator.identification.listener import Listener
+from estimator.identification.run import MethodName, Order
+from estimator.identification.run import identify as identify_run
+from estimator.identification.run import resume as resume_run
+from estimator.physics.backends import OpenPhysics, in_this_process, on_this_computer
+from estimator.readings.modalities.registry import MODALITIES
+from estimator.report.result import Result
+from estimator.report.run_files import write_report
+
+
+def identify(
+    directory: Path | str,
+    *,
+    robot: str,
+    problem: Path | str,
+    method: MethodName = "posterior",
+    physics: str | None = None,
+    search: str = "deterministic-crowding",
+    objective: str = "largest",
+    explore: str | None = None,
+    sure: float | None = None,
+    modalities: Iterable[str] = tuple(MODALITIES),
+    interactions: int | None = None,
+    population: int | None = None,
+    generations: int | None = None,
+    full_steps: bool = False,
+    seed: int | None = None,
+    keys: Path | None = None,
+    jobs: int = 1,
+    listener: Listener | None = None,
+) -> Result:
+    """Identifies a robot: acts, senses and models, again and again.
+
+    Args:
+        directory: The run directory, which is made; its files are those of ``estimator identify``.
+        robot: ``tcp://HOST:PORT``, ``file:READINGS.csv`` or ``replay:DIR``.
+        problem: A problem's name, or a TOML file.
+        method: ``posterior``, or ``paper``: one population, optimised.
+        physics: A name in ``BACKENDS``; default: the method's.
+        search: A name in ``SEARCHES``; the method ``paper`` has use for it.
+        objective: A name in ``OBJECTIVES``; likewise.
+        explore: A name in ``RULES``; default: the method's.
+        sure: Probability of the attachments, 0 to 1, at which the run ends early, if the lengths
+            are known to 5 mm by then.
+        modalities: Sensors that count.
+        interactions: How often the robot acts; default: the problem's, or all that was recorded.
+        population: Models of the method ``paper``, an even number; default: the problem's.
+        generations: Of that method, after each interaction; default: the problem's.
+        full_steps: Whether to simulate on after a body has come to rest.
+        seed: Source of all randomness; default: a new one, which the result names.
+        keys: Key directory, where the robot asks for keys.
+        jobs: Processor cores. With more than 1 there are worker processes, which import the calling
+            program: keep what it starts under ``if __name__ == "__main__":``.
+        listener: Hears what happens; default: nobody.
+
+    Returns:
+        What ``result.json`` holds.
+
+    Raises:
+        BodyschemaError: Something prevents the run; the message says what.
+    """
+    order = Order(
+        robot=robot,
+        problem=str(problem),
+        seed=secrets.randbelow(2**32) if seed is None else seed,
+        method=method,
+        physics=physics,
+        search=search,
+        objective=objective,
+        explore=explore,
+        sure=sure,
+        modalities=tuple(modalities),
+        interactions=interactions,
+        population=population,
+        generations=generations,
+        full_steps=full_steps,
+        keys=keys,
+    )
+    return identify_run(
+        Path(directory), order, _physics(jobs), listener or Listener(), report=write_report
+    )
+
+
+def resume(
+    directory: Path | str,
+    *,
+    robot: str | None = None,
+    keys: Path | None = None,
+    jobs: int = 1,
+    listener: Listener | None = None,
+) -> Result:
+    """Sees an interrupted run through, as if it had not been interrupted.
+
+    Args:
+        directory: The run directory.
+        robot: Where the robot is now; default: where it was.
+        keys: Key directory, where the robot asks for keys; a run does not remember it.
+        jobs: As for ``identify``; the result does not depend on it.
+        listener: Hears what happens; default: nobody.
+
+    Returns:
+        What ``result.json`` holds.
+
+    Raises:
+        BodyschemaError: Something prevents it; the message says what.
+    """
+    return resume_run(
+        Path(directory),
+        _physics(jobs),
+        listener or Listener(),
+        robot=robot,
+        keys=keys,
+        report=write_report,
+    )
+
+
+def _physics(jobs: int) -> OpenPhysics:
+    return in_this_process if jobs == 1 else on_this_computer(jobs)

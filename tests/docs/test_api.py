@@ -1,0 +1,50 @@
+"""``docs/api.md`` is true: its program identifies a simulated robot."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.processes.simulator import simulator
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+(PROGRAM,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.mark.timeout(90)
+def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) -> None:
+    program = tmp_path / "program.py"
+    with simulator("--seed", "1") as robot:
+        program.write_text(
+            PROGRAM.replace("tcp://127.0.0.1:5750", robot.uri)
+            .replace("interactions=3", "interactions=2")
+            .replace("generations=20", "generations=2, population=8"),
+            encoding="utf-8",
+        )
+        ended = subprocess.run(
+            [sys.executable, "-W", "error", str(program)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+    assert ended.returncode == 0, ended.stderr
+    legs = re.findall(r"^(hip_\w+): \d+ mm$", ended.stdout, re.MULTILINE)
+    assert legs == ["hip_left", "hip_front", "hip_right", "hip_back"]
+    result = json.loads((tmp_path / "runs" / "mine" / "result.json").read_text())
+    assert result["complete"]
+    assert [result[name] for name in ("physics", "objective", "explore", "search")] == [
+        "weak-servos",
+        "sum",
+        "height",
+        "deterministic-crowding",
+    ]
+    for definition in ("WeakServos", "SumOfErrors", "height"):
+        assert result["versions"][f"__main__:{definition}"] == "of the calling program"

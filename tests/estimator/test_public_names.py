@@ -1,0 +1,53 @@
+"""``import estimator``: cheap, and its names are those that a program needs."""
+
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import pytest
+
+import estimator
+from estimator.identification.run import Order
+
+ROOM_TABLE = estimator.__doc__ or ""
+
+
+def test_importing_it_loads_no_library() -> None:
+    """Nor does asking for a name load what that name has no use for."""
+    program = (
+        "import sys, estimator; print(sorted(sys.modules)); estimator.EstimatorError;"
+        "print('numpy' in sys.modules); estimator.Problem; print('numba' in sys.modules)"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    ).stdout.splitlines()
+    for library in ("numpy", "scipy", "numba", "pydantic", "pybullet", "zmq", "msgpack"):
+        assert f"'{library}'" not in printed[0]
+    assert printed[1:] == ["False", "False"]
+
+
+@pytest.mark.parametrize("name", estimator.__all__)
+def test_every_name_is_there_and_explained(name: str) -> None:
+    value = getattr(estimator, name)
+    assert name in dir(estimator)
+    if not name.isupper() and name != "Pair":
+        assert value.__name__ == name
+        assert value.__doc__
+
+
+def test_any_other_name_is_an_ordinary_error() -> None:
+    with pytest.raises(AttributeError, match="module 'estimator' has no attribute 'identfy'"):
+        getattr(estimator, "identfy")  # noqa: B009 - a type checker knows that it is not there
+
+
+def test_a_program_may_ask_for_whatever_an_order_holds() -> None:
+    asked = typing.get_type_hints(estimator.identify).keys()
+    assert typing.get_type_hints(Order).keys() <= asked
+
+
+def test_the_front_page_names_every_room() -> None:
+    rooms = [path.parent.name for path in Path(*estimator.__path__).glob("*/__init__.py")]
+    assert len(rooms) >= 15
+    for room in rooms:
+        assert f"\n``{room}``" in ROOM_TABLE
