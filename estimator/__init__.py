@@ -64,7 +64,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from estimator.api import identify, resume
-    from estimator.errors import EstimatorError
+    from estimator.errors import EstimatorError, SearchStateError
     from estimator.exploration.rules import RULES, Rule
     from estimator.exploration.situation import Choice, Models, Situation
     from estimator.identification.listener import Listener
@@ -137,6 +137,7 @@ __all__ = [
     "RobustMeanError",
     "Rule",
     "Search",
+    "SearchStateError",
     "Situation",
     "StaticsPhysics",
     "WorldSettings",
@@ -149,6 +150,7 @@ _MODULES: Final = MappingProxyType(
         "identify": "api",
         "resume": "api",
         "EstimatorError": "errors",
+        "SearchStateError": "errors",
         "RULES": "exploration.rules",
         "Rule": "exploration.rules",
         "Choice": "exploration.situation",

@@ -6,6 +6,7 @@
 ``plots``                  errors and leg lengths over generations, as in the paper's Figure 2
 ``posterior_plots``        probabilities and intervals over interactions
 ``posterior_csv``          the samples, a row each
+``formats``                formats by name, ours and those of packages
 ``run_files.write_report`` all derived files of a run directory
 ``terminal_tables``        the paper's result and scores at a terminal
 ``posterior_tables``       the posterior at a terminal

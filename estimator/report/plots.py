@@ -53,7 +53,7 @@ def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
         )
     best = [min(generation.errors) for generation in generations]
     axes.plot(range(len(best)), best, "-", color=COLOURS[0], linewidth=1.2, label="best model")
-    axes.set_yscale("log")
+    axes.set_yscale("log" if min(best) > 0 else "linear")  # an objective may well reach 0
     axes.legend(**ABOVE)
     mark_iterations(axes, generations)
 

@@ -69,6 +69,15 @@ def test_every_models_error_is_drawn_and_iterations_are_parted(
     assert ends_of_iterations(axes) == [1.5, 3.5]
 
 
+def test_a_perfect_model_is_drawn(tmp_path: Path, drawn: list[Axes]) -> None:
+    plot_errors(tmp_path / "errors.png", history((0.0, 2.0), (0.0, 1.0)))
+    (axes,) = drawn
+    assert axes.get_yscale() == "linear"  # a logarithmic one leaves it out
+    drawn.clear()
+    plot_errors(tmp_path / "errors.png", GENERATIONS)
+    assert drawn[0].get_yscale() == "log"
+
+
 def test_legs_are_drawn_with_the_papers_arrows_in_centimetres(
     tmp_path: Path, drawn: list[Axes]
 ) -> None:

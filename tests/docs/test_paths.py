@@ -1,0 +1,35 @@
+"""Whatever file or page our documentation names is there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "protocol" / "SPEC.md", *sorted(ROOT.glob("docs/*.md"))]
+OURS = re.compile(r"`((?:protocol|robot|sim_robot|estimator|tests|bench|docs)/[\w./-]+)")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_paths_and_links_of_a_page_lead_somewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    named = {ROOT / path.rstrip(".") for path in OURS.findall(text)}
+    linked = {
+        page.parent / link
+        for link in re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text)
+        if "://" not in link
+    }
+    assert not sorted(str(path) for path in named | linked if not path.exists())
+
+
+def test_the_rooms_of_the_architecture_are_those_that_there_are() -> None:
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    header, _, *rows = re.findall(r"^\|.*\|$", text[text.index("| `protocol/` | `robot/`") :], re.M)
+    packages = re.findall(r"`(\w+)/`", header)
+    cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows]
+    for column, package in enumerate(packages):
+        drawn = [re.findall(r"^`(\w+)`", row[column]) for row in cells if len(row) == 4]
+        rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+        assert {room for one in drawn for room in one} == rooms, package

@@ -1,0 +1,125 @@
+"""An installed package changes what a run does, without a line of ours; the run names it.
+
+A physics from outside is in ``physics/test_backends.py``, servos and sensors in
+``tests/docs/test_drivers.py``.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from estimator import Objective, Result, Rule, Search
+from estimator.cli.command_line import app
+from estimator.identification.run import Order, identify, resume
+from estimator.physics.backends import in_this_process
+from estimator.report.formats import Format
+from estimator.report.run_files import write_report
+from estimator.storage.records import Generation
+from estimator.storage.store import RunStore
+from tests.estimator import outside_parts
+from tests.estimator.identification.test_run import Witness, outcome
+from tests.estimator.model_robot import ModelRobot, make_order, serving
+from tests.estimator.outside_package import PHYSICS, THUMB, install
+
+SEARCH: type[Search] = outside_parts.RandomSearch
+OBJECTIVE: type[Objective] = outside_parts.WrongTouches
+RULE: Rule = outside_parts.steepest
+FORMAT: Format = outside_parts.page
+PACKAGE = {"bodyschema-parts": "1.2"}
+POINTS = """
+[bodyschema.search]
+random = bodyschema_parts:RandomSearch
+[bodyschema.objective]
+touches = bodyschema_parts:WrongTouches
+[bodyschema.exploration]
+steepest = bodyschema_parts:steepest
+[bodyschema.report]
+html = bodyschema_parts:page
+"""
+CODE = Path(outside_parts.__file__).read_text(encoding="utf-8")
+
+
+@pytest.fixture(autouse=True)
+def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The package, installed."""
+    folder = install(
+        tmp_path / "outside", POINTS, name="bodyschema-parts", version="1.2", code=CODE
+    )
+    monkeypatch.syspath_prepend(str(folder))
+
+
+def run(folder: Path, **choices: str) -> tuple[Result, list[Generation], list[str]]:
+    """A run with the package's parts: its result, its generations, and why each program."""
+    with serving(ModelRobot()) as uri:
+        order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", **choices})
+        result = identify(folder / "run", order, in_this_process, Witness(), report=write_report)
+    with RunStore.open(folder / "run", to_write=False) as store:
+        assert store.settings.plugins == PACKAGE
+        reasons = [interaction.reason for interaction in store.interactions()]
+        generations = store.generations()
+    assert result.complete
+    assert PACKAGE.items() <= result.versions.items()
+    return result, generations, reasons
+
+
+def show(directory: Path, form: str) -> str:
+    """What ``estimator show`` prints, or complains."""
+    return CliRunner().invoke(app, ["show", str(directory), "--format", form]).output
+
+
+def test_an_exploration_rule_that_looks_at_the_models(tmp_path: Path) -> None:
+    result, _, reasons = run(tmp_path, explore="steepest")
+    assert result.explore == "steepest"
+    assert [reason.split(" by ")[0] for reason in reasons] == ["tilts"] * 2
+    assert reasons[0] != reasons[1]
+
+
+def test_another_aggregation_of_the_error(tmp_path: Path) -> None:
+    result, generations, _ = run(tmp_path, objective="touches")
+    assert result.objective == "touches"
+    errors = np.array([generation.errors for generation in generations])
+    assert errors.max() <= 8  # touches in two interactions
+    assert np.array_equal(errors, errors.round())
+
+
+def test_a_search_that_is_interrupted_and_resumed(tmp_path: Path) -> None:
+    whole, generations, _ = run(tmp_path, search="random")
+    assert whole.search == "random"
+    best = [min(generation.errors) for generation in generations[3:]]  # on both interactions
+    assert best == sorted(best, reverse=True)
+    folder = tmp_path / "interrupted"
+    folder.mkdir()
+    with serving(ModelRobot()) as uri:
+        order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", "search": "random"})
+        with pytest.raises(KeyboardInterrupt):
+            identify(folder / "run", order, in_this_process, Witness(4), report=write_report)
+        resumed = resume(folder / "run", in_this_process, Witness(), report=write_report)
+    assert outcome(resumed) == outcome(whole)
+
+
+def test_a_report_in_html(tmp_path: Path) -> None:
+    result, *_ = run(tmp_path, explore="steepest")
+    html = show(tmp_path / "run", "html")
+    assert html.startswith("<!doctype html><title>legs</title><table><tr><td>left<td>")
+    assert '<img src="plots/lengths.png">' in html
+    assert Result.model_validate(json.loads(show(tmp_path / "run", "json"))) == result
+    assert "there is no report format 'pdf': choose json, html" in show(tmp_path / "run", "pdf")
+
+
+def test_all_together_and_a_physics_of_a_second_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
+    monkeypatch.syspath_prepend(str(install(tmp_path / "thumb", THUMB, code=PHYSICS)))
+    monkeypatch.setitem(PACKAGE, "bodyschema-thumb", "0.3")
+    result, *_ = run(
+        tmp_path, physics="thumb", search="random", objective="touches", explore="steepest"
+    )
+    assert (result.physics, result.search) == ("thumb", "random")
+    assert (result.objective, result.explore) == ("touches", "steepest")
