@@ -6,6 +6,7 @@ import secrets
 from collections.abc import Iterable
 from pathlib import Path
 
+from estimator.errors import EstimatorError
 from estimator.identification.listener import Listener
 from estimator.identification.run import MethodName, Order
 from estimator.identification.run import identify as identify_run
@@ -123,4 +124,6 @@ def resume(
 
 
 def _physics(jobs: int) -> OpenPhysics:
+    if jobs < 1:
+        raise EstimatorError(f"jobs must be at least 1, not {jobs}")
     return in_this_process if jobs == 1 else on_this_computer(jobs)

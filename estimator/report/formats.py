@@ -22,7 +22,7 @@ class Format(Protocol):
 
         Args:
             result: The run in numbers.
-            directory: Its run directory, whose derived files are up to date.
+            directory: Its run directory, whose derived files are up to date if it can be written.
         """
 
 

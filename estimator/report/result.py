@@ -115,7 +115,7 @@ class Result(_Record):
         physics: Back-end that predicted what models feel.
         search: What optimised the population of the method ``paper``.
         objective: What that minimised.
-        explore: What chose the motor programs.
+        explore: What chose the motor programs, unless they were recorded.
         modalities: Modalities that the subjective error counts.
         seed: Source of all randomness.
         population: Models in the population.
