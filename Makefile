@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test check format bench compare-engines reproduce parametric soak latency leaps faults fuzz clean
+.PHONY: help install demo test check format bench compare-engines reproduce parametric power soak latency leaps faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -44,6 +44,9 @@ compare-engines: $(READY) ## Statics against PyBullet and MuJoCo; BODIES=1000 SE
 
 reproduce: $(READY) ## The paper's figures and claims, with statics; docs/reproduction.md says more
 	$(BIN)/estimator reproduce all --physics statics
+
+power: $(READY) ## How often the posterior is right, and whether it knows; about 20 minutes
+	$(BIN)/python -m bench.power
 
 parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
 	$(BIN)/python -m bench.parametric

@@ -120,7 +120,7 @@ def score(
     body = genome.decode(population.genes[population.best])
     known = Truth.read(truth, problem, store.capabilities)
     comparison = Comparison(problem, genome, body, known)
-    search = _length_search(store, problem, comparison.true_body, physics)
+    search = length_search(store, problem, comparison.true_body, physics)
     configurations = comparison.configurations(search.is_like)
     informative = [item for item in configurations if item.searched]
     limbs, legs = driven_limbs(body), tuple(known.legs.values())
@@ -174,7 +174,7 @@ def _margins(
     return tuple(np.degrees(margins).tolist())
 
 
-def _length_search(
+def length_search(
     store: RunStore, problem: Problem, true_body: Morphology, physics: ArrayMarginPhysics
 ) -> LengthSearch:
     """The test of equivalence for the run's motors and modalities."""

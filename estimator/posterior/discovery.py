@@ -84,9 +84,9 @@ class Discovery:
                 break
         return visited.best()
 
-    def start_anew(self) -> None:
-        """Draws the hotter half of the levels from the prior."""
-        self._population.restart(self._population.levels // 2)
+    def start_anew(self, *, all_levels: bool) -> None:
+        """Draws the chains of all levels from the prior, or those of the hotter half."""
+        self._population.restart(0 if all_levels else self._population.levels // 2)
 
 
 class _Visited:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -29,6 +30,10 @@ _WEIGHED: Final = 9.0
 _NEIGHBOURS: Final = 16  # of each population, as further centres of a mode
 _MOST: Final = 120  # modes whose evidence is estimated
 _AGREED: Final = 0.8  # share of the posterior that both have met
+_TELLING: Final = 4  # interactions, after which the populations ought to agree
+_MORE: Final = 4  # rounds, once they turned out not to,
+_LONGER: Final = 4  # each of so many times the steps
+_NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +54,8 @@ class Effort:
     populations: int = 2
     levels: int = 10
     width: int = 32
-    steps: int = 100
-    rounds: int = 4
+    steps: int = 60
+    rounds: int = 6
     draws: int = 200
     frozen: int = 20
     every: int = 5
@@ -147,8 +152,12 @@ class Sampler:
     def learn(self, data: SensorData) -> Posterior:
         """What is believed after the interactions so far.
 
-        The search goes on, in rounds, until the populations agree and the readings are explained;
-        the rounds it may take grow with the interactions, since few readings leave many bodies.
+        The search goes on in rounds, each with the hotter half of the chains drawn anew, until the
+        readings are explained, the populations agree, and a round has found nothing that matters.
+        The rounds it may take grow with the interactions, since few readings leave many bodies.
+        Where populations that ought to agree do not, or nothing explains the readings, all chains
+        start anew and have longer: what one pose that ended elsewhere has led them to may be far
+        from the truth.
 
         Args:
             data: All of them.
@@ -162,10 +171,12 @@ class Sampler:
         predictor = self.predictor
         likelihood = Likelihood(data, self._noise)
         estimator = EvidenceEstimator(predictor, data, likelihood, draws=self._effort.draws)
-        rounds = min(self._effort.rounds, max(1, len(data) - 1))
+        rounds = min(self._effort.rounds, len(data))
+        steps, number, lost = self._effort.steps, 0, False
+        known: set[Attachments] = set()
         with ThreadPoolExecutor(len(searches)) as threads:
-            for number in range(rounds):
-                discovered = list(threads.map(self._search, searches))
+            while number < rounds + (_MORE if lost else 0):
+                discovered = list(threads.map(Discovery.search, searches, itertools.repeat(steps)))
                 points, fits = _union(discovered, predictor.unknowns)
                 kept = fits > fits[0] - _CONSIDERED
                 points = points[kept]
@@ -174,21 +185,24 @@ class Sampler:
                 points, guesses = points[order], guesses[order]
                 shares = softmax(guesses)
                 seen = _share_seen(predictor.unknowns.keys(points), shares, discovered, predictor)
+                keys = predictor.unknowns.keys(points)
+                fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
+                known.update(keys)
                 explained = explains(points[0], predictor, data, self._noise)
-                if explained and seen >= _AGREED:
+                if explained and seen >= _AGREED and fresh <= _NEGLIGIBLE:
                     break
-                if not explained and number < rounds - 1:
-                    for search in searches:
-                        search.start_anew()
+                number += 1
+                agreed = explained and seen >= _AGREED
+                lost = lost or (number > 1 and len(data) >= _TELLING and not agreed)
+                steps = self._effort.steps * (_LONGER if lost else 1)
+                for search in searches:
+                    search.start_anew(all_levels=lost)
         heavy = guesses > guesses[0] - _WEIGHED
         modes = [
             estimator.of(point, self._neighbours(point, fits[0]), self._rng)
             for point in points[heavy]
         ]
         return self._weigh(points[heavy], modes, discovered)
-
-    def _search(self, search: Discovery) -> Bodies:
-        return search.search(self._effort.steps)
 
     def _neighbours(self, point: Array, best: float) -> Array:
         """Chains with a point's attachments that fit nearly as well as the best body."""
