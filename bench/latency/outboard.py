@@ -44,13 +44,12 @@ def main() -> None:
     clock = WallClock()
     config = replace(example_config(options.port), speed=math.radians(options.speed))
     world = StillWorld.around(config)
-    line = open_serial(options.port, 9600)
-    times = watch_writes(line)
+    times: list[tuple[float, str]] = []
     daq = DMM32Emulator(world.input, clock)
     distance = VL6180XEmulator(lambda: world.distance_mm, clock)
     buses = Buses(
         clock=clock,
-        open_serial=lambda port, baud: line,
+        open_serial=lambda port, baud: watched(open_serial(port, baud), times),
         open_ports=lambda base: daq,
         open_i2c=lambda path: distance,
     )
@@ -64,17 +63,16 @@ def main() -> None:
         options.times.write_text(json.dumps(times), encoding="utf-8")
 
 
-def watch_writes(line: serial.Serial) -> list[tuple[float, str]]:
-    """Records what is written to a line: a growing list of times, s, and texts."""
-    writes: list[tuple[float, str]] = []
+def watched(line: serial.Serial, times: list[tuple[float, str]]) -> serial.Serial:
+    """A line of which every write is recorded: its time, s, and its text."""
     write = line.write
 
-    def watched(data: bytes) -> int | None:
-        writes.append((time.perf_counter(), data.decode("ascii")))
+    def recorded(data: bytes) -> int | None:
+        times.append((time.perf_counter(), data.decode("ascii")))
         return write(data)
 
-    line.write = watched  # type: ignore[method-assign, assignment]
-    return writes
+    line.write = recorded  # type: ignore[method-assign, assignment]
+    return line
 
 
 if __name__ == "__main__":

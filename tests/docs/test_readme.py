@@ -28,7 +28,7 @@ def test_the_commands_and_the_program_run(tmp_path: Path) -> None:
         port = probe.getsockname()[1]
     script = "".join(blocks("sh"))
     assert script.count("estimator identify") == 4
-    script = script.replace("--interactions 6", "--interactions 2")
+    script = script.replace("--interactions 6", "--interactions 1")
     script = re.sub(r"^(.* --method paper .*)$", rf"\1{PAPER}", script, flags=re.MULTILINE)
     # The first command goes to the background; the second must find it listening.
     script = script.replace("&\n", "2> log &\nuntil grep -q serving log; do sleep 0.1; done\n", 1)
