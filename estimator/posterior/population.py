@@ -8,7 +8,6 @@ exchange their chains. Of each chain the misfits are kept, so an exchange costs 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, Final, Self
 
@@ -148,19 +147,20 @@ class Population:
         misfits = np.zeros((rows.size, count, MISFITS))
         fits = self._likelihood.of(misfits, widths, scales)
         bodies = self._predictor.unknowns.bodies(fresh)
-        alive, start = np.arange(rows.size), 0
+        alive, start, simulated = np.arange(rows.size), 0, 0
         while start < count and alive.size:
             end = min(count, 2 * start + 1)
             models = np.repeat(alive, end - start)
             turns = order[alive, start:end].ravel()
             readings = self._predictor.read(bodies, models, self._data.programs[turns])
+            simulated += models.size
             misfits[models, turns] = self._data.misfits(readings, turns)
             fits[models, turns] = self._likelihood.of(
                 misfits[models, turns][:, None], widths[models], scales[models], turns[:, None]
             )[:, 0]
             alive = alive[fits[alive].sum(axis=1) > limits[alive]]
             start = end
-            self._predictor.spared += (rows.size - alive.size) * (min(count, 2 * end + 1) - end)
+        self._predictor.spared += rows.size * count - simulated
         taken = rows[alive]
         self.values[taken], self._misfits[taken] = fresh[alive], misfits[alive]
         self._fits[taken] = fits[alive]
@@ -210,12 +210,3 @@ class Population:
             for array in (self.values, self.scales, self._misfits):
                 array[a], array[b] = array[b], array[a]
             self._fits[a], self._fits[b] = down[accepted], up[accepted]
-
-
-def levels_for(interactions: int) -> int:
-    """Levels that a population needs: exchanges get rarer as interactions add up.
-
-    Two levels whose noise differs by a factor r exchange often while (log r)² times the number of
-    readings is a few; each interaction has three.
-    """
-    return max(6, math.ceil(math.log(HOTTEST) / math.sqrt(2 / (3 * interactions))) + 1)

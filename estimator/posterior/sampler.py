@@ -144,9 +144,13 @@ class Sampler:
 
     def prior(self) -> Posterior:
         """What is believed before the first interaction."""
-        return self._from_chains(
-            np.concatenate([one.values for one in self._populations]),
-            np.concatenate([one.scales for one in self._populations]),
+        values = np.concatenate([one.values for one in self._populations])
+        return Posterior(
+            values=values,
+            scales=np.concatenate([one.scales for one in self._populations]),
+            weights=np.full(len(values), 1 / len(values)),
+            modes=(),
+            seen=0.0,
         )
 
     def learn(self, data: SensorData) -> Posterior:
@@ -227,23 +231,6 @@ class Sampler:
                     values.append(population.values[cold].copy())
                     scales.append(population.scales[cold].copy())
         return np.concatenate(values), np.concatenate(scales)
-
-    def _from_chains(self, values: Array, scales: Array) -> Posterior:
-        unknowns = self.predictor.unknowns
-        found: dict[Attachments, list[int]] = {}
-        for row, key in enumerate(unknowns.keys(values)):
-            found.setdefault(key, []).append(row)
-        modes = sorted(
-            (
-                Mode(key, len(rows) / len(values), values[rows[0]], float(len(rows)))
-                for key, rows in found.items()
-            ),
-            key=lambda mode: -mode.probability,
-        )
-        weights = np.full(len(values), 1 / len(values))
-        return Posterior(
-            values=values, scales=scales, weights=weights, modes=tuple(modes), seen=0.0
-        )
 
     def _weigh(
         self, points: Array, modes: Sequence[ModeEvidence], discovered: Sequence[Bodies]

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.population import HOTTEST, Population, levels_for
+from estimator.posterior.population import HOTTEST, Population
 from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
 from estimator.readings.observation import Observation
 from tests.estimator.posterior.enumeration import distance, enumerated
@@ -114,7 +114,3 @@ def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predicto
         one.step()
     assert np.array_equal(copy.values, population.values)
     assert np.array_equal(copy.scales, population.scales)
-
-
-def test_levels_grow_with_the_readings() -> None:
-    assert levels_for(1) < levels_for(6) < levels_for(16)
