@@ -10,5 +10,6 @@
 ``run_files.write_report`` all derived files of a run directory
 ``terminal_tables``        the paper's result and scores at a terminal
 ``posterior_tables``       the posterior at a terminal
+``plain_table``            how both look
 ========================== ===============================================================
 """

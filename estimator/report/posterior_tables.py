@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from rich.console import Console, JustifyMethod
-from rich.table import Table
+from rich.console import Console
 from rich.text import Text
 
+from estimator.report.plain_table import plain_table
 from estimator.report.posterior_summary import Interval, PosteriorSummary
 from estimator.report.result import Result
 
@@ -32,7 +32,7 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
         )
     )
     _print_attachments(console, posterior)
-    table = _table("leg", "side", "length (mm)", "90 % interval (mm)", "touched")
+    table = plain_table("leg", "side", "length (mm)", "90 % interval (mm)", "touched")
     for leg, length in zip(result.legs, posterior.lengths_m, strict=True):
         touched = "not sensed" if leg.touched is None else "yes" if leg.touched else "never"
         table.add_row(leg.joint, leg.side, _mm(length.median), _between(length, 1000), touched)
@@ -66,7 +66,7 @@ def _print_attachments(console: Console, posterior: PosteriorSummary) -> None:
         else f"is {_percent(posterior.probability)}"
     )
     console.print(f"The probability of these attachments together {sure}.")
-    table = _table("what", "best body", "probability", justify="left")
+    table = plain_table("what", "best body", "probability", justify="left")
     for item in posterior.attachments:
         table.add_row(item.what, item.value, _percent(item.probability))
     console.print(table)
@@ -79,7 +79,9 @@ def _print_rivals(console: Console, posterior: PosteriorSummary) -> None:
 
 
 def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
-    table = _table("interaction", "expected (bits)", "gained (bits)", "sure", "why", justify="left")
+    table = plain_table(
+        "interaction", "expected (bits)", "gained (bits)", "sure", "why", justify="left"
+    )
     for number, step in enumerate(posterior.steps, 1):
         bits = (
             "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
@@ -98,10 +100,3 @@ def _mm(length: float) -> str:
 
 def _between(interval: Interval, factor: float, digits: int = 1) -> str:
     return f"{factor * interval.low:.{digits}f}–{factor * interval.high:.{digits}f}"
-
-
-def _table(*columns: str, justify: JustifyMethod = "right") -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else justify)
-    return table

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from typing import Final
 
-from rich.console import Console, JustifyMethod
-from rich.table import Table
+from rich.console import Console
 from rich.text import Text
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import PredictionErrors, Validation
 from estimator.readings.modalities.registry import MODALITIES
+from estimator.report.plain_table import plain_table
 from estimator.report.posterior_tables import print_posterior
 from estimator.report.result import ModelFound, Result
 
@@ -53,7 +53,7 @@ def print_result(console: Console, result: Result) -> None:
             f"{result.physics})."
         )
     if result.legs:
-        table = _table("leg", "side", "length (mm)", "spread (mm)", "5–95 % (mm)", "touched")
+        table = plain_table("leg", "side", "length (mm)", "spread (mm)", "5–95 % (mm)", "touched")
         for leg in result.legs:
             low, high = leg.range_m
             table.add_row(
@@ -73,7 +73,7 @@ def print_result(console: Console, result: Result) -> None:
 
 def _print_parts(console: Console, model: ModelFound) -> None:
     """How the best model's parts hang together, and how many other models think so too."""
-    table = _table("part", "sits on", "side", "positive angle", "length (mm)", "agreed (%)")
+    table = plain_table("part", "sits on", "side", "positive angle", "length (mm)", "agreed (%)")
     for part in model.parts:
         table.add_row(
             part.name,
@@ -94,7 +94,7 @@ def print_score(console: Console, score: Score) -> None:
                 ("Warning:", "yellow"), " The run is not finished: the best model so far."
             )
         )
-    table = _table("leg", "true (mm)", "estimated (mm)", "error (mm)", "touched")
+    table = plain_table("leg", "true (mm)", "estimated (mm)", "error (mm)", "touched")
     for row in zip(
         score.joints,
         map(_mm, score.true_lengths_m),
@@ -157,7 +157,7 @@ def _print_configurations(console: Console, score: Score) -> None:
         f"{score.configurations_informative_right_up_to_equivalence} up to equivalence. By chance "
         f"{score.configurations_chance:.2f} of {score.configurations_total} would be."
     )
-    table = _table("part", "P: sits on", "O: side", "J: positive angle", justify="left")
+    table = plain_table("part", "P: sits on", "O: side", "J: positive angle", justify="left")
     parts = dict.fromkeys(item.part for item in score.configurations)
     for part in parts:
         cells = {item.trait: item for item in score.configurations if item.part == part}
@@ -180,7 +180,7 @@ def _verdict(cell: Configuration) -> Text:
 
 def print_validation(console: Console, validation: Validation) -> None:
     """Prediction errors beside those of models that know nothing."""
-    table = _table("models", *(modality.heading for modality in MODALITIES.values()))
+    table = plain_table("models", *(modality.heading for modality in MODALITIES.values()))
     groups: Sequence[tuple[str, PredictionErrors]] = (
         ("best model", validation.best_model),
         ("population, median", validation.population_median),
@@ -198,13 +198,6 @@ def print_validation(console: Console, validation: Validation) -> None:
 def number(value: float | None, digits: int = 2) -> str:
     """A number, or a dash where there is none."""
     return "–" if value is None else f"{value:.{digits}f}"
-
-
-def _table(*columns: str, justify: JustifyMethod = "right") -> Table:
-    table = Table(box=None, pad_edge=False, header_style="bold")
-    for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else justify)
-    return table
 
 
 def _mm(length: float | None) -> str:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Morphology, Part
-from estimator.physics.base import WorldSettings
+from estimator.body.morphology import Morphology
+from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.likelihood import SensorData
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.recheck import fine, recheck
 from estimator.posterior.unknowns import Predictor
@@ -33,7 +35,7 @@ def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predi
         modes=(Mode(keys[0], 0.5, RIGHT, 10.0), Mode(keys[1], 0.5, WRONG, 10.0)),
         seen=1.0,
     )
-    simulated = recheck(before, predictor, data, NOISE, _Swapped(predictor, data))
+    simulated = recheck(before, predictor, data, NOISE, _Swapped())
     assert simulated.simulated == 20
     assert simulated.posterior.modes[0].attachments == keys[1]
     assert simulated.posterior.modes[0].probability > 0.99
@@ -43,29 +45,11 @@ def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predi
 class _Swapped(StaticsPhysics):
     """A simulator in which every body whose first leg sits on the left sits at the back instead."""
 
-    def __init__(self, predictor: Predictor, data: SensorData) -> None:
-        super().__init__()
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        return super().read([(_swapped(body), program) for body, program in pairs])
 
-    def read(self, pairs):  # type: ignore[no-untyped-def]
-        swap = {0: 3, 3: 0}
-        return super().read(
-            [
-                (
-                    Morphology(
-                        base=body.base,
-                        density=body.density,
-                        parts=(
-                            Part(
-                                **{
-                                    **vars(body.parts[0]),
-                                    "side": swap.get(body.parts[0].side, body.parts[0].side),
-                                }
-                            ),
-                            *body.parts[1:],
-                        ),
-                    ),
-                    program,
-                )
-                for body, program in pairs
-            ]
-        )
+
+def _swapped(body: Morphology) -> Morphology:
+    first, *others = body.parts
+    side = {0: 3, 3: 0}.get(first.side, first.side)
+    return replace(body, parts=(replace(first, side=side), *others))
