@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test check format bench compare-engines reproduce parametric power soak latency leaps faults fuzz clean
+.PHONY: help install demo test test-newest check format bench compare-engines reproduce parametric power self-calibration soak three screenshots latency leaps calibration faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -20,9 +20,18 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY) ## A simulated robot is identified over the wire, and the result is scored
 	PATH="$(abspath $(BIN)):$$PATH" docs/demo.sh demo
 
-TEST_JOBS ?= 2
-test: $(READY) ## Run all tests, TEST_JOBS=2 side by side
+TEST_JOBS ?= 3
+test: $(READY) ## Run all tests, TEST_JOBS=3 side by side: many wait for processes
 	$(BIN)/python -m pytest --numprocesses $(TEST_JOBS) --dist worksteal
+
+NEWEST ?= python3.13
+NEWEST_VENV ?= .venv-newest
+test-newest: ## Run the tests that are marked every_python on the newest Python, NEWEST=python3.13
+	$(NEWEST) -m venv $(NEWEST_VENV)
+	$(NEWEST_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
+		-c constraints.txt --editable '.[sim,estimator]' hypothesis psutil pytest pytest-timeout
+	$(NEWEST_VENV)/bin/python -m pytest -m every_python \
+		$$(grep -rl --include='*.py' 'mark.every_python' tests)
 
 check: $(READY) ## Lint, format, types and import arrows
 	$(BIN)/ruff check .
@@ -45,14 +54,18 @@ compare-engines: $(READY) ## Statics against PyBullet and MuJoCo; BODIES=1000 SE
 reproduce: $(READY) ## The paper's figures and claims, with statics; docs/reproduction.md says more
 	$(BIN)/estimator reproduce all --physics statics
 
-power: $(READY) ## How often the posterior is right, and whether it knows; about 20 minutes
-	$(BIN)/python -m bench.power
+self-calibration: $(READY) ## Does the posterior mean what it says? 300 bodies, statics as the robot; hours
+	$(BIN)/python -m bench.simulation_based_calibration
+
+power: $(READY) ## Each method on the reported seeds, other bodies, faults; writes docs/power.md
+	$(BIN)/python -m bench.power --page
 
 parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
 	$(BIN)/python -m bench.parametric
 
-soak: $(READY) ## 24 virtual hours of random commands, faults and clients; about 40 minutes
-	$(BIN)/python -m bench.soak --hours 24
+SOAK ?=
+soak: $(READY) ## 24 virtual hours of random commands, faults, clients; 40 minutes; SOAK='--electronics pi'
+	$(BIN)/python -m bench.soak --hours 24 $(SOAK)
 
 latency: $(READY) ## Round trips, jitter, memory and CPU of robotd; some minutes
 	$(BIN)/python -m bench.latency
@@ -67,8 +80,22 @@ fuzz: $(READY) ## Two million frames through codec and server core; about seven 
 leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged lines; some minutes
 	$(BIN)/python -m tests.faults.leaps
 
+calibration: $(READY) ## Wrong electronics of both kinds, ten seeds each, put right by a simulated person
+	ALL_SEEDS=1 $(BIN)/python -m pytest -q tests/sim_robot/cli/test_calibrate.py
+
 faults: $(READY) ## Write docs/faults.md from the fault matrix
 	$(BIN)/python -m tests.faults.document
 
+THREE := estimator/report/page
+three: ## Bundle what the pages need of three.js, from npm: needs node
+	npm install --silent --ignore-scripts --no-save --prefix build/npm three@0.187.0 esbuild@0.28.2
+	cp $(THREE)/three.js build/npm/
+	build/npm/node_modules/.bin/esbuild build/npm/three.js --bundle --minify --format=iife \
+		--global-name=THREE --legal-comments=inline --outfile=$(THREE)/three.min.js
+	cp build/npm/node_modules/three/LICENSE $(THREE)/three.LICENSE
+
+screenshots: $(READY) ## Take the documentation's pictures of report.html, of a run; three minutes
+	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m tests.estimator.report.page.screenshots docs/images
+
 clean: ## Remove the virtual environment and caches
-	rm -rf $(VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(NEWEST_VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

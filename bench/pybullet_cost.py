@@ -26,7 +26,7 @@ from estimator.readings.observation import Observation
 from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
 from robot.service.daemon import describe
-from sim_robot.simulator.wiring import configure
+from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 

@@ -25,9 +25,9 @@ INTERACTIONS = 40
 
 
 @contextmanager
-def _daemon() -> Iterator[tuple[psutil.Process, str]]:
+def _daemon(electronics: str) -> Iterator[tuple[psutil.Process, str]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "bench.still_robotd", "tcp://127.0.0.1:*"],
+        [sys.executable, "-m", "bench.still_robotd", "tcp://127.0.0.1:*", electronics],
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -39,9 +39,9 @@ def _daemon() -> Iterator[tuple[psutil.Process, str]]:
         process.communicate(timeout=10)
 
 
-def idle_daemon() -> tuple[float, float]:
+def idle_daemon(electronics: str = "pc104") -> tuple[float, float]:
     """Resident memory (MB) and CPU share (%) of an idle daemon with one client connected."""
-    with _daemon() as (process, uri), RobotClient(uri) as client:
+    with _daemon(electronics) as (process, uri), RobotClient(uri) as client:
         client.acquire()
         client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
         before = process.cpu_times()
@@ -81,7 +81,10 @@ def interaction() -> float:
 
 def main() -> None:
     """Prints the three figures with their aims."""
-    memory, share = idle_daemon()
-    print(f"robotd, idle, telemetry at 2 Hz: {memory:.1f} MB resident (aim: under 40)")
-    print(f"robotd, idle, telemetry at 2 Hz: {share:.2f} % of a core (aim: under 2)")
+    for electronics in ("pc104", "pi"):
+        memory, share = idle_daemon(electronics)
+        print(
+            f"robotd on {electronics}, idle, telemetry at 2 Hz: {memory:.1f} MB resident "
+            f"(aim: under 40), {share:.2f} % of a core (aim: under 2)"
+        )
     print(f"sim-robotd: {interaction():.0f} ms of a core per interaction (aim: at most 150)")

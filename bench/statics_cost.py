@@ -22,13 +22,13 @@ import numba
 import numpy as np
 
 from bench.engines.bodies import draw
-from bench.engines.mujoco_engine import MuJoCoPhysics
 from bench.pybullet_cost import workload as topological_workload
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
 from estimator.identification.modelling import Modeller
 from estimator.identification.objectives import LargestError
 from estimator.physics.base import Pair, Physics, WorldSettings
+from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 from estimator.search.deterministic_crowding import DeterministicCrowding
@@ -172,8 +172,8 @@ def report(kind: str, problem: str, operations_per_second: float) -> None:
     rows: list[tuple[str, float]] = [
         ("PyBullet, plain loop, 300 × 1/60 s", plain),
         ("PyBullet, our back-end, until it rests", ours),
-        ("MuJoCo, compiling and mujoco.rollout, 300 × 1/60 s", coarse),
-        ("MuJoCo, compiling and mujoco.rollout, 1,200 × 1/240 s", slow),
+        ("MuJoCo, our back-end, until it rests", coarse),
+        ("MuJoCo, our back-end, 1,200 × 1/240 s", slow),
         ("statics", computed),
         (f"arithmetic floor, {operations:.0f} operations", 1 / arithmetic),
     ]

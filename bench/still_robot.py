@@ -7,7 +7,7 @@ the control loop with a clock of their own.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import resources
@@ -16,7 +16,7 @@ from pathlib import Path
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
 from robot.drivers.buses import Buses
-from robot.drivers.sv203 import SV203, SV203Settings
+from robot.drivers.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller
@@ -88,11 +88,26 @@ class Bystander:
         self._panel.begin_interaction()
 
 
-def example_config(port: str) -> RobotConfig:
-    """The documented ``robot.toml``, on another serial port."""
+def example_config(port: str, *, boards: Sequence[int] = (1,)) -> RobotConfig:
+    """The documented ``robot.toml``, on another serial port.
+
+    Args:
+        port: The port.
+        boards: The numbers of its servo boards; each has the joints of the first, under new names.
+    """
     config = load_config(Path(str(resources.files("robot") / "robot.toml")))
     assert isinstance(config.servos, SV203Settings)
-    return replace(config, servos=replace(config.servos, port=port))
+    further = tuple(
+        replace(joint, name=f"{joint.name}_{number}", output=joint.output + SERVOS * row)
+        for row, number in enumerate(boards)
+        for joint in config.joints
+        if row
+    )
+    return replace(
+        config,
+        servos=replace(config.servos, port=port, boards=tuple(boards)),
+        joints=config.joints + further,
+    )
 
 
 @contextmanager
@@ -102,12 +117,13 @@ def still_robot(
     housekeeping: float | None,
     log: logging.Logger,
     manager: ServiceManager | None = None,
+    boards: Sequence[int] = (1,),
 ) -> Iterator[StillRobot]:
-    """Builds the robot of the documented configuration; its control loop is not yet started."""
+    """Builds the robot of ``example_config``; its control loop is not yet started."""
     with ExitStack() as stack:
-        board = SV203Emulator()
+        board = SV203Emulator(boards=boards)
         stack.callback(board.close)
-        config = example_config(board.port)
+        config = example_config(board.port, boards=boards)
         world = StillWorld.around(config)
 
         daq = DMM32Emulator(world.input, clock)

@@ -1,18 +1,21 @@
 #!/usr/bin/env bash
 # The whole path: a simulated robot, known only through the wire, is identified in two ways.
 # `make demo` runs it; each command is shown before it is run, so that it can be typed as well.
+# `make demo ELECTRONICS=pi` does it on the chips of a Raspberry Pi.
 set -euo pipefail
 out=${1:-demo}
 robot=tcp://127.0.0.1:${PORT:-5750}
 seed=${SEED:-1}
+electronics=${ELECTRONICS:-pc104}
 
 show() { printf '\n\033[1m$ %s\033[0m\n' "$*"; "$@"; }
 
 rm -rf "$out"
 mkdir -p "$out"
 
-printf '\033[1m$ sim-robotd --bind %s --seed %s &\033[0m\n' "$robot" "$seed"
-sim-robotd --bind "$robot" --seed "$seed" 2> "$out/sim-robotd.log" &
+printf '\033[1m$ sim-robotd --bind %s --seed %s --electronics %s &\033[0m\n' "$robot" "$seed" \
+    "$electronics"
+sim-robotd --bind "$robot" --seed "$seed" --electronics "$electronics" 2> "$out/sim-robotd.log" &
 daemon=$!
 trap 'kill "$daemon" 2> /dev/null || true' EXIT
 until grep -q serving "$out/sim-robotd.log"; do

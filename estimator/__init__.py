@@ -21,7 +21,7 @@ Name                    What it is
 ``OBJECTIVES``          how badly a model fits: ``Objective``; ``LargestError``, ``RobustMeanError``
 ``SEARCHES``            what optimises the paper's population: ``Search``;
                         ``DeterministicCrowding``
-``Registry``            what the four above are: ``add`` offers an implementation of one's own
+``Registry``            what the four above are
 ``Problem``             what is known and what is to be found, a TOML file
 ``Genome``              the code between genes and bodies
 ``Observation``         what a robot felt in one interaction
@@ -35,6 +35,7 @@ Room               What is in it
 ================== ==============================================================================
 ``cli``            the command line; beside it ``api``: the same from a program
 ``reproduction``   the paper's figures
+``live``           a page in the browser that follows a run
 ``report``         a run in numbers, tables and plots
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
@@ -45,6 +46,7 @@ Room               What is in it
                    that is
 ``robot_link``     where readings come from: a robot, a table by hand, a recorded run
 ``storage``        a run on disk: settings, interactions, generations, beliefs
+``export``         a body as URDF, MJCF or JSON
 ``problem``        what is known and what is to be found; genes to bodies
 ``physics``        what a body feels at rest: back-ends by name, in processes or on a cluster
 ``search``         what optimises a population, ask and tell
@@ -66,12 +68,11 @@ if TYPE_CHECKING:
     from estimator.api import identify, resume
     from estimator.errors import EstimatorError, SearchStateError
     from estimator.exploration.rules import RULES, Rule
-    from estimator.exploration.situation import Choice, Models, Situation
+    from estimator.exploration.situation import Choice, Models, Objective, Situation
     from estimator.identification.listener import Listener
     from estimator.identification.objectives import (
         OBJECTIVES,
         LargestError,
-        Objective,
         RobustMeanError,
     )
     from estimator.identification.run import METHODS, Order
@@ -159,7 +160,7 @@ _MODULES: Final = MappingProxyType(
         "Listener": "identification.listener",
         "OBJECTIVES": "identification.objectives",
         "LargestError": "identification.objectives",
-        "Objective": "identification.objectives",
+        "Objective": "exploration.situation",
         "RobustMeanError": "identification.objectives",
         "METHODS": "identification.run",
         "Order": "identification.run",

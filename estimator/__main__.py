@@ -9,6 +9,7 @@ import importlib
 import sys
 
 from protocol.system.interrupts import interrupts_deferred
+from protocol.system.missing_library import lacking
 
 _INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
 
@@ -20,12 +21,7 @@ def main() -> None:
             cli = importlib.import_module("estimator.cli.command_line")
         cli.app(prog_name="estimator")
     except ModuleNotFoundError as error:
-        print(
-            f"estimator: needs {error.name}, which is not installed: "
-            "pip install 'bodyschema[estimator]'",
-            file=sys.stderr,
-        )
-        sys.exit(1)
+        sys.exit(lacking("estimator", "estimator", error))
     except (KeyboardInterrupt, SystemExit) as end:
         if isinstance(end, SystemExit) and end.code != _INTERRUPTED:
             raise

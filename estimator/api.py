@@ -3,18 +3,38 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final, TypeVar
 
 from estimator.errors import EstimatorError
+from estimator.exploration.rules import RULES, Rule
+from estimator.exploration.situation import Objective
 from estimator.identification.listener import Listener
+from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.run import MethodName, Order
 from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run
-from estimator.physics.backends import OpenPhysics, in_this_process, on_this_computer
+from estimator.physics.backends import (
+    BACKENDS,
+    OpenPhysics,
+    in_this_process,
+    on_this_computer,
+)
+from estimator.physics.base import Physics
+from estimator.plugins import Registry
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.search.searches import SEARCHES, Search
+from estimator.storage.store import RunStore
+
+T = TypeVar("T")
+
+_REGISTRIES: Final[Mapping[str, Registry[Any]]] = MappingProxyType(
+    {"physics": BACKENDS, "search": SEARCHES, "objective": OBJECTIVES, "explore": RULES}
+)
 
 
 def identify(
@@ -23,10 +43,10 @@ def identify(
     robot: str,
     problem: Path | str,
     method: MethodName = "posterior",
-    physics: str | None = None,
-    search: str = "deterministic-crowding",
-    objective: str = "largest",
-    explore: str | None = None,
+    physics: str | type[Physics] | None = None,
+    search: str | type[Search] = "deterministic-crowding",
+    objective: str | type[Objective] = "largest",
+    explore: str | Rule | None = None,
     sure: float | None = None,
     modalities: Iterable[str] = tuple(MODALITIES),
     interactions: int | None = None,
@@ -45,10 +65,10 @@ def identify(
         robot: ``tcp://HOST:PORT``, ``file:READINGS.csv`` or ``replay:DIR``.
         problem: A problem's name, or a TOML file.
         method: ``posterior``, or ``paper``: one population, optimised.
-        physics: A name in ``BACKENDS``; default: the method's.
-        search: A name in ``SEARCHES``; the method ``paper`` has use for it.
-        objective: A name in ``OBJECTIVES``; likewise.
-        explore: A name in ``RULES``; default: the method's.
+        physics: A name in ``BACKENDS``, or a class of your own; default: the method's.
+        search: A name in ``SEARCHES``, or a class; the method ``paper`` has use for it.
+        objective: A name in ``OBJECTIVES``, or a class; likewise.
+        explore: A name in ``RULES``, or a function; default: the method's.
         sure: Probability of the attachments, 0 to 1, at which the run ends early, if the lengths
             are known to 5 mm by then.
         modalities: Sensors that count.
@@ -73,10 +93,10 @@ def identify(
         problem=str(problem),
         seed=secrets.randbelow(2**32) if seed is None else seed,
         method=method,
-        physics=physics,
-        search=search,
-        objective=objective,
-        explore=explore,
+        physics=None if physics is None else _name(BACKENDS, physics),
+        search=_name(SEARCHES, search),
+        objective=_name(OBJECTIVES, objective),
+        explore=None if explore is None else _name(RULES, explore),
         sure=sure,
         modalities=tuple(modalities),
         interactions=interactions,
@@ -94,6 +114,10 @@ def resume(
     directory: Path | str,
     *,
     robot: str | None = None,
+    physics: type[Physics] | None = None,
+    search: type[Search] | None = None,
+    objective: type[Objective] | None = None,
+    explore: Rule | None = None,
     keys: Path | None = None,
     jobs: int = 1,
     listener: Listener | None = None,
@@ -103,6 +127,11 @@ def resume(
     Args:
         directory: The run directory.
         robot: Where the robot is now; default: where it was.
+        physics: The class of your own with which the run was started, if there was one. The other
+            three likewise.
+        search: Such a class.
+        objective: Such a class.
+        explore: Such a function.
         keys: Key directory, where the robot asks for keys; a run does not remember it.
         jobs: As for ``identify``; the result does not depend on it.
         listener: Hears what happens; default: nobody.
@@ -113,6 +142,9 @@ def resume(
     Raises:
         BodyschemaError: Something prevents it; the message says what.
     """
+    _add_those_of(
+        Path(directory), physics=physics, search=search, objective=objective, explore=explore
+    )
     return resume_run(
         Path(directory),
         _physics(jobs),
@@ -121,6 +153,24 @@ def resume(
         keys=keys,
         report=write_report,
     )
+
+
+def _name(registry: Registry[T], part: T | str) -> str:
+    """The name of a part, which is taken in if it is the calling program's."""
+    return part if isinstance(part, str) else registry.add(part)
+
+
+def _add_those_of(directory: Path, **parts: object) -> None:
+    """Takes in the calling program's parts of a run, which must be those that it had before."""
+    with RunStore.open(directory, to_write=False) as store:
+        settings = store.settings
+    for kind, part in parts.items():
+        was = getattr(settings, kind)
+        if part is not None and (given := _REGISTRIES[kind].add(part)) != was:
+            raise EstimatorError(
+                f"the run was started with the {_REGISTRIES[kind].kind} {was!r}, not {given!r}: "
+                "leave that out, or start a new run"
+            )
 
 
 def _physics(jobs: int) -> OpenPhysics:

@@ -8,7 +8,8 @@ A package offers an implementation under a name in one of our entry-point groups
 Nothing is imported before it is asked for by name, so a package that is broken, or that lacks what
 it needs, disturbs only those who want it.
 
-A program that runs the estimator itself needs no entry point: it calls ``Registry.add``.
+A program that runs the estimator itself needs no entry point: it gives ``estimator.identify`` the
+class or function.
 """
 
 from __future__ import annotations
@@ -54,22 +55,30 @@ class Registry(Generic[T]):
         here = {**self.own, **self._added}
         return (*here, *sorted(metadata.entry_points(group=self.group).names - here.keys()))
 
-    def add(self, name: str, implementation: T) -> None:
-        """Offers an implementation of the calling program's own, for as long as this process runs.
+    def add(self, implementation: T) -> str:
+        """Takes in an implementation of the calling program's own, as long as this process runs.
 
-        A run that uses it records where it is defined, and goes on only where it was added again.
+        It replaces one of the same place, as a notebook's cell leaves behind when it is run again.
 
         Args:
-            name: Its name.
             implementation: What an entry point of the group would refer to. Where worker processes
                 use it, at the top level of a module that they can import.
 
+        Returns:
+            Its name, by which a run records it: where it is defined.
+
         Raises:
-            EstimatorError: The name is taken.
+            EstimatorError: It is not defined at the top level of a module.
         """
-        if name in self.names():
-            raise EstimatorError(f"there is a {self.kind} {name!r} already: choose another name")
+        place = getattr(implementation, "__qualname__", "")
+        if not place.isidentifier():
+            raise EstimatorError(
+                f"{implementation!r} cannot be the {self.kind}, since nothing could find it again: "
+                "give a class or function at the top level of a module"
+            )
+        name = f"{implementation.__module__}:{place}"
         self._added[name] = implementation
+        return name
 
     def check(self, name: str) -> None:
         """Refuses a name that nothing has; imports nothing.
@@ -100,13 +109,11 @@ class Registry(Generic[T]):
     def package(self, name: str) -> dict[str, str]:
         """Version by name of the package that an implementation comes from; empty if it is ours.
 
-        One that the calling program has added goes by its module and class or function.
-
         Raises:
             EstimatorError: No implementation has this name, or more than one.
         """
         if name in self._added:
-            return {_place(self._added[name]): _ADDED}
+            return {name: _ADDED}
         package = self._entry(name).dist
         return {} if package is None else {package.name: package.version}
 
@@ -119,6 +126,11 @@ class Registry(Generic[T]):
         entries = list(metadata.entry_points(group=self.group, name=name))
         if name in self.own:
             entries.insert(0, metadata.EntryPoint(name, self.own[name], self.group))
+        if not entries and ":" in name:
+            raise EstimatorError(
+                f"the {self.kind} {name!r} is part of a program: let that program go on with the "
+                "run, and give it to `estimator.resume`"
+            )
         if not entries:
             raise EstimatorError(
                 f"there is no {self.kind} {name!r}: choose {', '.join(self.names())}"
@@ -130,9 +142,3 @@ class Registry(Generic[T]):
                 f"{', '.join(packages)}"
             )
         return entries[0]
-
-
-def _place(implementation: object) -> str:
-    """Module and name of a class or function; of any other object, those of its class."""
-    definition = implementation if hasattr(implementation, "__qualname__") else type(implementation)
-    return f"{definition.__module__}:{definition.__qualname__}"

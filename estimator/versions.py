@@ -9,7 +9,7 @@ from importlib import metadata
 def versions() -> dict[str, str]:
     """Versions of everything that computes."""
     installed = {"python": platform.python_version()}
-    for name in ("bodyschema", "numpy", "numba", "pybullet"):
+    for name in ("bodyschema", "numpy", "numba", "pybullet", "mujoco"):
         try:
             installed[name] = metadata.version(name)
         except metadata.PackageNotFoundError:

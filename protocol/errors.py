@@ -25,6 +25,12 @@ from typing import Final
 CLEAR: Final = "python -m protocol URI clear"
 """How a person clears a robot that is stopped, or that failed."""
 
+HOLD: Final = "python -m protocol URI hold"
+"""How a person makes a limp robot stiff again."""
+
+STATUS: Final = "python -m protocol URI status"
+"""How a person asks what a robot does, and who controls it."""
+
 
 class BodyschemaError(Exception):
     """Base of every error that this project raises on purpose."""
@@ -139,7 +145,7 @@ ERROR_CODES: Final = MappingProxyType(
         "held": _kind(
             True,
             "Another controller holds the robot.",
-            "Wait until it releases, or ask its owner.",
+            f"Wait until it releases, or ask its owner, whom this names: {STATUS}",
         ),
         "not_controller": _kind(
             False, "This request needs control of the robot.", "Send acquire first."
@@ -154,7 +160,9 @@ ERROR_CODES: Final = MappingProxyType(
             False, "A target lies beyond its joint's limits.", "Stay within hello's limits."
         ),
         "wrong_state": _kind(
-            False, "The request is not allowed in the robot's present state.", "See SPEC.md."
+            False,
+            "The request is not allowed in the robot's present state.",
+            f"See SPEC.md; a limp robot moves after: {HOLD}",
         ),
         "stopped": _kind(
             False, "The robot is stopped.", f"Make sure that it is safe, then: {CLEAR}"
@@ -176,7 +184,9 @@ ERROR_CODES: Final = MappingProxyType(
             f"Make sure that it is safe; then send a new request after: {CLEAR}",
         ),
         "aborted_hold": _kind(True, "A hold ended the motion.", "Send a new request."),
-        "aborted_relax": _kind(False, "A relax ended the motion.", "Hold, then a new request."),
+        "aborted_relax": _kind(
+            False, "A relax ended the motion.", f"Send a new request after: {HOLD}"
+        ),
         "aborted_silent": _kind(
             True,
             "The controller fell silent or let go; the robot holds its pose.",

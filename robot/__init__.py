@@ -7,6 +7,7 @@ Room                    What is in it
 ``service``             puts a robot together from its configuration, and serves it
 ``diagnosis``           ``robotd doctor``: looks at each device, joint and sensor
 ``calibration``         ``robotd calibrate``: the guided session
+``trial``               ``robotd try``: one joint by hand, every sensor live
 ``control``             the control loop and the choreography of an interaction
 ``configuration``       ``robot.toml`` and ``calibration.toml``
 ``sensing``             volts and millimetres become tilt, touch and clearance

@@ -27,6 +27,9 @@ _UNITS: Final = MappingProxyType(
         "_hz": "hertz",
         "_v": "volts",
         "_n": "newtons",
+        "_us": "microseconds",
+        "zero_g": "g",
+        "g_per_g": "g",
         "volts_per_g": "volts",
         "volts_per_newton": "volts",
     }
@@ -128,6 +131,25 @@ class Section:
             raise self.refuse(key, f"must be an integer from {least} to {most}, not {value!r}.")
         return value
 
+    def integers(
+        self, key: str, least: int, most: int, default: tuple[int, ...], *, written: str = "{}"
+    ) -> tuple[int, ...]:
+        """An integer from ``least`` to ``most``, or an array of one or more, all different."""
+        given = self._take(key, default)
+        values = tuple(given) if isinstance(given, list | tuple) else (given,)
+        sound = all(type(value) is int and least <= value <= most for value in values)
+        if not sound or not values or len(set(values)) < len(values):
+            first, last, one, other = map(written.format, (least, most, least + 1, least + 2))
+            shown = ", ".join(
+                written.format(value) if type(value) is int else repr(value) for value in values
+            )
+            raise self.refuse(
+                key,
+                f"must be an integer from {first} to {last}, or different ones as in "
+                f"[{one}, {other}], not {f'[{shown}]' if isinstance(given, list) else shown}.",
+            )
+        return values
+
     def one_of(self, key: str, choices: Sequence[int], default: int, *, written: str = "{}") -> int:
         """One of some integers; ``written`` is the format in which the sentence shows them."""
         value = self._take(key, default)
@@ -155,9 +177,17 @@ class Section:
         """An array of ``count`` such numbers."""
         return tuple(self._magnitude(key, item, least, most) for item in self._array(key, count))
 
-    def numbers(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
+    def numbers(
+        self,
+        key: str,
+        count: int,
+        least: float,
+        most: float,
+        default: Sequence[float] | None = None,
+    ) -> tuple[float, ...]:
         """An array of ``count`` numbers."""
-        return tuple(self._number(key, item, least, most) for item in self._array(key, count))
+        values = self._array(key, count, default)
+        return tuple(self._number(key, item, least, most) for item in values)
 
     def pairs(self, key: str) -> tuple[tuple[float, float], ...]:
         """An array of two or more pairs of finite numbers."""
@@ -175,8 +205,8 @@ class Section:
             for pair in value
         )
 
-    def _array(self, key: str, count: int) -> list[Any]:
-        value = self._take(key)
+    def _array(self, key: str, count: int, default: Sequence[float] | None = None) -> list[Any]:
+        value = self._take(key, default if default is None else list(default))
         if not isinstance(value, list) or len(value) != count:
             raise self.refuse(key, f"must be an array of {count} numbers, not {value!r}.")
         return value

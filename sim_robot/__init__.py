@@ -6,7 +6,7 @@ Room                    What is in it
 ``cli``                 the command line
 ``simulator``           the daemon of ``robot`` on emulated electronics over a simulated body
 ``faults``              faults on order, and the socket that orders them
-``world``               the body, PyBullet, what its sensors are exposed to, noise
+``world``               the body, the engines, what its sensors are exposed to, noise
 ``electronics``         emulated boards and sensors
 ``errors``              what can be wrong with what a simulated robot is given
 ======================= =========================================================================

@@ -4,6 +4,7 @@ The tree::
 
     BodyschemaError
     ├── BodyError (ValueError)       a URDF file outside the subset
+    ├── EngineError                  an engine that is not installed
     └── FaultError (ValueError)      a fault that cannot be injected, or nobody to inject it
 """
 
@@ -20,6 +21,10 @@ class BodyError(BodyschemaError, ValueError):
         self.element = element
         self.reason = reason
         super().__init__(": ".join(part for part in (file, element, reason) if part))
+
+
+class EngineError(BodyschemaError):
+    """An engine that is not installed; the message says which is."""
 
 
 class FaultError(BodyschemaError, ValueError):

@@ -2,7 +2,6 @@
 
 =================== ===============================================================================
 ``bodies``          random bodies and motor programs, each from a seed of its own
-``mujoco_engine``   MuJoCo behind the estimator's physics boundary
 ``runs``            which engines simulate every body, in which worlds
 ``simulate``        simulates what was not simulated yet, in worker processes
 ``figures``         differences, shares, and the risk–coverage curve of the path margin

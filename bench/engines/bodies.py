@@ -14,7 +14,7 @@ from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from protocol.wire.capabilities import Capabilities
 from robot.service.daemon import describe
-from sim_robot.simulator.wiring import configure
+from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 

@@ -11,14 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from bench.engines.mujoco_engine import MuJoCoPhysics
 from estimator.physics.base import Pair, Physics, Readings, WorldSettings
+from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 
 _COARSE: Final = WorldSettings()
 _FINE: Final = WorldSettings(step=1 / 240, steps=1200, full_steps=True)
 _INERT: Final = _FINE.least_inertia * (_COARSE.step / _FINE.step) ** 2  # as inert as at 1/60 s
-_CALM: Final = 2 * _INERT  # with less, MuJoCo's bodies rock for seconds
 
 
 _ENGINES: Final[dict[str, Callable[[WorldSettings], Physics]]] = {
@@ -76,9 +75,7 @@ RUNS: Final = {
         nudged=True,
         label="PyBullet, 1/60 s, targets ± 0.1°",
     ),
-    "mujoco": Run(
-        engine="mujoco", settings=replace(_FINE, least_inertia=_CALM), label="MuJoCo, 1/240 s"
-    ),
+    "mujoco": Run(engine="mujoco", settings=_FINE, label="MuJoCo, 1/240 s"),
 }
 """By name. ``fine`` is the reference, ``coarse`` what models are simulated with."""
 

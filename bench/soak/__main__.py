@@ -27,11 +27,11 @@ def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:
 
 
 @contextmanager
-def soak(seed: int) -> Iterator[Crowd]:
+def soak(seed: int, electronics: str = "pc104") -> Iterator[Crowd]:
     """Starts a robot and yields a crowd for it."""
-    options = ("--seed", str(seed), "--control", "tcp://127.0.0.1:*")
-    with daemon("sim_robot", *options) as robot:
-        yield Crowd(robot, seed)
+    options = ("--seed", str(seed), "--electronics", electronics)
+    with daemon("sim_robot", *options, "--control", "tcp://127.0.0.1:*") as robot:
+        yield Crowd(robot, seed, electronics)
 
 
 def main() -> int:
@@ -39,6 +39,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.soak", description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (default 24)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--electronics", choices=("pc104", "pi"), default="pc104")
     options = parser.parse_args()
     print("| virtual h | memory MB | descriptors | threads | latency p50 ms | p99 ms |")
     print("| --- | --- | --- | --- | --- | --- |", flush=True)
@@ -51,7 +52,7 @@ def main() -> int:
         )
 
     start = time.monotonic()
-    with soak(options.seed) as trial:
+    with soak(options.seed, options.electronics) as trial:
         try:
             trial.run(options.hours, every=options.hours / 24, deaths=DEATHS, tell=tell)
         except InvariantBroken as error:

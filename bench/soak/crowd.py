@@ -17,30 +17,15 @@ from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from sim_robot.simulator.wiring import configure
+from sim_robot.simulator import pc104_set, pi_set
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
 VIEWERS = 4
 WEATHER = Weather(loss=0.05, duplication=0.2, jitter=0.02)
-BROWN_OUT = "servo_board.brown_out"
-NEUTRAL = 128  # count of every servo after it
-FAULTS = (
-    "servo_board.unplugged",
-    "servo_board.drop=43",
-    "servo_board.corrupt=47",
-    "servo_board.garbage=5",
-    "servo_board.mute",
-    BROWN_OUT,
+EVERYWHERE = (
     "servos.dead=3",
     "servos.swapped=2",
-    "daq.absent",
-    "daq.stuck_wait",
-    "daq.stuck_busy",
-    "daq.overflow",
-    "daq.lost_sample",
-    "daq.stuck_channel=1",
-    "daq.railed_channel=4",
     "distance.nak",
     "distance.hang",
     "distance.busy",
@@ -49,6 +34,44 @@ FAULTS = (
     "clock.jump=10",
     "clock.jump=-10",
 )
+FAULTS = {
+    "pc104": (
+        *EVERYWHERE,
+        "servo_board.unplugged",
+        "servo_board.drop=43",
+        "servo_board.corrupt=47",
+        "servo_board.garbage=5",
+        "servo_board.mute",
+        "servo_board.brown_out",
+        "daq.absent",
+        "daq.stuck_wait",
+        "daq.stuck_busy",
+        "daq.overflow",
+        "daq.lost_sample",
+        "daq.stuck_channel=1",
+        "daq.railed_channel=4",
+    ),
+    "pi": (
+        *EVERYWHERE,
+        "pwm.nak",
+        "pwm.nak=3",
+        "pwm.hang",
+        "pwm.lost=5",
+        "pwm.reset",
+        "pwm.sleep",
+        "adc.nak",
+        "adc.busy",
+        "adc.railed_channel=2",
+        "adc.reset",
+        "accelerometer.nak",
+        "accelerometer.stuck_axis=1",
+        "accelerometer.railed_axis=2",
+        "accelerometer.reset",
+        "accelerometer.sleep",
+    ),
+}
+AFTER_RESET = {"servo_board.brown_out": 128, "pwm.reset": 0, "pwm.sleep": 0}
+"""The count of every servo after a reset of its board."""
 
 
 class InvariantBroken(Exception):  # noqa: N818 - a finding
@@ -61,14 +84,20 @@ class Crowd:
     Args:
         robot: The daemon.
         seed: Decides what is tried.
+        electronics: Which boards it has.
     """
 
-    def __init__(self, robot: Daemon, seed: int):
+    def __init__(self, robot: Daemon, seed: int, electronics: str):
         self.counts: Counter[str] = Counter()
         self.samples: list[Sample] = []
         self._robot = robot
         self._random = random.Random(seed)
-        config = configure(load_body(default_body_path()), port="", levels=NoiseLevels())
+        body, levels = load_body(default_body_path()), NoiseLevels()
+        if electronics == "pi":
+            config = pi_set.configure(body, levels)
+        else:
+            config = pc104_set.configure(body, port="", levels=levels)
+        self._breaks = FAULTS[electronics]
         self._scales = {joint.name: joint.scale for joint in config.joints}
         self._last: ObservationReply | None = None
         self._generation = 0
@@ -203,7 +232,7 @@ class Crowd:
 
     def _fail(self) -> None:
         """Something breaks, at once or within the next motion, and is mended."""
-        fault = self._random.choice(FAULTS)
+        fault = self._random.choice(self._breaks)
         start = self._faults.report()["robot_time"] + self._random.uniform(0, 3)
         self._faults.inject(f"{fault}@{start:.3f}s" if self._random.random() < 0.7 else fault)
         reset = False
@@ -218,7 +247,7 @@ class Crowd:
                 break
             self._demand(not reset, "a board that was reset is not noticed")
             # After its last answer of a motion a reset cannot be noticed before the next one.
-            reset = fault == BROWN_OUT and set(self._faults.report()["pulses"]) == {NEUTRAL}
+            reset = set(self._faults.report()["pulses"]) == {AFTER_RESET.get(fault)}
             self._take(seen, stiff=not reset)
         if reset:
             self._refused("fault", lambda: self._client.perform(self._targets()))

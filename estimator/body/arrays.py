@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.morphology import BASE, HINGES, SIDES, Array, Morphology
+from estimator.body.morphology import BASE, Array, Morphology
+from estimator.body.mounts import heading
 from estimator.errors import MorphologyError
 
 Integers: TypeAlias = NDArray[np.int64]
 
+_Entry = TypeVar("_Entry")
+
 _NONE = -1
-_NUMBERS = ("parent", "side", "hinge", "motor", "sensor")
+_NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
+_TABLES = {"base_mounts": 5, "part_mounts": 3, "hinges": 3}  # columns
+_MEASURES = {"length", "radius", "zero", "base", *_TABLES}
 _LARGEST = 1e6
 """Of any extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
 
@@ -29,14 +34,20 @@ class Bodies:
     Attributes:
         count: Parts of each body, shape (n,); columns beyond are not looked at.
         parent: Shape (n, p), and so on; −1 is the main body.
-        side: Index into ``SIDES``.
-        hinge: Index into ``HINGES``.
+        mount: Row of ``base_mounts`` for parts on the main body, of ``part_mounts`` for others.
+        hinge: Row of ``hinges``.
         motor: −1 where the hinge is locked.
         sensor: −1 where there is none.
         length: m.
         radius: m.
-        base: Shape (n, 5): extent of the main body along x, y and z, m, its mass, kg, and the
-            density of the parts, kg/m³.
+        zero: Angle of the hinge where the motor stands at 0, rad.
+        base: Shape (n, 10): extent of the main body along x, y and z, m, its mass, kg, the density
+            of the parts, kg/m³, the main body's centre of mass, m, and how its accelerometer is
+            turned, rad.
+        base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
+            x, y, z, m, then cosine and sine of the yaw.
+        part_mounts: Likewise: fraction of the carrier's length, cosine and sine.
+        hinges: Likewise: the axis.
 
     Raises:
         MorphologyError: A body cannot exist.
@@ -44,40 +55,50 @@ class Bodies:
 
     count: Integers
     parent: Integers
-    side: Integers
+    mount: Integers
     hinge: Integers
     motor: Integers
     sensor: Integers
     length: Array
     radius: Array
+    zero: Array
     base: Array
+    base_mounts: Array
+    part_mounts: Array
+    hinges: Array
 
     def __post_init__(self) -> None:
         rows, columns = self.parent.shape
         for item in fields(self):
             array = getattr(self, item.name)
-            kind = np.dtype(float if item.name in ("length", "radius", "base") else np.int64)
-            shape = {"count": (rows,), "base": (rows, 5)}.get(item.name, (rows, columns))
+            kind = np.dtype(float if item.name in _MEASURES else np.int64)
+            own = {"count": (rows,), "base": (rows, 10)}.get(item.name, (rows, columns))
+            shape = (len(array), _TABLES[item.name]) if item.name in _TABLES else own
             if array.shape != shape or array.dtype != kind:
                 raise MorphologyError(
                     f"{item.name} of {rows} bodies of {columns} parts must be {kind} of shape "
                     f"{shape}, not {array.dtype} of shape {array.shape}"
                 )
             object.__setattr__(self, item.name, np.ascontiguousarray(array))
+        on_base = self.parent == BASE
+        mounts = np.where(on_base, len(self.base_mounts), len(self.part_mounts))
         used = np.arange(columns) < self.count[:, None]
         earlier = np.arange(columns)[None, :]
         _check(self.count, (self.count >= 0) & (self.count <= columns), "number of parts")
         for name, possible in (
             ("parent", (self.parent >= BASE) & (self.parent < earlier)),
-            ("side", (self.side >= 0) & (self.side < len(SIDES))),
-            ("hinge", (self.hinge >= 0) & (self.hinge < len(HINGES))),
+            ("mount", (self.mount >= 0) & (self.mount < mounts)),
+            ("hinge", (self.hinge >= 0) & (self.hinge < len(self.hinges))),
             ("motor", self.motor >= _NONE),
             ("sensor", self.sensor >= _NONE),
             ("length", (self.length >= 0) & (self.length <= _LARGEST)),
             ("radius", (self.radius > 0) & (self.radius <= _LARGEST)),
+            ("zero", np.isfinite(self.zero)),
         ):
             _check(getattr(self, name), possible | ~used, name)
-        _check(self.base, (self.base > 0) & (self.base <= _LARGEST), "main body or density")
+        sizes, rest = self.base[:, :5], self.base[:, 5:]
+        _check(sizes, (sizes > 0) & (sizes <= _LARGEST), "main body or density")
+        _check(rest, np.abs(rest) <= _LARGEST, "centre of mass or accelerometer")
 
     def __len__(self) -> int:
         return len(self.count)
@@ -86,7 +107,9 @@ class Bodies:
         """Some of the bodies."""
         chosen = object.__new__(Bodies)  # rows of checked arrays need no new check
         for item in fields(self):
-            array = np.ascontiguousarray(getattr(self, item.name)[rows])
+            array = getattr(self, item.name)
+            if item.name not in _TABLES:
+                array = np.ascontiguousarray(array[rows])
             object.__setattr__(chosen, item.name, array)
         return chosen
 
@@ -110,22 +133,66 @@ class Bodies:
         count = np.array([len(body.parts) for body in morphologies], dtype=np.int64)
         shape = (len(count), int(count.max(initial=0)))
         numbers = {name: np.full(shape, _NONE, dtype=np.int64) for name in _NUMBERS}
-        length, radius = np.zeros(shape), np.zeros(shape)
-        base = np.empty((len(count), 5))
+        length, radius, zero = (np.zeros(shape) for _ in range(3))
+        base = np.empty((len(count), 10))
+        base_mounts, part_mounts, hinges = _Rows(5), _Rows(3), _Rows(3)
         for row, body in enumerate(morphologies):
-            base[row] = *body.base.size, body.base.mass, body.density
+            own = body.base
+            base[row] = *own.size, own.mass, body.density, *own.centre, *own.accelerometer
+            on_base = base_mounts.start(
+                body.base.mounts, lambda mount: (*mount.at, *heading(mount.yaw))
+            )
+            on_part = part_mounts.start(
+                body.part_mounts, lambda mount: (mount.fraction, *heading(mount.yaw))
+            )
+            hinge = hinges.start(body.hinges, lambda hinge: hinge.axis)
             for column, part in enumerate(body.parts):
                 length[row, column], radius[row, column] = part.length, part.radius
+                zero[row, column] = part.zero
                 for name, values in numbers.items():
                     value = getattr(part, name)
                     values[row, column] = _NONE if value is None else value
-        return cls(count=count, length=length, radius=radius, base=base, **numbers)
+                numbers["mount"][row, column] += on_base if part.parent == BASE else on_part
+                numbers["hinge"][row, column] += hinge
+        return cls(
+            count=count,
+            length=length,
+            radius=radius,
+            zero=zero,
+            base=base,
+            base_mounts=base_mounts.array(),
+            part_mounts=part_mounts.array(),
+            hinges=hinges.array(),
+            **numbers,
+        )
+
+
+class _Rows:
+    """The tables of several bodies one below the other; bodies that share one have it once."""
+
+    def __init__(self, columns: int) -> None:
+        self._columns = columns
+        self._starts: dict[int, int] = {}
+        self._rows: list[tuple[float, ...]] = []
+
+    def start(
+        self, table: tuple[_Entry, ...], row_of: Callable[[_Entry], tuple[float, ...]]
+    ) -> int:
+        """Where the rows of a table begin."""
+        if id(table) not in self._starts:  # the bodies keep their tables alive
+            self._starts[id(table)] = len(self._rows)
+            self._rows += map(row_of, table)
+        return self._starts[id(table)]
+
+    def array(self) -> Array:
+        return np.array(self._rows, dtype=float).reshape(-1, self._columns)
 
 
 def _check(values: Array | Integers, possible: NDArray[np.bool_], name: str) -> None:
     if not possible.all():
         where = np.argwhere(~possible)[0]
-        part = f", part {where[1] + 1}" if len(where) > 1 and name != "main body or density" else ""
+        of_parts = len(where) > 1 and "or" not in name.split()
+        part = f", part {where[1] + 1}" if of_parts else ""
         raise MorphologyError(
             f"body {where[0] + 1}{part}: its {name} cannot be {values[tuple(where)]}"
         )

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimator.body.morphology import BASE, HINGES, SIDES, Array, Morphology, part_frames, tips
+from estimator.body.morphology import BASE, Array, Morphology, part_frames, tips
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,28 +21,18 @@ class Limb:
     Attributes:
         motor: The motor that turns it, or ``None`` where it is locked to the main body.
         parent: Motor of the limb that it sits on; ``BASE``: the main body, or a limb locked to it.
-        side: Index into ``SIDES``: where it sits.
-        hinge: Index into ``HINGES``.
+        mount: Name of what it sits on there.
+        hinge: Name of its hinge: how a positive angle moves it.
         length: Its joint's axis to its far end, measured away from its parent, m.
         sensors: The touch sensors that it carries.
     """
 
     motor: int | None
     parent: int
-    side: int
-    hinge: int
+    mount: str
+    hinge: str
     length: float
     sensors: tuple[int, ...] = ()
-
-    @property
-    def side_name(self) -> str:
-        """Where it sits, in words."""
-        return SIDES[self.side]
-
-    @property
-    def hinge_name(self) -> str:
-        """How a positive angle moves it, in words."""
-        return HINGES[self.hinge]
 
 
 def limbs(morphology: Morphology) -> tuple[Limb, ...]:
@@ -62,8 +52,8 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
             Limb(
                 motor=part.motor,
                 parent=BASE if parent is None else parent,
-                side=part.side,
-                hinge=part.hinge,
+                mount=morphology.mount(root).name,
+                hinge=morphology.hinge(root).name,
                 length=max(float((far[index] - origins[root]) @ along) for index in members),
                 sensors=tuple(sorted(sensor for sensor in sensors if sensor is not None)),
             )

@@ -8,8 +8,8 @@ A part is a capsule whose *length is the distance from its joint's axis to its o
 round end included: the sphere centres lie on x from 0 to ``length - radius``. A part shorter than
 its radius is a single sphere at ``length - radius``, so that the tip is where the length says.
 
-A part sits on its parent's axis: on the main body in the middle of a face, on another part at its
-far end (front), near end (back) or halfway (left, right).
+A part sits on a mount of its parent, on the axis of a part or anywhere on the main body, and its
+hinge turns it there about any axis; ``mounts`` has both.
 """
 
 from __future__ import annotations
@@ -23,29 +23,21 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.mounts import (
+    HINGES,
+    PART_SIDES,
+    BaseMount,
+    Hinge,
+    PartMount,
+    Vector,
+    four_sides,
+)
 from estimator.errors import MorphologyError
 
 Array: TypeAlias = NDArray[np.float64]
 
 BASE: Final = -1
 """Parent index of the parts that sit on the main body."""
-
-SIDES: Final = ("left", "front", "right", "back")
-SIDE_YAWS: Final = (math.pi / 2, 0.0, -math.pi / 2, math.pi)
-"""Yaw from the parent's frame to the child's, by side: the child points away from its parent."""
-
-HINGES: Final = ("yaw_left", "yaw_right", "up", "down", "roll_left", "roll_right")
-HINGE_AXES: Final = (
-    (0.0, 0.0, 1.0),
-    (0.0, 0.0, -1.0),
-    (0.0, -1.0, 0.0),  # a positive angle lifts the far end
-    (0.0, 1.0, 0.0),
-    (-1.0, 0.0, 0.0),
-    (1.0, 0.0, 0.0),
-)
-"""Axis of a positive rotation in the part's frame, by kind of hinge."""
-
-_ALONG: Final = (0.5, 1.0, 0.5, 0.0)  # of the parent's length, by side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,10 +47,17 @@ class Base:
     Attributes:
         size: Extent along x, y, z, m.
         mass: kg.
+        mounts: Where parts can sit on it; default: the middle of each side face.
+        centre: Of its mass, from its middle, m.
+        accelerometer: How far the accelerometer on it is turned about the x axis and then about
+            the y axis, rad: where the body stands level it reads the first as left/right tilt.
     """
 
-    size: tuple[float, float, float]
+    size: Vector
     mass: float
+    mounts: tuple[BaseMount, ...] = ()
+    centre: Vector = (0.0, 0.0, 0.0)
+    accelerometer: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if len(self.size) != 3 or not all(0 < extent < math.inf for extent in self.size):
@@ -68,6 +67,10 @@ class Base:
             )
         if not 0 < self.mass < math.inf:
             raise MorphologyError(f"the main body's mass must be above 0, not {self.mass}")
+        if not all(map(math.isfinite, (*self.centre, *self.accelerometer))):
+            raise MorphologyError("the main body's centre and accelerometer must be finite")
+        if not self.mounts:
+            object.__setattr__(self, "mounts", four_sides(self.size))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,21 +79,24 @@ class Part:
 
     Attributes:
         parent: Index of an earlier part, or ``BASE``.
-        side: Index into ``SIDES``: where on the parent it sits.
-        hinge: Index into ``HINGES``: how a positive angle moves it.
+        mount: Where on its parent it sits: index into the mounts of the main body, or into those
+            of parts.
+        hinge: Index into the body's hinges: how a positive angle moves it.
         length: Joint axis to outermost tip, m.
         radius: m.
         motor: Index of the motor that drives it, or ``None`` where its hinge is locked at 0.
         sensor: Index of the touch sensor that it carries, or ``None``.
+        zero: Angle of a driven hinge where its motor stands at 0, rad.
     """
 
     parent: int
-    side: int
+    mount: int
     hinge: int
     length: float
     radius: float
     motor: int | None = None
     sensor: int | None = None
+    zero: float = 0.0
 
     @property
     def far_centre(self) -> float:
@@ -117,21 +123,65 @@ class Morphology:
         base: The main body.
         parts: The parts; the order is the order of a genome's rows.
         density: Of the parts, kg/m³.
+        part_mounts: Where parts can sit on other parts; default: the paper's four sides.
+        hinges: How parts can turn; default: the paper's six.
     """
 
     base: Base
     parts: tuple[Part, ...]
     density: float
+    part_mounts: tuple[PartMount, ...] = PART_SIDES
+    hinges: tuple[Hinge, ...] = HINGES
 
     def __post_init__(self) -> None:
         if not 0 < self.density < math.inf:
             raise MorphologyError(f"density must be above 0, not {self.density}")
         for index, part in enumerate(self.parts):
-            _check_part(index, part)
+            self._check(index, part)
         for name in ("motor", "sensor"):
             used = [getattr(part, name) for part in self.parts if getattr(part, name) is not None]
             if len(set(used)) != len(used):
                 raise MorphologyError(f"each {name} belongs to one part, not several: {used}")
+
+    def _check(self, index: int, part: Part) -> None:
+        def refuse(what: str) -> MorphologyError:
+            return MorphologyError(f"part {index + 1}: {what}")
+
+        if not BASE <= part.parent < index:
+            raise refuse(
+                f"its parent must be the main body or an earlier part, not {part.parent + 1}"
+            )
+        mounts = len(self.base.mounts if part.parent == BASE else self.part_mounts)
+        if not 0 <= part.mount < mounts:
+            raise refuse(f"mount must be 0 to {mounts - 1}, not {part.mount}")
+        if not 0 <= part.hinge < len(self.hinges):
+            raise refuse(f"hinge must be 0 to {len(self.hinges) - 1}, not {part.hinge}")
+        if not 0 <= part.length < math.inf:
+            raise refuse(f"length must be at least 0, not {part.length}")
+        if not 0 < part.radius < math.inf:
+            raise refuse(f"radius must be above 0, not {part.radius}")
+        if not math.isfinite(part.zero):
+            raise refuse(f"zero must be finite, not {part.zero}")
+        for name in ("motor", "sensor"):
+            value = getattr(part, name)
+            if value is not None and value < 0:
+                raise refuse(f"{name} must be at least 0 or None, not {value}")
+
+    def mount(self, index: int) -> BaseMount | PartMount:
+        """What a part sits on."""
+        part = self.parts[index]
+        return (self.base.mounts if part.parent == BASE else self.part_mounts)[part.mount]
+
+    def hinge(self, index: int) -> Hinge:
+        """What turns a part."""
+        return self.hinges[self.parts[index].hinge]
+
+    def place(self, index: int) -> Vector:
+        """Where a part sits, in the frame of its parent, m."""
+        mount = self.mount(index)
+        if isinstance(mount, BaseMount):
+            return mount.at
+        return (mount.fraction * self.parts[self.parts[index].parent].length, 0.0, 0.0)
 
     @cached_property
     def masses(self) -> Array:
@@ -151,12 +201,21 @@ class Morphology:
         """
         reach = 0.5 * max(self.base.size)
         roots: list[float] = []
-        for part in self.parts:
-            parent = None if part.parent == BASE else self.parts[part.parent]
-            root = math.hypot(*attachment(self.base, parent, part.side))
-            roots.append(root if parent is None else roots[part.parent] + root)
+        for index, part in enumerate(self.parts):
+            root = math.hypot(*self.place(index))
+            roots.append(root if part.parent == BASE else roots[part.parent] + root)
             reach = max(reach, roots[-1] + part.length)
         return reach
+
+    @cached_property
+    def planar_height(self) -> float:
+        """Height of the body frame in the planar pose: its lowest point is on the ground, m."""
+        heights: list[float] = []
+        lowest = self.base.size[2] / 2
+        for index, part in enumerate(self.parts):
+            heights.append(self.place(index)[2] if part.parent == BASE else heights[part.parent])
+            lowest = max(lowest, part.radius - heights[-1])
+        return lowest
 
     @cached_property
     def motors(self) -> int:
@@ -200,15 +259,10 @@ class Morphology:
                 f"the motor program has {len(program)} angles, but the body has "
                 f"{self.motors} motors: give one angle per motor"
             )
-        return [0.0 if part.motor is None else float(program[part.motor]) for part in self.parts]
-
-
-def attachment(base: Base, parent: Part | None, side: int) -> tuple[float, float, float]:
-    """Where a part on a given side sits, in the frame of its parent (``None``: the main body)."""
-    if parent is not None:
-        return (_ALONG[side] * parent.length, 0.0, 0.0)
-    half_x, half_y = base.size[0] / 2, base.size[1] / 2
-    return ((0.0, half_y, 0.0), (half_x, 0.0, 0.0), (0.0, -half_y, 0.0), (-half_x, 0.0, 0.0))[side]
+        return [
+            0.0 if part.motor is None else float(program[part.motor]) + part.zero
+            for part in self.parts
+        ]
 
 
 def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tuple[Array, Array]:
@@ -227,12 +281,11 @@ def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tup
     rotations = np.empty((len(angles), 3, 3))
     for index, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):
         on_base = part.parent == BASE
-        parent = None if on_base else morphology.parts[part.parent]
         turn = np.eye(3) if on_base else rotations[part.parent]
         start = np.zeros(3) if on_base else origins[part.parent]
-        origins[index] = start + turn @ np.array(attachment(morphology.base, parent, part.side))
-        yaw = rotation((0.0, 0.0, 1.0), SIDE_YAWS[part.side])
-        rotations[index] = turn @ yaw @ rotation(HINGE_AXES[part.hinge], angle)
+        origins[index] = start + turn @ np.array(morphology.place(index))
+        yaw = rotation((0.0, 0.0, 1.0), morphology.mount(index).yaw)
+        rotations[index] = turn @ yaw @ rotation(morphology.hinge(index).axis, angle)
     return origins, rotations
 
 
@@ -244,29 +297,9 @@ def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
     return far_ends
 
 
-def rotation(axis: tuple[float, float, float], angle: float) -> Array:
-    """Matrix of the rotation about one of the frame's own axes (Rodrigues), shape (3, 3)."""
+def rotation(axis: Vector, angle: float) -> Array:
+    """Matrix of the rotation about a unit vector (Rodrigues), shape (3, 3)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     matrix: Array = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
     return matrix
-
-
-def _check_part(index: int, part: Part) -> None:
-    def refuse(what: str) -> MorphologyError:
-        return MorphologyError(f"part {index + 1}: {what}")
-
-    if not BASE <= part.parent < index:
-        raise refuse(f"its parent must be the main body or an earlier part, not {part.parent + 1}")
-    if not 0 <= part.side < len(SIDES):
-        raise refuse(f"side must be 0 to {len(SIDES) - 1}, not {part.side}")
-    if not 0 <= part.hinge < len(HINGES):
-        raise refuse(f"hinge must be 0 to {len(HINGES) - 1}, not {part.hinge}")
-    if not 0 <= part.length < math.inf:
-        raise refuse(f"length must be at least 0, not {part.length}")
-    if not 0 < part.radius < math.inf:
-        raise refuse(f"radius must be above 0, not {part.radius}")
-    for name in ("motor", "sensor"):
-        value = getattr(part, name)
-        if value is not None and value < 0:
-            raise refuse(f"{name} must be at least 0 or None, not {value}")

@@ -4,8 +4,10 @@
 Module                  What is in it
 ======================= =========================================================================
 ``identify``, …         a subcommand each, by its name: ``resume``, ``show``, ``score``,
-                        ``validate``, ``doctor``, ``reproduce``
+                        ``validate``, ``export``, ``report``, ``compare``,
+                        ``watch``, ``doctor``, ``reproduce``
 ``command_line``        the list of the subcommands
+``live_view``             the live page of a run, in a process of its own
 ``options``             options that several subcommands share
 ``console``             output to the terminal, and the end of a command that failed
 ``screen``              the progress display of a run

@@ -10,7 +10,19 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli import doctor, identify, reproduce, resume, score, show, validate
+from estimator.cli import (
+    compare,
+    doctor,
+    export,
+    identify,
+    report,
+    reproduce,
+    resume,
+    score,
+    show,
+    validate,
+    watch,
+)
 
 app = typer.Typer(
     help="Identifies a robot's body from what it feels when it moves.",
@@ -22,7 +34,11 @@ app.command("identify")(identify.command)
 app.command("resume")(resume.command)
 app.command("show")(show.command)
 app.command("score")(score.command)
+app.command("report")(report.command)
+app.command("compare")(compare.command)
 app.command("validate")(validate.command)
+app.command("export")(export.command)
+app.command("watch")(watch.command)
 app.command("doctor")(doctor.command)
 app.command("reproduce")(reproduce.command)
 

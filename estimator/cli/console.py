@@ -87,7 +87,9 @@ def fail(sentence: str, run: Path | None) -> NoReturn:
 
 def print_run_directory(run: Path) -> None:
     """Says where a run lies and what is in it."""
-    out.print(f"Run: {run} (result.json, readings.csv, plots/)", soft_wrap=True)
+    names = ("report.html", "result.json", "readings.csv", "plots/")
+    there = ", ".join(name for name in names if (run / name).exists())
+    out.print(f"Run: {run} ({there})", soft_wrap=True)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Final
 
-from protocol.errors import BodyschemaError, RobotError, RobotUnreachableError
+from protocol.errors import CLEAR, HOLD, BodyschemaError, RobotError, RobotUnreachableError
 from protocol.rules.lease import HEARTBEAT
 from protocol.security.keys import KeyDirectory
 from protocol.transport.client import RobotClient
@@ -181,9 +181,9 @@ def _state(status: Status) -> ExaminedItem:
     if status.state in _CALM:
         return ExaminedItem("state", Fitness.FINE, sentence)
     advice = {
-        "stopped": "Make sure that it is safe, then: python -m protocol URI clear",
-        "fault": "Mend the cause, then: python -m protocol URI clear",
-        "relaxed": "Hold it first: python -m protocol URI hold",
+        "stopped": f"Make sure that it is safe, then: {CLEAR}",
+        "fault": f"Mend the cause, then: {CLEAR}",
+        "relaxed": f"Hold it first: {HOLD}",
     }.get(status.state, "Wait for the end of its motion.")
     return ExaminedItem("state", Fitness.BAD, f"{sentence} {advice}")
 

@@ -10,8 +10,8 @@ from typing import Annotated, cast
 import typer
 
 from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Robot, open_physics
-from estimator.cli.screen import Screen
+from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, open_physics
 from estimator.exploration.rules import RULES
 from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.run import METHODS, MethodName, Order, identify
@@ -96,6 +96,8 @@ def command(
     jobs: Jobs = CORES,
     dask: Dask = None,
     keys: Keys = None,
+    live: Live = False,
+    live_bind: LiveBind = LIVE_BIND,
     directory: Annotated[
         Path | None, typer.Option("--out", help="Run directory. Default: a new one in runs/.")
     ] = None,
@@ -121,9 +123,11 @@ def command(
         full_steps=full_steps,
         keys=keys,
     )
-    with errors_as_sentences(place), open_physics(jobs, dask) as physics_of, Screen(err) as screen:
-        result = identify(place, order, physics_of, screen, report=write_report)
-    print_result(out, result)
-    print_run_directory(place)
+    with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
+        with open_physics(jobs, dask) as physics_of, LiveScreen(err, live_view) as screen:
+            result = identify(place, order, physics_of, screen, report=write_report)
+        print_result(out, result)
+        print_run_directory(place)
+        live_view.stay(err)
     if strict and result.posterior is not None and not result.posterior.explained:
         raise typer.Exit(1)

@@ -39,6 +39,14 @@ Keys: TypeAlias = Annotated[
     ),
 ]
 
+LiveBind: TypeAlias = Annotated[
+    str,
+    typer.Option("--live-bind", metavar="HOST:PORT", help="Where the live page is served."),
+]
+Live: TypeAlias = Annotated[
+    bool, typer.Option("--live", help="Show the body in the browser while it is being found.")
+]
+
 
 @contextmanager
 def open_physics(jobs: int, dask: str | None) -> Iterator[OpenPhysics]:

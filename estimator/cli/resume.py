@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
-from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, open_physics
-from estimator.cli.screen import Screen
+from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
+from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Live, LiveBind, open_physics
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
 from estimator.report.terminal_tables import print_result
@@ -16,19 +16,22 @@ from estimator.report.terminal_tables import print_result
 
 def command(
     directory: Directory,
+    *,
     robot: Annotated[
         str | None, typer.Option(help="Where the robot is now. Default: where it was.")
     ] = None,
     jobs: Jobs = CORES,
     dask: Dask = None,
     keys: Keys = None,
+    live: Live = False,
+    live_bind: LiveBind = LIVE_BIND,
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
-    with (
-        errors_as_sentences(directory),
-        open_physics(jobs, dask) as physics_of,
-        Screen(err) as screen,
-    ):
-        result = resume(directory, physics_of, screen, robot=robot, keys=keys, report=write_report)
-    print_result(out, result)
-    print_run_directory(directory)
+    with errors_as_sentences(directory), LiveView(directory, live_bind if live else None) as view:
+        with open_physics(jobs, dask) as physics_of, LiveScreen(err, view) as screen:
+            result = resume(
+                directory, physics_of, screen, robot=robot, keys=keys, report=write_report
+            )
+        print_result(out, result)
+        print_run_directory(directory)
+        view.stay(err)

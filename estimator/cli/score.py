@@ -11,17 +11,17 @@ import typer
 from estimator.cli.console import errors_as_sentences, out, print_json, unless_unwritable
 from estimator.cli.options import CORES, Directory, Jobs
 from estimator.evaluation.score import Score, score
-from estimator.identification.final_population import with_last_word
 from estimator.identification.run import problem_of, world_of
-from estimator.physics.backends import REFERENCE, in_this_process
+from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
-from estimator.problem.genome import Genome
-from estimator.report.plots import plot_lengths
-from estimator.report.posterior_plots import plot_interval_lengths
-from estimator.report.run_files import LENGTHS_WITH_TRUTH
+from estimator.problem.problem import Problem
+from estimator.report.evaluation_files import write_score
+from estimator.report.plots import as_png
+from estimator.report.run_files import LENGTHS_WITH_TRUTH, PAGE, write_report
+from estimator.report.run_plots import LENGTHS, run_plots
 from estimator.report.terminal_tables import print_score
 from estimator.storage.store import RunStore
-from protocol.system.replace_file import replace_file
+from protocol.system.replace_file import replace_bytes
 
 
 def command(
@@ -36,7 +36,7 @@ def command(
         world = world_of(store, problem)
         with (
             closing(StaticsPhysics(world, jobs=jobs)) as physics,
-            closing(in_this_process(REFERENCE, world)) as reference,
+            closing(in_this_process(store.settings.reference, world)) as reference,
         ):
             run_score = score(store, problem, truth, physics, reference)
         if as_json:
@@ -44,22 +44,15 @@ def command(
         else:
             print_score(out, run_score)
         with unless_unwritable(directory):
-            _plot_with_truth(store, run_score)
+            _plot_with_truth(store, problem, run_score)
+            write_score(directory, run_score, truth)
+            write_report(store, problem, page=True)
             if not as_json:
                 out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
+                out.print(f"Report, with the truth: {directory / PAGE}", soft_wrap=True)
 
 
-def _plot_with_truth(store: RunStore, run_score: Score) -> None:
-    problem = problem_of(store)
-    genome = Genome(problem, problem.base(store.capabilities))
-    joints, targets = run_score.joints, list(run_score.true_lengths_m)
-    beliefs = [belief for belief, _ in store.beliefs()]
-    generations = with_last_word(store)
-
-    def draw(path: Path) -> None:
-        if beliefs:
-            plot_interval_lengths(path, beliefs, genome, joints, targets)
-        else:
-            plot_lengths(path, generations, genome, joints, targets)
-
-    replace_file(store.directory / LENGTHS_WITH_TRUTH, draw)
+def _plot_with_truth(store: RunStore, problem: Problem, run_score: Score) -> None:
+    plots = run_plots(store, problem, run_score.joints, run_score.true_lengths_m)
+    (lengths,) = (plot.figure for plot in plots if plot.name == LENGTHS)
+    replace_bytes(store.directory / LENGTHS_WITH_TRUTH, as_png(lengths))

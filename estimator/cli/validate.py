@@ -12,7 +12,7 @@ from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, ope
 from estimator.cli.screen import Screen
 from estimator.evaluation.validate import validate
 from estimator.identification.run import problem_of, reconnect, world_of
-from estimator.report.run_files import VALIDATION
+from estimator.report.evaluation_files import VALIDATION
 from estimator.report.terminal_tables import print_validation
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text

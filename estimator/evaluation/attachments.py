@@ -1,4 +1,4 @@
-"""How a model's parts are attached, compared with the true body: parent, side and hinge of each.
+"""How a model's parts are attached, compared with the true body: parent, mount and hinge of each.
 
 Rows are never permuted: a row of the genome is compared with what its joint carries on the robot.
 Rows whose joint nobody named have nothing to be compared with. The hinge of a locked part cannot be
@@ -19,15 +19,15 @@ from typing import Final, TypeAlias
 from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import Limb, limbs
-from estimator.body.morphology import BASE, HINGES, SIDES, Morphology, Part
+from estimator.body.morphology import BASE, Morphology, Part
 from estimator.evaluation.truth.body import TrueLimb, true_limbs
 from estimator.evaluation.truth.robot import check_robot
-from estimator.physics.equivalence import mirrored, turned
+from estimator.physics.equivalence import images
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from protocol.wire.capabilities import Capabilities
 
-TRAITS: Final = ("parent", "side", "hinge")
+TRAITS: Final = ("parent", "mount", "hinge")
 MAIN_BODY: Final = "main body"
 UNSAYABLE: Final = "not representable"
 _SLIGHT: Final = 1e-3  # m, by which a length may lie outside the problem's range unmentioned
@@ -44,7 +44,7 @@ class Configuration(BaseModel):
 
     Attributes:
         part: Name of the part in the problem.
-        trait: ``parent`` (the paper's P), ``side`` (O) or ``hinge`` (J).
+        trait: ``parent`` (the paper's P), ``mount`` (O) or ``hinge`` (J).
         found: On the model.
         true: On the robot, where the problem can say it.
         searched: Whether there was anything to be found: the problem left it open, and more than
@@ -95,8 +95,8 @@ class Truth:
             for row, rule in enumerate(problem.parts)
             if rule.joint is not None
         }
-        legs = true_limbs(path, {joints[motor]: motor for motor in driven})
-        rows = true_limbs(path, {name: row for row, name in carried.items()})
+        legs = true_limbs(path, {joints[motor]: motor for motor in driven}, problem.tables)
+        rows = true_limbs(path, {name: row for row, name in carried.items()}, problem.tables)
         check_robot(path, capabilities)
         return cls(
             rows=dict(zip(carried, rows, strict=True)), legs=dict(zip(driven, legs, strict=True))
@@ -155,33 +155,43 @@ class Comparison:
     def _configuration(self, cell: Cell, *, right: bool, excused: bool) -> Configuration:
         row, trait = cell
         impossible = trait in self._impossible[row]
-        choices = [
-            gene.choices for gene in self._genome.genes if (gene.part, gene.trait) == (row, trait)
-        ]
-        chance = 1 / choices[0] if choices else float(right)
+        true = self._value(self.true_body, cell)
+        genes = [gene for gene in self._genome.genes if (gene.part, gene.trait) == cell]
+        chance = self._chance(cell, true) if genes else float(right)
         return Configuration(
             part=self._problem.parts[row].name,
             trait=trait,
-            found=self._words(trait, self._value(self._model, cell)),
-            true=UNSAYABLE if impossible else self._words(trait, self._value(self.true_body, cell)),
-            searched=chance < 1 and bool(choices),
+            found=self._value(self._model, cell),
+            true=UNSAYABLE if impossible else true,
+            searched=chance < 1 and bool(genes),
             chance=0.0 if impossible else chance,
             right=right,
             right_up_to_equivalence=excused,
         )
 
-    def _words(self, trait: str, value: int) -> str:
-        if trait == "parent":
-            return MAIN_BODY if value == BASE else self._problem.parts[value].name
-        return (SIDES if trait == "side" else HINGES)[value]
-
-    def _value(self, body: Morphology, cell: Cell) -> int:
+    def _value(self, body: Morphology, cell: Cell) -> str:
         """A configuration of a body; parents in terms of the rows that can be compared."""
         row, trait = cell
-        value: int = getattr(body.parts[row], trait)
-        while trait == "parent" and value != BASE and value not in self._rows:
-            value = body.parts[value].parent
-        return value
+        if trait == "mount":
+            return body.mount(row).name
+        if trait == "hinge":
+            return body.hinge(row).name
+        parent = body.parts[row].parent
+        while parent != BASE and parent not in self._rows:
+            parent = body.parts[parent].parent
+        return MAIN_BODY if parent == BASE else self._problem.parts[parent].name
+
+    def _chance(self, cell: Cell, true: str) -> float:
+        """Probability that a random model has the true value in a cell that is to be found."""
+        row, trait = cell
+        tables, rule = self._problem.tables, self._problem.parts[row]
+        if trait == "parent":
+            return 1 / (row + 1)
+        if trait == "hinge":
+            return 1 / tables.hinge_choices
+        on_base = 1 / (row + 1) if rule.parent is None else float(rule.parent == BASE)
+        shares = [names.count(true) / len(names) for names in map(tables.mount_names, (BASE, 0))]
+        return on_base * shares[0] + (1 - on_base) * shares[1]
 
     def _misfits(self, row: int, true_limb: TrueLimb) -> dict[str, str]:
         """What no genome of the problem has right about a row, by trait."""
@@ -224,7 +234,7 @@ class Comparison:
         """
         impossible = {cell for cell in wrong if cell[1] in self._impossible[cell[0]]}
         least = wrong
-        for image in _images(self.true_body):
+        for image in images(self.true_body):
             if least == impossible:
                 break
             if image == self.true_body or alike([image]):
@@ -257,28 +267,39 @@ class Comparison:
     def _variant(self, reference: Morphology, kept: Collection[Cell]) -> Morphology:
         """A body with the model's own values in some cells."""
         parts = list(reference.parts)
-        for row, trait in kept:
-            model = self._model.parts[row]
-            if trait == "parent":
-                parts[row] = replace(parts[row], parent=model.parent)
-            elif trait == "side":
-                parts[row] = replace(parts[row], side=model.side)
-            else:
-                parts[row] = replace(parts[row], hinge=model.hinge)
+        for row in {row for row, _ in kept}:
+            own = self._model.parts[row]
+            if (row, "hinge") in kept:
+                parts[row] = replace(parts[row], hinge=own.hinge)
+            parent = (self._model if (row, "parent") in kept else reference).parts[row].parent
+            bodies = [reference, self._model]
+            mount = self._mount(row, parent, bodies[:: -1 if (row, "mount") in kept else 1])
+            parts[row] = replace(parts[row], parent=parent, mount=mount)
         return self._genome.assemble(parts)
+
+    def _mount(self, row: int, parent: int, bodies: Sequence[Morphology]) -> int:
+        """The first body's mount of a part by its name, or where its parent has none the second's.
+
+        On the main body there may be other mounts than on parts.
+        """
+        body, other = bodies
+        mounts = body.base.mounts if parent == BASE else body.part_mounts
+        names = [mount.name for mount in mounts]
+        name = body.mount(row).name
+        return names.index(name) if name in names else other.parts[row].mount
 
     # --- the truth in the problem's words ---------------------------------------------------------
 
     def _true_body(self, legs: Mapping[int, TrueLimb]) -> Morphology:
         parts = list(self._model.parts)
         for row, true_limb in self._rows.items():
-            limb = true_limb.limb
-            parts[row] = replace(
-                parts[row],
-                parent=parts[row].parent if "parent" in self._impossible[row] else limb.parent,
-                side=limb.side,
-                hinge=limb.hinge,
-            )
+            parts[row] = replace(parts[row], hinge=true_limb.hinge)
+            if "parent" not in self._impossible[row]:
+                parts[row] = replace(
+                    parts[row], parent=true_limb.limb.parent, mount=true_limb.mount
+                )
+            elif (parts[row].parent == BASE) == (true_limb.limb.parent == BASE):
+                parts[row] = replace(parts[row], mount=true_limb.mount)
         for row, part in enumerate(parts):
             if row in self._rows and len(self._rows) == len(parts):
                 parts[row] = replace(part, length=self._rows[row].limb.length)
@@ -306,8 +327,3 @@ def _with_lengths_of(other: Morphology, body: Morphology) -> Morphology:
         replace(part, length=its.length) for part, its in zip(body.parts, other.parts, strict=True)
     )
     return replace(body, parts=tuple(parts))
-
-
-def _images(body: Morphology) -> Sequence[Morphology]:
-    """The body turned by quarter turns, and its mirror image too."""
-    return [turned(form, quarters) for form in (body, mirrored(body)) for quarters in range(4)]

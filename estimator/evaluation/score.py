@@ -91,6 +91,15 @@ class Score(BaseModel):
     true_body_errors: tuple[float | None, ...]
     true_body_margins_deg: tuple[float, ...]
 
+    def is_of(self, complete: bool, lengths: Sequence[float]) -> bool:
+        """Whether this is the score of a run that stands so, and has not gone on since.
+
+        Args:
+            complete: Whether the run is.
+            lengths: Of its best model's legs, m.
+        """
+        return complete == self.complete and np.array_equal(lengths, self.lengths_m)
+
     @property
     def true_body_error(self) -> float | None:
         """Subjective error of the true body over all interactions, where all are known."""

@@ -171,7 +171,7 @@ def _predict(
         raise EstimatorError(f"{store.directory} has no model yet: resume the run first")
     genome = Genome(problem, problem.base(store.capabilities))
     rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
-    drawn = rng.random((RANDOM_MODELS, genome.size))
+    drawn = genome.permitted(rng.random((RANDOM_MODELS, genome.size)))
     best = population.genes[[population.best]]
     groups = {BEST: best, POPULATION: population.genes, RANDOM: drawn}
     bodies = genome.decode_all(np.concatenate(list(groups.values())))

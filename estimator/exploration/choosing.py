@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from estimator.body.morphology import Array
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
+from estimator.physics.base import Readings
+from estimator.posterior.likelihood import LEANS
 from estimator.posterior.unknowns import Columns, Predictor
-
-SURE_ENOUGH: Final = math.radians(0.5)
-"""A sample whose path margin is smaller foretells nothing."""
 
 _CANDIDATES: Final = 1000
 _DRAWS: Final = 100
-_REFINED: Final = 12  # of the best candidates, each by
+_LIKELY: Final = 100  # of the best candidates, which are looked at for forks
+_REFINED: Final = 8  # of the best of these, each by
 _VARIANTS: Final = 8
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
-_FINALISTS: Final = 20  # whose path margins are computed
-_FINAL_SAMPLES: Final = 64
+_FINALISTS: Final = 10  # compared by more readings
+_MORE_DRAWS: Final = 800
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,23 +66,19 @@ class Chooser:
         """
         low, high = self._ends.T
         programs = rng.uniform(low, high, (_CANDIDATES, len(low)))
-        bits = self._bits(samples, programs, rng)
+        bits = self._bits(samples, self._forecast(samples, programs), rng, _DRAWS)
+        programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
+        bits = self._bits(samples, self._sure_forecast(samples, programs), rng, _DRAWS)
         for spread in _SPREADS:
             best = np.repeat(
                 programs[np.argsort(-bits, kind="stable")[:_REFINED]], _VARIANTS, axis=0
             )
             near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
             programs = np.concatenate([programs, near])
-            bits = np.concatenate([bits, self._bits(samples, near, rng)])
+            more = self._bits(samples, self._sure_forecast(samples, near), rng, _DRAWS)
+            bits = np.concatenate([bits, more])
         programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
-        few = Models(
-            genes=samples.genes[:_FINAL_SAMPLES],
-            weights=samples.weights[:_FINAL_SAMPLES],
-            scales=samples.scales[:_FINAL_SAMPLES],
-        )
-        forecast = self._forecast(few, programs, sure=True)
-        count = len(few.genes)
-        sure = self._gain.of(forecast, few.scales, np.arange(count), rng, draws=8 * count)
+        sure = self._bits(samples, self._sure_forecast(samples, programs), rng, _MORE_DRAWS)
         winner = int(np.argmax(sure))
         return InformativeProgram(
             program=programs[winner],
@@ -90,25 +86,33 @@ class Chooser:
             about=self._about(samples, programs[winner : winner + 1], rng),
         )
 
-    def _bits(self, samples: Models, programs: Array, rng: np.random.Generator) -> Array:
-        forecast = self._forecast(samples, programs, sure=False)
+    def _bits(
+        self, samples: Models, forecast: Forecast, rng: np.random.Generator, draws: int
+    ) -> Array:
         groups = np.arange(len(samples.genes))
-        return self._gain.of(forecast, samples.scales, groups, rng, draws=_DRAWS)
+        return self._gain.of(forecast, samples.scales, groups, rng, draws=draws)
 
-    def _forecast(self, samples: Models, programs: Array, *, sure: bool) -> Forecast:
+    def _forecast(self, samples: Models, programs: Array) -> Forecast:
+        return Forecast.of(self._read(samples, programs, LEANS[0]), len(samples.genes))
+
+    def _sure_forecast(self, samples: Models, programs: Array) -> Forecast:
+        """The same, silent where a sample may fall to more sides than one."""
+        plumb = self._read(samples, programs, LEANS[0])
+        forecast = Forecast.of(plumb, len(samples.genes))
+        for lean in LEANS[1:]:
+            forks = self._gain.apart(plumb, self._read(samples, programs, lean))
+            forecast.silent[forks.reshape(forecast.silent.shape)] = True
+        return forecast
+
+    def _read(self, samples: Models, programs: Array, lean: Array) -> Readings:
         count = len(samples.genes)
         bodies = self._predictor.unknowns.bodies(samples.genes)
         rows = np.tile(np.arange(count), len(programs))
-        each = np.repeat(programs, count, axis=0)
-        forecast = Forecast.of(self._predictor.read(bodies, rows, each), count)
-        if sure:
-            margins = self._predictor.margins(bodies, rows, each).reshape(-1, count)
-            forecast.silent[margins < SURE_ENOUGH] = True
-        return forecast
+        return self._predictor.read(bodies, rows, np.repeat(programs, count, axis=0), lean)
 
     def _about(self, samples: Models, program: Array, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns
-        forecast = self._forecast(samples, program, sure=True)
+        forecast = self._sure_forecast(samples, program)
         about = np.zeros(unknowns.size)
         for column, groups in _groups(
             samples.genes, unknowns.choices, unknowns.attachments(samples.genes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,6 @@ from estimator.body.morphology import Array
 from estimator.exploration.situation import Choice, Situation
 from estimator.posterior.densities import DENSITIES
 from estimator.posterior.likelihood import Noise
-from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES
 
 CANDIDATES: Final = 300
@@ -24,14 +24,12 @@ def most_disputed_program(situation: Situation) -> Choice:
     Distances are in units of the announced noise and saturate, so that one wild prediction does
     not outweigh many that differ.
     """
-    problem, capabilities, rng = situation.problem, situation.capabilities, situation.rng
-    genome = Genome(problem, problem.base(capabilities))
-    bodies = genome.bodies(situation.models.sample(MODELS, rng).genes)
-    noise = Noise.announced(capabilities)
-    programs = np.array([problem.random_program(rng, capabilities) for _ in range(CANDIDATES)])
+    situation = replace(situation, models=situation.models.sample(MODELS, situation.rng))
+    noise = Noise.announced(situation.capabilities)
+    programs = situation.random_programs(CANDIDATES)
     spread = np.zeros(CANDIDATES)
     for index, program in enumerate(programs):
-        readings = situation.physics.read_bodies(bodies, program)
+        readings = situation.predict(program)
         told: list[Array] = []
         for name, density in DENSITIES.items():
             if name in situation.modalities:
@@ -40,7 +38,7 @@ def most_disputed_program(situation: Situation) -> Choice:
         spread[index] = sum(_mean_distance(values) for values in told)
     winner = int(np.argmax(spread))
     return Choice(
-        program=tuple(programs[winner].tolist()),
+        program=programs[winner],
         reason=f"its models differ by {spread[winner]:.1f} standard deviations in sum",
     )
 

@@ -52,9 +52,9 @@ def _reason(genome: Genome, models: Models, about: Array) -> str:
 def _alternatives(genome: Genome, models: Models, column: int) -> str:
     gene = genome.genes[column]
     if gene.choices:
-        chosen = np.minimum((models.genes[:, column] * gene.choices).astype(int), gene.choices - 1)
-        likely = [value for value, _ in Counter(chosen.tolist()).most_common(2)]
-        return f"{gene.name} ({' or '.join(genome.word(column, value) for value in likely)})"
-    low, high = np.quantile(models.genes[:, column], (0.05, 0.95))
-    shortest, longest = (1000 * genome.length(column, float(end)) for end in (low, high))
-    return f"{gene.name} ({shortest:.0f} to {longest:.0f} mm)"
+        likely = Counter(genome.words(column, models.genes)).most_common(2)
+        return f"{gene.name} ({' or '.join(word for word, _ in likely)})"
+    ends = np.quantile(models.genes[:, column], (0.05, 0.95))
+    low, high = genome.quantities(column, ends).tolist()
+    digits = 0 if gene.trait == "length" else 1
+    return f"{gene.name} ({low:.{digits}f} to {high:.{digits}f} {gene.unit})"

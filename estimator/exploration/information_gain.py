@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
 from estimator.physics.base import Flags, Readings
-from estimator.posterior.likelihood import Noise
+from estimator.posterior.likelihood import Noise, apart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,6 +70,10 @@ class InformationGain:
         self._noise = noise
         self._cap = cap
         self._senses = np.array([name in modalities for name in ("touch", "tilt", "clearance")])
+
+    def apart(self, one: Readings, other: Readings) -> Flags:
+        """Which of n readings are plainly not of the same pose, shape (n,)."""
+        return apart(one, other, self._noise)
 
     def of(
         self,

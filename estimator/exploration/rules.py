@@ -25,8 +25,8 @@ class Rule(Protocol):
 
 def random_program(situation: Situation) -> Choice:
     """The paper's rule: every target drawn from the problem's range."""
-    program = situation.problem.random_program(situation.rng, situation.capabilities)
-    return Choice(program=tuple(program.tolist()))
+    (program,) = situation.random_programs(1)
+    return Choice(program=program)
 
 
 RULES: Final[Registry[Rule]] = Registry(

@@ -2,15 +2,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
-from estimator.physics.base import ArrayMarginPhysics
+from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
+from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.readings.observation import Observation, Program
+from estimator.readings.observation import Observation, ObservedReadings, Program
 from protocol.wire.capabilities import Capabilities
+
+
+class Objective(Protocol):
+    """What the paper's search minimises."""
+
+    def __init__(self, capabilities: Capabilities) -> None: ...
+
+    def terms(
+        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+    ) -> Array:
+        """Error of each of n models in one interaction, shape (n,).
+
+        At least 0; infinite where a model's reading is invalid.
+        """
+
+    def lower_bound(self, terms: Array) -> Array:
+        """What the total is at least, shape (n,): a model that reaches its limit has lost.
+
+        Args:
+            terms: Of n models in k interactions, shape (k, n); 0 where not yet computed.
+        """
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        """The figure over all interactions, shape (n,).
+
+        Args:
+            terms: Shape (k, n).
+            undecided: Whether the model's pose might as well be another, shape (k, n).
+        """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +88,8 @@ class Situation:
         modalities: Sensors that count.
         observations: Of the interactions so far.
         models: What is believed by now; random ones before the first interaction.
+        objective: By what the method ``paper`` fits models; the method ``posterior`` has its own
+            likelihood.
         physics: Predicts what models feel.
         clearance_cap: Range of the distance sensor, m.
         rng: The choice's own.
@@ -64,9 +100,25 @@ class Situation:
     modalities: tuple[str, ...]
     observations: tuple[Observation, ...]
     models: Models
+    objective: Objective
     physics: ArrayMarginPhysics
     clearance_cap: float
     rng: np.random.Generator
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """The bodies of the models, in their order."""
+        genome = Genome(self.problem, self.problem.base(self.capabilities))
+        return genome.bodies(self.models.genes)
+
+    def predict(self, program: Program) -> Readings:
+        """What each model feels after a motor program."""
+        return self.physics.read_bodies(self.bodies, np.array(program))
+
+    def random_programs(self, count: int) -> list[Program]:
+        """Motor programs as the paper draws them: every target from the problem's range."""
+        drawn = [self.problem.random_program(self.rng, self.capabilities) for _ in range(count)]
+        return [tuple(program.tolist()) for program in drawn]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,8 +44,8 @@ class FinalPopulation:
         """Reads it from a run."""
         if store.settings.method == "posterior":
             return cls._of_beliefs(store)
-        checkpoint = store.checkpoint()
-        if checkpoint is None:
+        checkpoint, latest = store.checkpoint(), store.latest_generation()
+        if checkpoint is None or latest is None:
             nothing = np.empty(0)
             return cls(
                 genes=np.empty((0, 0)),
@@ -53,10 +53,10 @@ class FinalPopulation:
                 searched=nothing,
                 order=np.empty(0, dtype=np.intp),
             )
-        generations, found = store.generations(), store.finish()
+        found = store.finish()
         with reading(store.directory):
             genes = np.array(checkpoint.state["population"], dtype=float)
-            searched = np.array(generations[-1].errors, dtype=float)
+            searched = np.array(latest.errors, dtype=float)
             if genes.shape[:1] != searched.shape:
                 raise ValueError(f"{len(genes)} models have {len(searched)} errors")
             errors, later = searched.copy(), np.ones(len(searched), dtype=bool)

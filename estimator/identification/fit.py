@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Protocol, TypeAlias
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
-from estimator.identification.objectives import Objective
+from estimator.exploration.situation import Objective
 from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation, ObservedReadings
@@ -61,6 +61,8 @@ def fit_genes(
 ) -> Fit:
     """How badly models fit; where an error reaches the model's limit, it is at least the limit.
 
+    A model that the problem forbids is as bad as can be, and is not simulated.
+
     A model that has reached its limit in one interaction has lost, and is not simulated in the
     others. Where there is no foresight the latest interaction comes first, since the parents were
     not selected on it for as long as on the others.
@@ -76,6 +78,21 @@ def fit_genes(
         foresight: Guesses which interaction a model fits worst, so that this one comes first. That
             saves simulations and changes no verdict.
     """
+    allowed = ~genome.forbidden(genes)
+    if not allowed.all():
+        fit = fit_genes(
+            genome,
+            genes[allowed],
+            observations,
+            modalities,
+            physics,
+            objective=objective,
+            limits=limits[allowed],
+            foresight=foresight,
+        )
+        errors = np.full(len(genes), np.inf)
+        errors[allowed] = fit.errors
+        return replace(fit, errors=errors)
     targets = _Targets.of(observations, modalities, objective)
     order = None
     if foresight is not None and len(observations) > 1 and np.isfinite(limits).any():

@@ -11,6 +11,7 @@ from estimator.exploration.situation import Choice, Situation
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.identification.method import Method
+from estimator.identification.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics, WorldSettings
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
@@ -107,6 +108,11 @@ class Identification:
 
     def _choice(self, number: int, link: RobotLink, observations: list[Observation]) -> Choice:
         settings = self._store.settings
+        if link.recorded is None and not number and self._problem.reads_flat_first:
+            return Choice(
+                program=(0.0,) * len(self._store.capabilities.joints),
+                reason="reads the accelerometer's own tilt while the robot lies flat",
+            )
         if link.recorded is None:
             situation = Situation(
                 problem=self._problem,
@@ -114,6 +120,7 @@ class Identification:
                 modalities=settings.modalities,
                 observations=tuple(observations),
                 models=self._method.models(),
+                objective=OBJECTIVES.load(settings.objective)(self._store.capabilities),
                 physics=self._foresight,
                 clearance_cap=self._world.clearance_cap,
                 rng=generator(settings.seed, Stream.PROGRAMS, number),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estimator.body.morphology import Array
+from estimator.exploration.situation import Objective
 from estimator.identification.fit import fit_genes
-from estimator.identification.objectives import Objective
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation

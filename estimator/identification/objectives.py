@@ -9,11 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from types import MappingProxyType
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.exploration.situation import Objective
 from estimator.identification.subjective_error import interaction_errors, largest
 from estimator.physics.base import Flags, Readings
 from estimator.plugins import Registry
@@ -23,37 +24,12 @@ from estimator.readings.observation import ObservedReadings
 from protocol.wire.capabilities import Capabilities
 
 
-class Objective(Protocol):
-    """What the paper's search minimises."""
-
-    def __init__(self, capabilities: Capabilities) -> None: ...
-
-    def terms(
-        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
-    ) -> Array:
-        """Error of each of n models in one interaction, shape (n,).
-
-        At least 0; infinite where a model's reading is invalid.
-        """
-
-    def lower_bound(self, terms: Array) -> Array:
-        """What the total is at least, shape (n,): a model that reaches its limit has lost.
-
-        Args:
-            terms: Of n models in k interactions, shape (k, n); 0 where not yet computed.
-        """
-
-    def total(self, terms: Array, undecided: Flags) -> Array:
-        """The figure over all interactions, shape (n,).
-
-        Args:
-            terms: Shape (k, n).
-            undecided: Whether the model's pose might as well be another, shape (k, n).
-        """
-
-
 class LargestError:
-    """The paper's: the largest error over the interactions. It asks nothing of the robot."""
+    """The paper's: the largest error over the interactions. It asks nothing of the robot.
+
+    A subclass with a ``total`` of its own has the right ``lower_bound`` where a total of errors
+    that are at least 0 only grows.
+    """
 
     def __init__(self, capabilities: Capabilities | None = None) -> None:
         del capabilities
@@ -65,9 +41,8 @@ class LargestError:
         return interaction_errors(readings, observed, modalities)
 
     def lower_bound(self, terms: Array) -> Array:
-        """The largest so far."""
-        bound: Array = np.max(terms, axis=0)
-        return bound
+        """The total so far."""
+        return self.total(terms, np.zeros(terms.shape, dtype=bool))
 
     def total(self, terms: Array, undecided: Flags) -> Array:
         """The largest of those that say something."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,8 @@ class PaperMethod:
         self._objective = OBJECTIVES.load(store.settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()
         self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
-        counters = store.generations()[-1].counters if checkpoint else Counters()
+        latest = store.latest_generation()
+        counters = Counters() if latest is None else latest.counters
         self._seconds_before = counters.wall_seconds
         self._started = time.monotonic()
         self._modeller = Modeller(
@@ -65,7 +67,7 @@ class PaperMethod:
             objective=self._objective,
             foresight=foresight,
         )
-        operators = problem.search.operators()
+        operators = replace(problem.search.operators(), permit=self._genome.permitted)
         search = SEARCHES.load(store.settings.search)
         self._search: Search
         if checkpoint is None:
@@ -128,11 +130,13 @@ class PaperMethod:
         """Has the leading models simulated by the reference back-end."""
         if self._open_reference is None or self._store.finish() is not None:
             return
+        latest = self._store.latest_generation()
+        assert latest is not None
         with closing(self._open_reference()) as reference:
             checked = finish(
                 self._genome,
                 self._search.population,
-                np.array(self._store.generations()[-1].errors, dtype=float),
+                np.array(latest.errors, dtype=float),
                 observations=observations,
                 modalities=self._store.settings.modalities,
                 physics=reference,

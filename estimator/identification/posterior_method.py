@@ -11,8 +11,10 @@ import numpy as np
 
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Morphology
-from estimator.exploration.situation import Models
+from estimator.exploration.rules import RULES
+from estimator.exploration.situation import Models, Situation
 from estimator.identification.listener import Listener
+from estimator.identification.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.belief import believe
@@ -25,7 +27,7 @@ from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator, seeds
-from estimator.storage.beliefs import Belief
+from estimator.storage.beliefs import RIVAL, Belief, NextMovement
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 
@@ -123,7 +125,7 @@ class PosteriorMethod:
         if wanted is None or number != self._learnt - 1:
             return False
         belief, _ = self._store.beliefs()[number]
-        if belief.probability < wanted or len(belief.unexplained) > 1 or belief.noisy:
+        if belief.probability < wanted or not belief.explained:
             return False
         lengths = leg_lengths(self._genome.decode_all(np.array(belief.genes)))
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
@@ -150,6 +152,8 @@ class PosteriorMethod:
                 "effective": checked.effective,
             }
         )
+        if any(not mode.like_the_first for mode in final.modes if mode.probability >= RIVAL):
+            final = final.model_copy(update={"decides": self._deciding(final, observations)})
         cost = self._cost()
         cost = cost.model_copy(
             update={
@@ -159,6 +163,29 @@ class PosteriorMethod:
             }
         )
         self._store.save_belief(last, final, cost, None)
+
+    def _deciding(self, belief: Belief, observations: Sequence[Observation]) -> NextMovement:
+        """The movement that would tell most about what is left open."""
+        settings = self._store.settings
+        with closing(self._make_physics()) as foresight:
+            choice = RULES.load("information")(
+                Situation(
+                    problem=self._problem,
+                    capabilities=self._store.capabilities,
+                    modalities=settings.modalities,
+                    observations=tuple(observations),
+                    models=Models(
+                        genes=np.array(belief.genes),
+                        weights=np.array(belief.weights),
+                        scales=np.array(belief.scales),
+                    ),
+                    physics=foresight,
+                    objective=OBJECTIVES.load(settings.objective)(self._store.capabilities),
+                    clearance_cap=self._world.clearance_cap,
+                    rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
+                )
+            )
+        return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
 
     def _data(self, observations: Sequence[Observation]) -> SensorData:
         return SensorData.of(

@@ -1,7 +1,7 @@
-"""Whatever searched, PyBullet has the last word: the leading models are simulated in it.
+"""Whatever searched, the reference has the last word: the leading models are simulated in it.
 
 Of the final population the best models that differ from each other are simulated on every motor
-program of the run. Both errors are kept, and the ranking is PyBullet's.
+program of the run. Both errors are kept, and the ranking is the reference's.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array, Morphology
+from estimator.exploration.situation import Objective
 from estimator.identification.fit import fit_bodies
-from estimator.identification.objectives import Objective
 from estimator.physics.base import Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
@@ -83,7 +83,7 @@ def pairs_turned(found: Finish) -> tuple[int, int]:
 
 def _alike(one: Morphology, two: Morphology) -> bool:
     return all(
-        (a.parent, a.side, a.hinge) == (b.parent, b.side, b.hinge)
+        (a.parent, a.mount, a.hinge) == (b.parent, b.mount, b.hinge)
         and abs(a.length - b.length) < SAME_LENGTH
         for a, b in zip(one.parts, two.parts, strict=True)
     )

@@ -258,6 +258,7 @@ def _settings(
             problem_text=problem.source,
             method=order.method,
             physics=physics,
+            reference=REFERENCE,
             search=order.search,
             objective=order.objective,
             plugins=_packages(physics, order.search, order.objective, explore),
@@ -324,7 +325,7 @@ def _work(
                 world,
                 listener,
                 make_physics=make_physics,
-                open_reference=lambda: open_physics(REFERENCE, fine(world)),
+                open_reference=lambda: open_physics(settings.reference, fine(world)),
             )
         else:
             foresight = stack.enter_context(closing(StaticsPhysics(world)))
@@ -335,8 +336,8 @@ def _work(
                 listener,
                 foresight=foresight_of(settings.physics, world),
                 open_reference=None
-                if settings.physics == REFERENCE
-                else lambda: open_physics(REFERENCE, world),
+                if settings.physics == settings.reference
+                else lambda: open_physics(settings.reference, world),
             )
         identification = Identification(
             store,

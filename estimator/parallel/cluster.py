@@ -32,7 +32,7 @@ _Versions: TypeAlias = Mapping[str, str | None]
 
 _ANSWER: Final = 3.0  # s
 _LOOK: Final = 1.0  # s
-_COMPUTING: Final = ("bodyschema", "numpy", "numba", "pybullet")
+_COMPUTING: Final = ("bodyschema", "numpy", "numba", "pybullet", "mujoco")
 _COMPARED: Final = ("python", "dask", "distributed", *_COMPUTING)
 _CODE: Final = "code of bodyschema"
 _PACKAGES: Final = ("estimator", "protocol", "robot", "sim_robot")

@@ -7,6 +7,8 @@
 ``base.WorldSettings``               the world that bodies are simulated in
 ``backends``                         the back-ends by name, and the ways to run them
 ``pybullet.PyBulletPhysics``         simulates 300 steps of 1/60 s in this process
+``mujoco.MuJoCoPhysics``             simulates the same in another engine
+``rest``                             when a simulated body rests
 ``statics.StaticsPhysics``           computes the resting pose, in threads of this process
 ``pool.PhysicsPool``                 runs a back-end in worker processes
 ``dask.DaskPhysics``                 runs a back-end on the workers of a Dask cluster

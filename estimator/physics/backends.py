@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
@@ -22,15 +23,17 @@ from estimator.plugins import Registry
 OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 """Makes the back-end of a given name for a given world."""
 
-REFERENCE: Final = "pybullet"
-"""The back-end that has the last word on models, whatever searched for them."""
+REFERENCE: Final = "mujoco" if find_spec("pybullet") is None else "pybullet"
+"""The back-end that has the last word on models, whatever searched for them: PyBullet where it is
+installed. A run records which it is."""
 
 BACKENDS: Final[Registry[Any]] = Registry(
     kind="physics",
     group="bodyschema.physics",
     own=MappingProxyType(
         {
-            REFERENCE: "estimator.physics.pybullet:PyBulletPhysics",
+            "pybullet": "estimator.physics.pybullet:PyBulletPhysics",
+            "mujoco": "estimator.physics.mujoco:MuJoCoPhysics",
             "statics": "estimator.physics.statics:StaticsPhysics",
         }
     ),

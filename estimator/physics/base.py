@@ -17,6 +17,7 @@ from typing import Final, Protocol, Self, TypeAlias, TypeGuard
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.accelerometer import up_as_felt
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
@@ -53,7 +54,7 @@ class WorldSettings:
         doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
         joint_tolerance: A reading counts only if every joint is this close to its target, rad.
         full_steps: Simulate all steps of every body, also of one that came to rest long before.
-        least_inertia: Every link of a simulated body gets at least this local inertia, in units
+        least_inertia: Every link of a body in PyBullet gets at least this local inertia, in units
             of the body's weight times its reach times the square of the time step; see
             ``inertia_floor``. 0 leaves the links as they are.
     """
@@ -152,7 +153,7 @@ class Readings:
             up: The world's up in the body's frame.
             gaps: Distance of each part from the ground, m; negative where it sinks in.
         """
-        self.tilt[row] = tilt_of(up)
+        self.tilt[row] = tilt_of(up_as_felt(up, *body.base.accelerometer))
         ray = belly_ray(height - up[2] * body.base.size[2] / 2, up)
         self.clearance[row], self.saturated[row] = clearance_of(ray, settings.clearance_cap)
         for sensor in range(body.sensors):
@@ -271,6 +272,25 @@ class MarginPhysics(Physics, Protocol):
 
 class ArrayMarginPhysics(ArrayPhysics, MarginPhysics, Protocol):
     """A back-end that takes arrays and knows how sure its readings are."""
+
+    def read_bodies(self, bodies: Bodies, programs: Array, leans: Array | None = None) -> Readings:
+        """Simulates one interaction per body.
+
+        Args:
+            bodies: As for ``ArrayPhysics.read_bodies``, like ``programs``.
+            programs: Angle of each motor, rad.
+            leans: How far gravity is inclined on the way to the pose, not at its end, as tangents
+                towards x and y in the body frame: shape (2,) for all bodies, or (n, 2); plumb by
+                default. Where a body lands under small inclinations says where it might have
+                landed.
+
+        Returns:
+            One row per body.
+
+        Raises:
+            PhysicsError: The programs or leans have a wrong shape or are not finite, or the engine
+                failed.
+        """
 
     def path_margins_of_bodies(self, bodies: Bodies, programs: Array) -> Array:
         """Path margins, rad, shape (n,); arguments and errors are those of ``read_bodies``."""

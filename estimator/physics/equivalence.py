@@ -14,7 +14,8 @@ of a leg too short to reach the ground.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final, TypeAlias
 
@@ -22,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
-from estimator.body.morphology import BASE, SIDES, Array, Morphology
+from estimator.body.morphology import BASE, Array, Morphology, Part, rotation
+from estimator.body.mounts import heading
+from estimator.errors import MorphologyError
 from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
 from estimator.readings.modalities.registry import MODALITIES
 
@@ -37,6 +40,8 @@ MARGIN: Final = math.radians(0.05)
 elsewhere."""
 
 _UNLIKE: Final = 200.0  # tolerances, by which a body differs where it cannot perform a program
+
+_COINCIDENT: Final = 1e-6  # m, and unit vectors
 
 Indices: TypeAlias = NDArray[np.intp]
 
@@ -106,28 +111,65 @@ def turned(body: Morphology, quarters: int) -> Morphology:
     """The body with everything that sits on its main body turned leftward by quarter turns.
 
     On a square main body (and by two quarters on any) that is the same body, seen from elsewhere.
+
+    Raises:
+        MorphologyError: There is no mount where a part would come to sit.
     """
-    return replace(
-        body,
-        parts=tuple(
-            replace(part, side=(part.side - quarters) % len(SIDES)) if part.parent == BASE else part
-            for part in body.parts
-        ),
-    )
+    turn = rotation((0.0, 0.0, 1.0), quarters * math.pi / 2)
+
+    def image(part: Part) -> Part:
+        if part.parent != BASE:
+            return part
+        return replace(part, mount=_base_mount(body, part.mount, turn))
+
+    return replace(body, parts=tuple(map(image, body.parts)))
 
 
 def mirrored(body: Morphology) -> Morphology:
     """The body as its left-right mirror image, the same motors turning the images of their parts.
 
     What a positive angle does is mirrored too: yaw and roll change hands, up stays up.
+
+    Raises:
+        MorphologyError: There is no mount where a part would come to sit, or no such hinge.
     """
-    sides, hinges = (2, 1, 0, 3), (1, 0, 2, 3, 5, 4)
-    return replace(
-        body,
-        parts=tuple(
-            replace(part, side=sides[part.side], hinge=hinges[part.hinge]) for part in body.parts
-        ),
-    )
+
+    def image(part: Part) -> Part:
+        if part.parent == BASE:
+            mount = _base_mount(body, part.mount, np.diag([1.0, -1.0, 1.0]))
+        else:
+            own = body.part_mounts[part.mount]
+            ways = np.array([[one.fraction, *heading(one.yaw)] for one in body.part_mounts])
+            mount = _nearest(ways, (own.fraction, *heading(-own.yaw)), "mount")
+        x, y, z = body.hinges[part.hinge].axis
+        axes = np.array([hinge.axis for hinge in body.hinges])
+        return replace(part, mount=mount, hinge=_nearest(axes, (-x, y, -z), "hinge"))
+
+    return replace(body, parts=tuple(map(image, body.parts)))
+
+
+def images(body: Morphology) -> Iterator[Morphology]:
+    """The body turned by quarter turns, and its mirror image too, as far as it has the mounts."""
+    for quarters in range(4):
+        with suppress(MorphologyError):
+            yield turned(body, quarters)
+    for quarters in range(4):
+        with suppress(MorphologyError):
+            yield turned(mirrored(body), quarters)
+
+
+def _base_mount(body: Morphology, mount: int, change: Array) -> int:
+    """The mount on the main body that lies where a rotation or reflection carries another."""
+    mounts = body.base.mounts
+    places = np.array([[*one.at, *heading(one.yaw), 0.0] for one in mounts]).reshape(-1, 2, 3)
+    return _nearest(places.reshape(-1, 6), (places[mount] @ change.T).ravel(), "mount")
+
+
+def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:
+    away = np.abs(rows - np.asarray(wanted)).max(axis=1)
+    if away.min() > _COINCIDENT:
+        raise MorphologyError(f"the body has no {what} where an image of another would be")
+    return int(np.argmin(away))
 
 
 def agree(one: Readings, other: Readings, modalities: Sequence[str]) -> Flags:

@@ -26,12 +26,21 @@ from __future__ import annotations
 
 import importlib
 import math
+import operator
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, Morphology, Part, attachment
+from estimator.body.morphology import Morphology, Part
 from estimator.errors import PhysicsError
-from estimator.physics.base import GRAVITY, BackEnd, Pair, Readings, WorldSettings, sensor_count
+from estimator.physics.base import (
+    GRAVITY,
+    BackEnd,
+    Pair,
+    Readings,
+    WorldSettings,
+    sensor_count,
+)
+from estimator.physics.rest import RestWatch
 from protocol.system.native_output import native_output_discarded
 from protocol.wire.readings import up_in_body
 
@@ -41,11 +50,6 @@ _ALONG_X: Final = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # turns capsules f
 _UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)
 
 _BODIES_PER_WORLD: Final = 200
-# Rest: at each of so many looks, so many steps apart, the main body hardly moved or turned.
-_LOOKS: Final = 4
-_STEPS_PER_LOOK: Final = 4
-_REST_SPEED: Final = 2e-4  # m/s
-_REST_SPIN: Final = 2e-3  # rad/s
 
 
 class PyBulletPhysics(BackEnd):
@@ -69,7 +73,8 @@ class PyBulletPhysics(BackEnd):
                 self._engine: Any = importlib.import_module("pybullet")
             except ImportError as error:
                 raise PhysicsError(
-                    f"PyBullet cannot be imported ({error}): pip install 'bodyschema[estimator]'"
+                    f"PyBullet cannot be imported ({error}): pip install 'bodyschema[estimator]' "
+                    "brings it to Python 3.11 on Linux (x86-64); take --physics mujoco elsewhere"
                 ) from error
             self._client = self._engine.connect(self._engine.DIRECT)
         if self._client < 0:
@@ -130,18 +135,16 @@ class PyBulletPhysics(BackEnd):
             base.mass,
             box,
             -1,
-            (0.0, 0.0, _planar_height(morphology)),
+            (0.0, 0.0, morphology.planar_height),
             _UPRIGHT,
+            baseInertialFramePosition=base.centre,
             linkMasses=morphology.masses.tolist(),
             linkCollisionShapeIndices=[self._shape(part) for part in parts],
             linkVisualShapeIndices=[-1] * len(parts),
-            linkPositions=[
-                attachment(base, None if part.parent == BASE else parts[part.parent], part.side)
-                for part in parts
-            ],
+            linkPositions=[morphology.place(index) for index in range(len(parts))],
             linkOrientations=[
-                (0.0, 0.0, math.sin(SIDE_YAWS[part.side] / 2), math.cos(SIDE_YAWS[part.side] / 2))
-                for part in parts
+                (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
+                for yaw in (morphology.mount(index).yaw for index in range(len(parts)))
             ],
             linkInertialFramePositions=[(_middle(part), 0.0, 0.0) for part in parts],
             linkInertialFrameOrientations=[_UPRIGHT] * len(parts),
@@ -150,7 +153,7 @@ class PyBulletPhysics(BackEnd):
                 engine.JOINT_FIXED if part.motor is None else engine.JOINT_REVOLUTE
                 for part in parts
             ],
-            linkJointAxis=[HINGE_AXES[part.hinge] for part in parts],
+            linkJointAxis=[morphology.hinge(index).axis for index in range(len(parts))],
             flags=engine.URDF_MAINTAIN_LINK_ORDER,
             physicsClientId=client,
         )
@@ -212,21 +215,14 @@ class PyBulletPhysics(BackEnd):
         """Steps until the body rests, or through all steps."""
         step, client, settings = self._engine.stepSimulation, self._client, self._settings
         slewing = max(map(abs, angles), default=0.0) / (settings.slew * settings.step)
-        unwatched = settings.steps if settings.full_steps else min(settings.steps, slewing + 3)
-        done = calm = 0
-        while done < settings.steps and calm < _LOOKS:
+        unwatched = settings.steps if settings.full_steps else slewing + 3
+        watch, done = RestWatch(settings), 0
+        while done < settings.steps and not watch.rests:
             step(physicsClientId=client)
             done += 1
-            if done > unwatched and done % _STEPS_PER_LOOK == 0:
-                calm = calm + 1 if self._rests(body) else 0
+            if done > unwatched and done % watch.STEPS_PER_LOOK == 0:
+                watch.look(*self._engine.getBaseVelocity(body, physicsClientId=client))
         self.steps += done
-
-    def _rests(self, body: int) -> bool:
-        (x, y, z), (roll, pitch, yaw) = self._engine.getBaseVelocity(
-            body, physicsClientId=self._client
-        )
-        speed, spin = math.hypot(x, y, z), math.hypot(roll, pitch, yaw)
-        return speed < _REST_SPEED and spin < _REST_SPIN
 
     def _sense(
         self,
@@ -253,12 +249,15 @@ class PyBulletPhysics(BackEnd):
         readings.speed[row] = math.hypot(*velocity)
         readings.joint_miss[row] = max(misses, default=0.0)
         readings.valid[row] = readings.joint_miss[row] <= settings.joint_tolerance
+        up = up_in_body((x, y, z, w))
+        # PyBullet tells where the centre of mass is.
+        above = sum(map(operator.mul, up, morphology.base.centre))
         readings.fill_row(
             row,
             morphology,
             settings,
-            height=position[2],
-            up=up_in_body((x, y, z, w)),
+            height=position[2] - above,
+            up=up,
             gaps=self._gaps(body, morphology) if links else (),
         )
 
@@ -277,12 +276,6 @@ class PyBulletPhysics(BackEnd):
             lowest = min(climb * part.near_centre, climb * part.far_centre)
             gaps.append(height + lowest - part.radius)
         return gaps
-
-
-def _planar_height(morphology: Morphology) -> float:
-    """Height of the body frame at the start: the lowest point of all parts is on the ground."""
-    radii = [part.radius for part in morphology.parts]
-    return max([morphology.base.size[2] / 2, *radii])
 
 
 def _middle(part: Part) -> float:

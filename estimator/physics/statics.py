@@ -93,20 +93,23 @@ class StaticsPhysics(BackEnd):
         bodies, programs = _arrays(pairs)
         return self.read_bodies(bodies, programs)
 
-    def read_bodies(self, bodies: Bodies, programs: Array) -> Readings:
+    def read_bodies(self, bodies: Bodies, programs: Array, leans: Array | None = None) -> Readings:
         """Computes one interaction per body, without an object per body.
 
         Args:
             bodies: n bodies.
             programs: Angle of each motor, rad: shape (motors,) for all bodies, or (n, motors).
+            leans: How far gravity is inclined on the way there, not at the end, as tangents towards
+                x and y: shape (2,) for all bodies, or (n, 2); plumb by default.
 
         Returns:
             One row per body.
 
         Raises:
-            PhysicsError: The programs have a wrong shape or are not finite.
+            PhysicsError: The programs or leans have a wrong shape or are not finite.
         """
         settings, count = self._settings, len(bodies)
+        checked = _angles(bodies, programs)
         readings = Readings.empty(count, bodies.sensors)
         self.steps += self._share_out(
             self._kernel.rest,
@@ -114,14 +117,19 @@ class StaticsPhysics(BackEnd):
             (
                 bodies.count,
                 bodies.parent,
-                bodies.side,
+                bodies.mount,
                 bodies.hinge,
                 bodies.motor,
                 bodies.sensor,
                 bodies.length,
                 bodies.radius,
                 bodies.base,
-                *self._slew(_checked_programs(bodies, programs)),
+                bodies.base_mounts,
+                bodies.part_mounts,
+                bodies.hinges,
+                checked,
+                _checked_leans(bodies, leans),
+                *self._slew(checked),
                 settings.clearance_cap,
                 settings.touch_gap,
                 settings.doubtful_gap,
@@ -159,31 +167,36 @@ class StaticsPhysics(BackEnd):
             PhysicsError: The programs have a wrong shape or are not finite.
         """
         margins = np.zeros(len(bodies))
+        checked = _angles(bodies, programs)
         self._share_out(
             self._kernel.margins,
             len(bodies),
             (
                 bodies.count,
                 bodies.parent,
-                bodies.side,
+                bodies.mount,
                 bodies.hinge,
                 bodies.motor,
                 bodies.length,
                 bodies.radius,
                 bodies.base,
-                *self._slew(_checked_programs(bodies, programs)),
+                bodies.base_mounts,
+                bodies.part_mounts,
+                bodies.hinges,
+                checked,
+                *self._slew(checked),
                 margins,
             ),
         )
         return margins
 
-    def _slew(self, programs: Array) -> tuple[Array, float, float, Array, Array]:
-        """Programs, turn per step, farthest turn, and cosine and sine after each step."""
+    def _slew(self, programs: Array) -> tuple[float, float, Array, Array]:
+        """Turn per step, farthest turn, and cosine and sine after each step."""
         settings, pace = self._settings, self._pace
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
         farthest = min(float(np.max(np.abs(programs), initial=0.0)), reach)
         angles = pace * np.arange(math.ceil(farthest / pace) + 2)
-        return programs, pace, reach, np.cos(angles), np.sin(angles)
+        return pace, reach, np.cos(angles), np.sin(angles)
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
         """Has all rows computed, each by one thread alone, so that sums have one order."""
@@ -211,6 +224,17 @@ def _arrays(pairs: Sequence[Pair]) -> tuple[Bodies, Array]:
     return bodies, programs
 
 
+def _angles(bodies: Bodies, programs: Array) -> Array:
+    """Where the hinges go, by motor: the programs, and where a motor's 0 is."""
+    rows = _checked_programs(bodies, programs)
+    if not bodies.zero.any():
+        return rows
+    angles = rows.repeat(len(bodies), axis=0) if len(rows) == 1 else rows.copy()
+    body, part = np.nonzero((bodies.motor >= 0) & (bodies.zero != 0))
+    angles[body, bodies.motor[body, part]] += bodies.zero[body, part]
+    return angles
+
+
 def _checked_programs(bodies: Bodies, programs: Array) -> Array:
     rows = np.ascontiguousarray(np.atleast_2d(np.asarray(programs, dtype=float)))
     if rows.ndim != 2 or len(rows) not in (1, len(bodies)) or rows.shape[1] < bodies.motors:
@@ -221,4 +245,18 @@ def _checked_programs(bodies: Bodies, programs: Array) -> Array:
     if not np.all(np.isfinite(rows)):
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
         raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")
+    return rows
+
+
+def _checked_leans(bodies: Bodies, leans: Array | None) -> Array:
+    if leans is None:
+        return np.zeros((1, 2))
+    rows = np.ascontiguousarray(np.atleast_2d(np.asarray(leans, dtype=float)))
+    if rows.ndim != 2 or len(rows) not in (1, len(bodies)) or rows.shape[1] != 2:
+        raise PhysicsError(
+            f"{len(bodies)} bodies need an inclination of gravity as two tangents, or two for each "
+            f"body, not an array of shape {np.shape(leans)}"
+        )
+    if not np.all(np.isfinite(rows)):
+        raise PhysicsError("inclinations of gravity must be finite")
     return rows

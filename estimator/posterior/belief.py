@@ -74,6 +74,7 @@ def believe(
             for item in verdict.unexplained
         ),
         noisy=verdict.noisy,
+        contradicting=verdict.contradicting,
     )
 
 
@@ -87,7 +88,7 @@ def information_gained(
     information gain, with the same bound: the logarithm of the number of samples.
     """
     likelihood, last = Likelihood(data, noise), len(data) - 1
-    misfits = data.misfits_of(predictor, before.values)
+    misfits = likelihood.misfits_of(predictor, before.values)
     fits = likelihood.of(misfits, np.ones(len(misfits)), before.scales)[:, last]
     logs = np.log(before.weights) + fits
     weights = softmax(logs)
@@ -133,10 +134,11 @@ def _foretold(
     posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
 ) -> tuple[Foretold, ...]:
     best = posterior.modes[0].point[None]
-    readings = predictor.read_all(best, data.programs)
+    likelihood = Likelihood(data, noise)
+    readings = likelihood.readings_of(predictor, best)
     strays = deviations(best, predictor, data, noise)
-    misfits = data.misfits_of(predictor, posterior.values)
-    inliers = Likelihood(data, noise).inlier_share(misfits, scales=posterior.scales)
+    misfits = likelihood.misfits_of(predictor, posterior.values)
+    inliers = likelihood.inlier_share(misfits, scales=posterior.scales)
     outlier = 1 - posterior.weights @ inliers
     return tuple(
         Foretold(

@@ -25,6 +25,7 @@ _LEADERS: Final = 4  # in one sweep
 _SWEEPS: Final = 3
 _ROWS: Final = 800  # random rows tried per part of a leader
 _PROMISING: Final = 60  # of them polished
+_STARTS: Final = 24
 _SWEEP_WIDTH: Final = 4.0
 
 
@@ -129,11 +130,21 @@ class _Visited:
                 trial = np.repeat(leaders[row : row + 1], _ROWS, axis=0)
                 trial[:, columns] = rng.random((_ROWS, columns.size))
                 trials.append(trial)
-            values = np.concatenate(trials)
-            fits = lengths.fits(values, _SWEEP_WIDTH)
+            values = self._unknowns.permitted(np.concatenate(trials))
+            fits = lengths.fits(values, _SWEEP_WIDTH, surely=True)
             order = best_of_each(self._unknowns.keys(values), fits)[:_PROMISING]
             self._add_polished(values[order], lengths)
+            self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
         return bool(chosen)
+
+    def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
+        """The same attachments from other lengths: one start may lead to a lesser peak."""
+        columns = self._unknowns.continuous
+        trial = np.repeat(leader[None], _ROWS, axis=0)
+        trial[:, columns] = rng.random((_ROWS, columns.size))
+        order = np.argsort(-lengths.fits(trial, _SWEEP_WIDTH, surely=True), kind="stable")[:_STARTS]
+        starts: Array = trial[order]
+        return starts
 
     def _add_polished(self, values: Array, lengths: Lengths) -> None:
         better, fits = lengths.polished(values)

@@ -68,7 +68,6 @@ class EvidenceEstimator:
         self, predictor: Predictor, data: SensorData, likelihood: Likelihood, *, draws: int
     ) -> None:
         self._predictor = predictor
-        self._data = data
         self._likelihood = likelihood
         self._lengths = Lengths(predictor, data, likelihood)
         self._draws = draws
@@ -125,7 +124,8 @@ class EvidenceEstimator:
         fits = np.full(len(lengths), -np.inf)
         scales = np.zeros((len(lengths), 2))
         rows = np.flatnonzero(inside)
-        misfits = self._data.misfits_of(self._predictor, self._points(point, lengths[rows]))
+        points = self._points(point, lengths[rows])
+        misfits = self._likelihood.misfits_of(self._predictor, points)
         nodes = len(_FACTORS)
         for start in range(0, len(rows), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)

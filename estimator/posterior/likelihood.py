@@ -21,8 +21,9 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
+from estimator.physics.base import Flags, Readings
 from estimator.posterior.densities import (
     DENSITIES,
     MODEL_CLEARANCE,
@@ -43,7 +44,23 @@ _COLUMNS: Final = {
 SILENT: Final = _ENDS[-1]
 """Column of the misfits that is 1 where the model predicts nothing; the modalities' come before."""
 
-MISFITS: Final = SILENT + 1
+ASTRAY: Final = SILENT + 1
+"""Column that is 0 where the model falls as statics has it, else the number of the lean by which it
+comes to where it explains what was felt."""
+
+MISFITS: Final = ASTRAY + 1
+
+LEANS: Final = math.tan(math.radians(1.0)) * np.array(
+    [
+        (0.0, 0.0),
+        *((math.cos(turn), math.sin(turn)) for turn in np.radians([22.5, 202.5, 112.5, 292.5])),
+    ]
+)
+"""Inclinations of gravity on the way, by number, shape (5, 2): what momentum may do to a body that
+falls at a fork. They lie in no plane of symmetry that bodies are likely to have."""
+
+_LOG_ASTRAY: Final = math.log(0.5)
+_PLAINLY: Final = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +92,14 @@ class Noise:
         """The figure of one modality."""
         figure: float = getattr(self, modality)
         return figure
+
+
+def apart(one: Readings, other: Readings, noise: Noise) -> Flags:
+    """Which of n readings come from poses that are plainly not the same, shape (n,)."""
+    tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _PLAINLY * noise.tilt
+    clearance = np.abs(one.clearance - other.clearance) > _PLAINLY * noise.clearance
+    plainly: Flags = tilt | clearance | (one.valid != other.valid)
+    return plainly
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +147,7 @@ class SensorData:
         for name, density in DENSITIES.items():
             density.misfit(self.felt[name][turns], readings, values[:, _COLUMNS[name]])
         values[:, SILENT] = readings.undecided | ~readings.valid
+        values[:, ASTRAY] = 0.0
         return values
 
     def residuals(self, readings: Readings, turns: Columns) -> Array:
@@ -129,12 +155,6 @@ class SensorData:
         return np.column_stack(
             [one.residual(self.felt[name][turns], readings) for name, one in DENSITIES.items()]
         )
-
-    def misfits_of(self, predictor: Predictor, values: Array) -> Array:
-        """The misfits of n points of the cube in every interaction, shape (n, k, MISFITS)."""
-        readings = predictor.read_all(values, self.programs)
-        turns = np.tile(np.arange(len(self)), len(values))
-        return self.misfits(readings, turns).reshape(len(values), len(self), MISFITS)
 
 
 class Likelihood:
@@ -146,6 +166,7 @@ class Likelihood:
     """
 
     def __init__(self, data: SensorData, noise: Noise):
+        self._data = data
         self._noise = noise
         self._known = {name: felt.known for name, felt in data.felt.items()}
         anywhere = np.zeros(len(data))
@@ -156,6 +177,76 @@ class Likelihood:
             [noise.of(name) for name in DENSITIES],
             [density.residuals for density in DENSITIES.values()],
         )
+
+    def misfits_of(self, predictor: Predictor, values: Array, *, surely: bool = False) -> Array:
+        """The misfits of n points of the cube in every interaction, shape (n, k, MISFITS).
+
+        Args:
+            predictor: Computes readings.
+            values: Shape (n, size).
+            surely: As in ``misfits_at``.
+        """
+        count = len(self._data)
+        rows, turns = (
+            np.repeat(np.arange(len(values)), count),
+            np.tile(np.arange(count), len(values)),
+        )
+        bodies = predictor.unknowns.bodies(values)
+        misfits = self.misfits_at(predictor, bodies, rows, turns, surely=surely)
+        return misfits.reshape(len(values), count, MISFITS)
+
+    def misfits_at(
+        self,
+        predictor: Predictor,
+        bodies: Bodies,
+        rows: Columns,
+        turns: Columns,
+        *,
+        surely: bool = False,
+    ) -> Array:
+        """The misfits of some bodies, each in one interaction.
+
+        Where what was felt is more likely an outlier than what a body feels, it may have
+        fallen to another side: the first of ``LEANS`` that explains it is taken.
+
+        Args:
+            predictor: Computes readings.
+            bodies: From the predictor's unknowns.
+            rows: Which of them, shape (m,).
+            turns: In which interaction, shape (m,).
+            surely: Take it that everybody falls as statics has it, which costs less.
+
+        Returns:
+            Shape (m, MISFITS).
+        """
+        data = self._data
+        misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
+        if surely:
+            return misfits
+        left = self._unexplained(misfits, turns)
+        for number in range(1, len(LEANS)):
+            if not left.size:
+                break
+            readings = predictor.read(bodies, rows[left], data.programs[turns[left]], LEANS[number])
+            others = data.misfits(readings, turns[left])
+            others[:, ASTRAY] = number
+            astray = np.ones(len(left), dtype=bool)
+            astray[self._unexplained(others, turns[left])] = False
+            misfits[left[astray]] = others[astray]
+            left = left[~astray]
+        return misfits
+
+    def readings_of(self, predictor: Predictor, values: Array) -> Readings:
+        """What n points feel in every interaction, wherever they fell: n · k rows."""
+        numbers = self.misfits_of(predictor, values)[..., ASTRAY].ravel().astype(np.intp)
+        return predictor.read_all(values, self._data.programs, LEANS[numbers])
+
+    def _unexplained(self, misfits: Array, turns: Columns) -> Columns:
+        ones = np.ones(len(misfits))
+        inlier, outlier = self.terms(
+            misfits[:, None], ones, np.zeros((len(misfits), 2)), turns[:, None]
+        )
+        return np.flatnonzero(inlier[:, 0] < outlier[:, 0])
 
     def inlier_share(
         self, misfits: Array, width: float = 1.0, scales: Array | None = None
@@ -198,5 +289,6 @@ class Likelihood:
                 noise = noise * np.exp(scales[:, column : column + 1])
             known = self._known[name] if turns is None else self._known[name][turns]
             density.add_logs(inlier, misfits[..., _COLUMNS[name]], known, noise)
+        inlier += np.where(misfits[..., ASTRAY] > 0, _LOG_ASTRAY, 0.0)
         inlier = np.where(misfits[..., SILENT] > 0, -np.inf, inlier)
         return inlier, np.broadcast_to(outlier, inlier.shape)

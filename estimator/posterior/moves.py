@@ -29,9 +29,12 @@ class Move(IntEnum):
     ONE_GENE = 2
     TWO_GENES = 3
     PART = 4
+    SWAP = 5
 
 
 _SHARES: Final = (0.35, 0.25, 0.2, 0.1, 0.1)
+_SHARES_WITH_SWAPS: Final = (0.3, 0.2, 0.2, 0.1, 0.1, 0.1)
+"""Where parts may not share mounts, so that they can only change places."""
 
 
 def propose(
@@ -51,7 +54,8 @@ def propose(
         Shape (m, size).
     """
     fresh = values[rows]
-    kinds = rng.choice(len(_SHARES), len(rows), p=_SHARES)
+    shares = _SHARES_WITH_SWAPS if unknowns.places else _SHARES
+    kinds = rng.choice(len(shares), len(rows), p=shares)
     lengths = unknowns.continuous
     if lengths.size:
         chosen = np.flatnonzero(kinds == Move.LENGTHS)
@@ -72,7 +76,20 @@ def propose(
     for part, columns in enumerate(unknowns.parts):
         those = chosen[which == part]
         fresh[np.ix_(those, columns)] = rng.random((those.size, columns.size))
+    if unknowns.places:
+        _swap(fresh, np.flatnonzero(kinds == Move.SWAP), unknowns, rng)
     return fresh
+
+
+def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Generator) -> None:
+    """Exchanges the places of two parts, in some of the points."""
+    which = rng.integers(len(unknowns.places), size=chosen.size)
+    for kind, columns in enumerate(unknowns.places):
+        rows = chosen[which == kind][:, None]
+        first = rng.integers(len(columns), size=rows.size)
+        second = (first + rng.integers(1, len(columns), size=rows.size)) % len(columns)
+        one, other = fresh[rows, columns[first]], fresh[rows, columns[second]]
+        fresh[rows, columns[first]], fresh[rows, columns[second]] = other, one
 
 
 def exchange_parts(

@@ -50,7 +50,7 @@ class Population:
         self.width = width
         self._widths = np.repeat(HOTTEST ** np.linspace(0, 1, levels), width)
         count = levels * width
-        self.values = rng.random((count, predictor.unknowns.size))
+        self.values = predictor.unknowns.permitted(rng.random((count, predictor.unknowns.size)))
         self.scales = rng.normal(0, SCALE_SPREAD, (count, 2))
         self._misfits = np.zeros((count, 0, MISFITS))
         self._fits = np.zeros((count, 0))
@@ -58,13 +58,15 @@ class Population:
     def observe(self, data: SensorData, noise: Noise) -> None:
         """Takes in all that was felt so far; the chains stay where they are."""
         self._data = data
+        self._surely = True
         self._likelihood = Likelihood(data, noise)
         self._look(slice(None))
 
     def restart(self, level: int) -> None:
         """Draws the chains from a level upward from the prior; only before sampling."""
         hot = slice(level * self.width, None)
-        self.values[hot] = self._rng.random(self.values[hot].shape)
+        fresh = self._rng.random(self.values[hot].shape)
+        self.values[hot] = self._predictor.unknowns.permitted(fresh)
         self.scales[hot] = self._rng.normal(0, SCALE_SPREAD, self.scales[hot].shape)
         self._look(hot)
 
@@ -72,6 +74,7 @@ class Population:
         """Puts other points on level 0, shape (width, size); only before sampling."""
         cold = slice(0, self.width)
         self.values[cold], self.scales[cold] = values, scales
+        self._surely = False
         self._look(cold)
 
     def step(self) -> None:
@@ -120,7 +123,9 @@ class Population:
         return population
 
     def _look(self, rows: slice) -> None:
-        misfits = self._data.misfits_of(self._predictor, self.values[rows])
+        misfits = self._likelihood.misfits_of(
+            self._predictor, self.values[rows], surely=self._surely
+        )
         if self._misfits.shape[1] != len(self._data):
             self._misfits = misfits
         else:
@@ -147,14 +152,16 @@ class Population:
         misfits = np.zeros((rows.size, count, MISFITS))
         fits = self._likelihood.of(misfits, widths, scales)
         bodies = self._predictor.unknowns.bodies(fresh)
-        alive, start, simulated = np.arange(rows.size), 0, 0
+        alive = np.flatnonzero(~self._predictor.unknowns.forbidden(fresh))
+        start, simulated = 0, 0
         while start < count and alive.size:
             end = min(count, 2 * start + 1)
             models = np.repeat(alive, end - start)
             turns = order[alive, start:end].ravel()
-            readings = self._predictor.read(bodies, models, self._data.programs[turns])
             simulated += models.size
-            misfits[models, turns] = self._data.misfits(readings, turns)
+            misfits[models, turns] = self._likelihood.misfits_at(
+                self._predictor, bodies, models, turns, surely=self._surely
+            )
             fits[models, turns] = self._likelihood.of(
                 misfits[models, turns][:, None], widths[models], scales[models], turns[:, None]
             )[:, 0]
@@ -177,9 +184,10 @@ class Population:
                 self.values[pair[:half]], self.values[pair[half:]], self._predictor.unknowns, rng
             )
         )
-        misfits = self._data.misfits_of(self._predictor, fresh)
+        misfits = self._likelihood.misfits_of(self._predictor, fresh, surely=self._surely)
         fits = self._likelihood.of(misfits, self._widths[pair], self.scales[pair])
         gain = (fits - self._fits[pair]).sum(axis=1)
+        gain[self._predictor.unknowns.forbidden(fresh)] = -np.inf
         accepted = np.tile(np.log(rng.random(half)) < gain[:half] + gain[half:], 2)
         taken = pair[accepted]
         self.values[taken], self._misfits[taken] = fresh[accepted], misfits[accepted]

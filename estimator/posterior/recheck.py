@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics, WorldSettings
-from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
+from estimator.posterior.likelihood import LEANS, Likelihood, Noise, SensorData, apart
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.special import logsumexp, softmax
 from estimator.posterior.unknowns import Predictor
@@ -80,8 +80,14 @@ def recheck(
     points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
     likelihood = Likelihood(data, noise)
     width = np.ones(len(points))
-    by_statics = likelihood.of(data.misfits_of(predictor, points), width, factors).sum(axis=1)
-    misfits = _simulated(points, predictor, data, reference)
+    known = likelihood.misfits_of(predictor, points)
+    by_statics = likelihood.of(known, width, factors).sum(axis=1)
+    turns = np.tile(np.arange(len(data)), len(points))
+    bodies = unknowns.decode_all(points)
+    pairs = [(body, program) for body in bodies for program in data.programs]
+    misfits = data.misfits(reference.read(pairs), turns)
+    misfits = misfits.reshape(known.shape)
+    misfits = np.where(_forks(predictor, points, data, noise)[..., None], known, misfits)
     simulated = likelihood.of(misfits, width, factors).sum(axis=1)
     ratios = simulated - by_statics
     logs = np.log([mode.probability for mode in modes])
@@ -130,8 +136,10 @@ def _reweighted(
     )
 
 
-def _simulated(points: Array, predictor: Predictor, data: SensorData, reference: Physics) -> Array:
-    bodies = predictor.unknowns.decode_all(points)
-    pairs = [(body, program) for body in bodies for program in data.programs]
-    turns = np.tile(np.arange(len(data)), len(points))
-    return data.misfits(reference.read(pairs), turns).reshape(len(points), len(data), MISFITS)
+def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) -> Array:
+    """Where a trifle decides to which side a body falls, so that no simulation tells, (n, k)."""
+    plumb = predictor.read_all(points, data.programs)
+    forks = np.zeros(len(plumb), dtype=bool)
+    for lean in LEANS[1:]:
+        forks |= apart(plumb, predictor.read_all(points, data.programs, lean), noise)
+    return forks.reshape(len(points), len(data))

@@ -33,6 +33,9 @@ _AGREED: Final = 0.8  # share of the posterior that both have met
 _TELLING: Final = 4  # interactions, after which the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to,
 _LONGER: Final = 4  # each of so many times the steps
+_BURN_IN: Final = 5  # times the steps of sampling, where few draws stand for a mode,
+_BURN_INS: Final = 4  # so often, chains that got lost taken back in between
+_LEAST_POWER: Final = 1e-3
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -220,6 +223,19 @@ class Sampler:
             chains.append(cold[alike][:_NEIGHBOURS])
         return np.concatenate(chains)
 
+    def _burn_in(self) -> None:
+        """Brings the coldest chains, which began too far out, to where the posterior is."""
+        allowance = _CONSIDERED + self.predictor.unknowns.continuous.size
+        for _ in range(_BURN_INS):
+            self._sampled(_BURN_IN * self._effort.frozen)
+            for population in self._populations:
+                fits = population.posterior_fits(1)
+                lost = np.flatnonzero(fits < fits.max() - allowance)
+                kept = np.flatnonzero(fits >= fits.max() - allowance)
+                rows = np.arange(len(fits))
+                rows[lost] = self._rng.choice(kept, lost.size)
+                population.replace_coldest(population.values[rows], population.scales[rows])
+
     def _sampled(self, steps: int) -> tuple[Array, Array]:
         values, scales = [], []
         for step in range(steps):
@@ -243,16 +259,20 @@ class Sampler:
             for key, share, point, mode in zip(keys, shares, points, modes, strict=True)
         ]
         count = self._effort.width
+        spread = [_spread_out(mode.weights, count) for mode in modes]
         for population in self._populations:
             which = self._rng.choice(len(modes), count, p=shares)
             drawn = [
-                (int(mode), int(self._rng.choice(len(modes[mode].weights), p=modes[mode].weights)))
+                (int(mode), int(self._rng.choice(len(spread[mode]), p=spread[mode])))
                 for mode in which
             ]
             population.replace_coldest(
                 np.array([modes[mode].values[row] for mode, row in drawn]),
                 np.array([modes[mode].scales[row] for mode, row in drawn]),
             )
+        poor = modes[int(np.argmax(shares))].effective < count
+        if poor:
+            self._burn_in()
         values, scales = self._sampled(self._effort.frozen)
         return Posterior(
             values=values,
@@ -261,6 +281,17 @@ class Sampler:
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
             seen=_share_seen(keys, shares, discovered, self.predictor),
         )
+
+
+def _spread_out(weights: Array, wanted: int) -> Array:
+    """Weights raised to a power, so that at least so many draws count: a start for chains."""
+    power = 1.0
+    while True:
+        spread = weights**power
+        spread /= spread.sum()
+        if 1 / np.sum(spread**2) >= wanted or power < _LEAST_POWER:
+            return spread
+        power /= 2
 
 
 def _share_seen(

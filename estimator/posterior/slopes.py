@@ -14,7 +14,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.likelihood import MISFITS, Likelihood, SensorData
+from estimator.physics.base import Readings
+from estimator.posterior.likelihood import ASTRAY, LEANS, Likelihood, SensorData
 from estimator.posterior.unknowns import Predictor
 
 NARROWING: Final = (4.0, 2.0, 1.0, 1.0, 1.0)
@@ -34,7 +35,7 @@ class Slopes:
     """Misfits of n points, and what information their readings hold about the lengths.
 
     Attributes:
-        misfits: Shape (n, k, 5).
+        misfits: Shape (n, k, MISFITS).
         precision: Of the lengths, in units of their ranges, shape (n, d, d): the curvature of the
             log-likelihood, the prior's included.
         climb: Its gradient, shape (n, d).
@@ -59,44 +60,56 @@ class Lengths:
         self._data = data
         self._likelihood = likelihood
 
-    def fits(self, values: Array, width: float = 1.0) -> Array:
-        """Log-likelihood of n points under noise of the announced size times ``width``."""
-        misfits = self._data.misfits_of(self._predictor, values)
+    def fits(self, values: Array, width: float = 1.0, *, surely: bool = False) -> Array:
+        """Log-likelihood of n points under noise of the announced size times ``width``.
+
+        Args:
+            values: Shape (n, size).
+            width: Factor on the noise.
+            surely: As in ``Likelihood.misfits_at``.
+        """
+        misfits = self._likelihood.misfits_of(self._predictor, values, surely=surely)
         return self._of(misfits, width)
 
     def polished(self, values: Array) -> tuple[Array, Array]:
         """The points with better lengths, and their log-likelihoods."""
         values = values.copy()
         columns = self._predictor.unknowns.continuous
+        turns = np.tile(np.arange(len(self._data)), len(values))
         for width in NARROWING:
             slopes = self.slopes(values, width)
             step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
             size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
             step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
             best = self._of(slopes.misfits, width)
-            start = values.copy()
+            start, ways = values.copy(), slopes.misfits[..., ASTRAY]
             for share in (1.0, _SHORTER):
                 trial = start.copy()
                 trial[:, columns] = np.clip(start[:, columns] + share * step, 0.0, 1.0)
-                fits = self.fits(trial, width)
+                misfits = self._data.misfits(self._read(trial, ways), turns)
+                misfits[:, ASTRAY] = ways.ravel()
+                fits = self._of(misfits.reshape(slopes.misfits.shape), width)
                 better = fits > best
                 values[better], best = trial[better], np.maximum(best, fits)
         return values, self.fits(values)
 
     def slopes(self, values: Array, width: float = 1.0) -> Slopes:
-        """Precision and gradient of the log-likelihood by differences, shape (n, size) in."""
+        """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
+
+        Under wider noise than announced forks are left out: they matter near the truth.
+        """
         columns = self._predictor.unknowns.continuous
         count, lengths, turns = len(values), columns.size, len(self._data)
+        misfits = self._likelihood.misfits_of(self._predictor, values, surely=width > 1)
         sign = np.where(values[:, columns] + _STEP > 1, -_STEP, _STEP)
         moved = np.repeat(values[:, None], lengths + 1, axis=1)
         for index, column in enumerate(columns):
             moved[:, index + 1, column] += sign[:, index]
         flat = moved.reshape(count * (lengths + 1), -1)
-        readings = self._predictor.read_all(flat, self._data.programs)
+        ways = np.repeat(misfits[..., ASTRAY], lengths + 1, axis=0)
+        readings = self._read(flat, ways)
         which = np.tile(np.arange(turns), len(flat))
         residuals = self._data.residuals(readings, which).reshape(count, lengths + 1, turns, -1)
-        own = np.arange(len(which)).reshape(count, lengths + 1, turns)[:, 0].ravel()
-        misfits = self._data.misfits(readings[own], which[own]).reshape(count, turns, MISFITS)
         change = (residuals[:, 1:] - residuals[:, :1]) / sign[:, :, None, None]
         weight = self._likelihood.inlier_share(misfits, width)[..., None]
         weight = weight / (width * self._likelihood.sigmas) ** 2
@@ -104,6 +117,11 @@ class Lengths:
         precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals[:, 0], optimize=True)
         return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
+
+    def _read(self, values: Array, ways: Array) -> Readings:
+        """What n points feel in k interactions, each under one of ``LEANS``, shape (n, k)."""
+        leans = LEANS[ways.ravel().astype(np.intp)]
+        return self._predictor.read_all(values, self._data.programs, leans)
 
     def _of(self, misfits: Array, width: float) -> Array:
         widths, scales = np.full(len(misfits), width), np.zeros((len(misfits), 2))

@@ -9,41 +9,52 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
-from estimator.physics.base import ArrayMarginPhysics, Readings
+from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
-"""The choices of one body, in the order of its genes: parent, side and hinge, part by part."""
+"""The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
 SCALE_SPREAD: Final = 0.5
 """Standard deviation of the prior of each noise factor's logarithm."""
 
 
 class Unknowns:
-    """The unit cube of one problem: its uniform measure is the prior.
+    """The unit cube of one problem: its uniform measure, where bodies are allowed, is the prior.
 
     Args:
         genome: The code between genes and bodies.
 
     Attributes:
         size: Dimensions.
-        continuous: Columns of the lengths.
+        continuous: Columns of the lengths and of nuisance parameters.
         choices: Columns of what is chosen from a few values.
-        parts: Columns that belong to one part, for each part that has any.
+        parts: Columns that belong to one part, for each part that has any; nuisance parameters
+            belong to the main body.
+        places: Columns that say where parts sit, of parts that may not share a mount: in each array
+            one row a part, and the same columns for each.
     """
 
     def __init__(self, genome: Genome):
         self._genome = genome
         genes = genome.genes
         self.size = len(genes)
-        self.continuous: Columns = _where([gene.trait == "length" for gene in genes])
+        self.continuous: Columns = _where([not gene.choices for gene in genes])
         self.choices: Columns = _where([gene.choices > 1 for gene in genes])
         self.parts: tuple[Columns, ...] = tuple(
             _where([gene.part == part for gene in genes])
             for part in sorted({gene.part for gene in genes})
         )
-        self._counts = np.array([genes[column].choices for column in self.choices], dtype=np.int64)
+        self.places: tuple[Columns, ...] = _places(genome)
+
+    def forbidden(self, values: Array) -> Flags:
+        """Which of n points the problem does not allow: there the prior is 0."""
+        return self._genome.forbidden(values)
+
+    def permitted(self, values: Array) -> Array:
+        """The points, with parts on mounts that are taken moved to others."""
+        return self._genome.permitted(values)
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, shape (n, size)."""
@@ -55,8 +66,7 @@ class Unknowns:
 
     def attachments(self, values: Array) -> NDArray[np.int64]:
         """What n points choose, shape (n, choices)."""
-        chosen = (values[:, self.choices] * self._counts).astype(np.int64)
-        return np.minimum(chosen, self._counts - 1)
+        return self._genome.choices(values)[:, self.choices]
 
     def keys(self, values: Array) -> list[Attachments]:
         """The same as tuples, to be compared and counted."""
@@ -90,25 +100,48 @@ class Predictor:
         """How many time steps were computed so far."""
         return self._physics.steps
 
-    def read(self, bodies: Bodies, rows: Columns, programs: Array) -> Readings:
+    def read(
+        self, bodies: Bodies, rows: Columns, programs: Array, leans: Array | None = None
+    ) -> Readings:
         """What some of the bodies feel, each in the program of its row.
 
         Args:
             bodies: From ``Unknowns.bodies``.
             rows: Which of them, shape (m,).
             programs: rad, shape (m, motors).
+            leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
         """
-        return self._physics.read_bodies(bodies[rows], programs)
+        return self._physics.read_bodies(bodies[rows], programs, leans)
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""
         return self._physics.path_margins_of_bodies(bodies[rows], programs)
 
-    def read_all(self, values: Array, programs: Array) -> Readings:
-        """What each of n points feels in each of k programs: n · k rows, programs fastest."""
+    def read_all(self, values: Array, programs: Array, leans: Array | None = None) -> Readings:
+        """What each of n points feels in each of k programs: n · k rows, programs fastest.
+
+        Args:
+            values: Points, shape (n, size).
+            programs: rad, shape (k, motors).
+            leans: As in ``read``.
+        """
         count = len(programs)
-        rows = np.repeat(np.arange(len(values)), count)
-        return self.read(self.unknowns.bodies(values), rows, np.tile(programs, (len(values), 1)))
+        rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
+        return self.read(self.unknowns.bodies(values), rows, each, leans)
+
+
+def _places(genome: Genome) -> tuple[Columns, ...]:
+    if not genome.forbids:
+        return ()
+    rows: dict[tuple[str, ...], list[list[int]]] = {}
+    for part in sorted({gene.part for gene in genome.genes}):
+        own = [
+            (gene.trait, column)
+            for column, gene in enumerate(genome.genes)
+            if gene.part == part and gene.trait in ("parent", "mount")
+        ]
+        rows.setdefault(tuple(trait for trait, _ in own), []).append([at for _, at in own])
+    return tuple(np.array(some) for kind, some in rows.items() if kind and len(some) > 1)
 
 
 def _where(chosen: list[bool]) -> Columns:

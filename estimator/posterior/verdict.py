@@ -1,8 +1,10 @@
 """Does any body that the problem allows explain the readings?
 
 An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
-best body's path there is sure. One such interaction in a run happens by accident; two of them, or
-a noise factor that surely lies above 2, say that the problem does not describe the robot.
+best body's path there is sure. One such interaction in a run happens by accident; two of them, a
+noise factor that surely lies above 2, or a touch sensor that contradicts the body more often than
+chance allows, say that the problem does not describe the robot. The last betrays a limp leg: its
+foot lies on the ground where a stiff one, short enough to carry nothing, would hang in the air.
 """
 
 from __future__ import annotations
@@ -14,22 +16,23 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.physics.base import Flags
 from estimator.posterior.densities import DENSITIES, SCALED
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.posterior import Posterior
+from estimator.posterior.special import at_least
 from estimator.posterior.unknowns import Predictor
 from estimator.readings.modalities.registry import MODALITIES
+from estimator.storage.beliefs import ACCIDENTS
 
 SURE_PATH: Final = math.radians(1.0)
 """A body answers for an interaction where its path margin is larger, rad."""
-
-ACCIDENTS: Final = 1
-"""Unexplained interactions that happen to a body that the problem describes."""
 
 TOO_NOISY: Final = 2.0
 """Factor on a sensor's announced noise that no sound sensor needs."""
 
 _SURELY: Final = 0.95
+_BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
 
 
@@ -53,15 +56,17 @@ class FitVerdict:
     Attributes:
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise factor surely lies above ``TOO_NOISY``.
+        contradicting: Touch sensors that feel otherwise than the best body too often.
     """
 
     unexplained: tuple[Unexplained, ...]
     noisy: tuple[str, ...]
+    contradicting: tuple[int, ...]
 
     @property
     def explained(self) -> bool:
         """Whether some body of the problem explains the readings, as far as can be told."""
-        return len(self.unexplained) <= ACCIDENTS and not self.noisy
+        return len(self.unexplained) <= ACCIDENTS and not (self.noisy or self.contradicting)
 
 
 def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
@@ -75,7 +80,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     """
     best = posterior.modes[0].point[None]
     likelihood = Likelihood(data, noise)
-    misfits = data.misfits_of(predictor, posterior.values)
+    misfits = likelihood.misfits_of(predictor, posterior.values)
     outliers = likelihood.inlier_share(misfits, scales=posterior.scales).mean(axis=0) < 0.5
     margins = _margins(best, predictor, data)
     strays = deviations(best, predictor, data, noise)
@@ -88,13 +93,15 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     )
     share = np.mean(posterior.scales > math.log(TOO_NOISY), axis=0)
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
-    return FitVerdict(unexplained=unexplained, noisy=noisy)
+    contradicting = _contradicting(best, predictor, data, noise, ~outliers)
+    return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
 
 
 def explains(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> bool:
     """Whether a body, shape (size,), leaves no more interactions unexplained than accidents do."""
     one = point[None]
-    outliers = Likelihood(data, noise).inlier_share(data.misfits_of(predictor, one))[0] < 0.5
+    likelihood = Likelihood(data, noise)
+    outliers = likelihood.inlier_share(likelihood.misfits_of(predictor, one))[0] < 0.5
     if np.count_nonzero(outliers) <= ACCIDENTS:
         return True
     sure = _margins(one, predictor, data) > SURE_PATH
@@ -115,12 +122,24 @@ def deviations(
         data: What the robot felt.
         noise: How far readings stray.
     """
-    readings = predictor.read_all(point, data.programs)
+    readings = Likelihood(data, noise).readings_of(predictor, point)
     turns = np.arange(len(data))
     return {
         name: DENSITIES[name].deviation(data.felt[name][turns], readings, noise.of(name))
         for name in MODALITIES
     }
+
+
+def _contradicting(
+    point: Array, predictor: Predictor, data: SensorData, noise: Noise, counts: Flags
+) -> tuple[int, ...]:
+    """Touch sensors with more wrong bits, in the interactions that count, than chance allows."""
+    felt = data.felt["touch"].values
+    readings = Likelihood(data, noise).readings_of(predictor, point)
+    told = counts[:, None] & ~np.isnan(felt) & ~readings.touch_doubtful
+    wrong = np.sum(told & (felt != readings.touch), axis=0)
+    chance = at_least(wrong, np.sum(told, axis=0), noise.touch)
+    return tuple(np.flatnonzero(chance < _BY_CHANCE).tolist())
 
 
 def _margins(point: Array, predictor: Predictor, data: SensorData) -> Array:

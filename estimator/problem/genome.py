@@ -1,24 +1,28 @@
 """Genomes: gene arrays in [0, 1] that encode bodies.
 
 A genome goes through the problem's parts in order. Each part contributes one gene for each thing
-that is to be found about it, in the order of the paper's rows: parent P, side O, hinge J, length.
+that is to be found about it, in the order of the paper's rows: parent P, mount O, hinge J, length.
 A gene that stands for a choice among k is scaled to the integers 0 to k − 1; row i chooses its
-parent among the main body and the i − 1 earlier parts.
+parent among the main body and the i − 1 earlier parts, and its mount among those of that parent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import cached_property
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from estimator.body.arrays import Bodies, Integers
-from estimator.body.morphology import BASE, HINGES, SIDES, Array, Base, Morphology, Part
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
+from estimator.physics.base import Flags
+from estimator.problem.free_mounts import spread
+from estimator.problem.nuisances import Nuisances, NuisanceValues
+from estimator.problem.outermost_parts import outermost_sensors, with_outermost_sensors
 from estimator.problem.problem import Problem
-from estimator.problem.sections import PartRule
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,16 +30,19 @@ class Gene:
     """What one gene decides.
 
     Attributes:
-        part: Index of the part.
+        part: Index of the part; ``BASE`` for a nuisance parameter.
         trait: Which of the part's traits.
-        choices: How many values it chooses from; 0 for a length, which is any in a range.
+        choices: How many values it chooses from, at most: the main body may have other mounts than
+            parts have. 0 for what is any in a range.
         name: For people.
+        unit: For people, of what is any in a range.
     """
 
     part: int
-    trait: Literal["parent", "side", "hinge", "length"]
+    trait: Literal["parent", "mount", "hinge", "length", "nuisance"]
     choices: int
     name: str
+    unit: str = ""
 
 
 class Genome:
@@ -52,8 +59,13 @@ class Genome:
     def __init__(self, problem: Problem, base: Base) -> None:
         self._problem = problem
         self._base = base
-        self.genes: tuple[Gene, ...] = tuple(
-            gene for index, rule in enumerate(problem.parts) for gene in _genes(index, rule)
+        self._nuisances = Nuisances(problem.nuisance, problem.parts, problem.density)
+        self.genes: tuple[Gene, ...] = (
+            *(gene for index in range(len(problem.parts)) for gene in _genes(problem, index)),
+            *(
+                Gene(part=BASE, trait="nuisance", choices=0, name=one.name, unit=one.unit)
+                for one in self._nuisances.listed
+            ),
         )
 
     @property
@@ -61,22 +73,54 @@ class Genome:
         """Number of genes."""
         return len(self.genes)
 
-    def choice(self, column: int, gene: float) -> int:
-        """The choice that a gene between 0 and 1 stands for."""
-        choices = self.genes[column].choices
-        return min(int(gene * choices), choices - 1)
+    def choices(self, genes: Array) -> Integers:
+        """What n genomes choose; −1 for lengths.
 
-    def word(self, column: int, choice: int) -> str:
-        """What a gene's choice means: the name of a part, a side or a hinge."""
-        gene = self.genes[column]
+        Args:
+            genes: Shape (n, size), each in [0, 1].
+
+        Returns:
+            Shape (n, size).
+        """
+        tables = self._problem.tables
+        values = np.asarray(genes, dtype=float)
+        chosen = np.full(values.shape, -1, dtype=np.int64)
+        on_base = np.zeros(len(values), dtype=bool)
+        for column, gene in enumerate(self.genes):
+            if not gene.choices:
+                continue
+            count: int | Integers = gene.choices
+            if gene.trait == "mount" and self._problem.parts[gene.part].parent is None:
+                count = np.where(on_base, tables.base_choices, tables.part_choices)
+            own = (values[:, column] * count).astype(np.int64)
+            chosen[:, column] = np.minimum(own, np.asarray(count) - 1)
+            if gene.trait == "parent":
+                on_base = chosen[:, column] == 0
+        return chosen
+
+    def words(self, column: int, genes: Array) -> tuple[str, ...]:
+        """What a gene stands for on each of n genomes: the name of a part, a mount or a hinge."""
+        gene, tables = self.genes[column], self._problem.tables
         if gene.trait == "parent":
-            return "main body" if choice == 0 else self._problem.parts[choice - 1].name
-        return (SIDES if gene.trait == "side" else HINGES)[choice]
+            names = ["main body", *(part.name for part in self._problem.parts)]
+            return tuple(names[choice] for choice in self.choices(genes)[:, column].tolist())
+        traits = self._traits(np.asarray(genes, dtype=float))
+        chosen = getattr(traits, gene.trait)[:, gene.part].tolist()
+        if gene.trait == "hinge":
+            return tuple(tables.hinges[choice].name for choice in chosen)
+        return tuple(
+            (self._base.mounts if parent == BASE else tables.part_mounts)[choice].name
+            for parent, choice in zip(traits.parent[:, gene.part].tolist(), chosen, strict=True)
+        )
 
-    def length(self, column: int, gene: float) -> float:
-        """The length, m, that a gene between 0 and 1 stands for."""
-        low, high = self._problem.parts[self.genes[column].part].length
-        return low + gene * (high - low)
+    def quantities(self, column: int, genes: Array) -> Array:
+        """What genes between 0 and 1 of one column stand for, in the gene's unit, shape (n,)."""
+        gene = self.genes[column]
+        if gene.trait == "length":
+            low, high = self._problem.parts[gene.part].length
+            return 1000 * (low + genes * (high - low))
+        one = self._nuisances.listed[column - self.size]
+        return one.factor * one.quantile(genes)
 
     def decode(self, genes: Array) -> Morphology:
         """Returns the body that a genome encodes.
@@ -87,31 +131,56 @@ class Genome:
         Raises:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
         """
-        values = np.asarray(genes, dtype=float)
-        if values.shape != (self.size,):
-            raise SearchStateError(f"a genome has {self.size} genes, not shape {values.shape}")
-        if not np.all((values >= 0) & (values <= 1)):
-            raise SearchStateError("every gene must lie in 0 to 1")
-        remaining = iter(values.tolist())
-        parts = []
-        for index, rule in enumerate(self._problem.parts):
-            parent = BASE + _choose(remaining, index + 1) if rule.parent is None else rule.parent
-            side = _choose(remaining, len(SIDES)) if rule.side is None else rule.side
-            hinge = _choose(remaining, len(HINGES)) if rule.hinge is None else rule.hinge
-            low, high = rule.length
-            length = low + next(remaining) * (high - low) if rule.length_unknown else low
-            parts.append(
-                Part(
-                    parent=parent,
-                    side=side,
-                    hinge=hinge,
-                    length=length,
-                    radius=rule.radius,
-                    motor=rule.motor,
-                    sensor=rule.sensor,
-                )
+        (body,) = self.decode_all(np.asarray(genes, dtype=float)[None])
+        return body
+
+    def decode_all(self, genes: Array) -> list[Morphology]:
+        """Returns the bodies that the rows of an array of shape (n, size) encode.
+
+        Raises:
+            SearchStateError: The shape is wrong or a gene lies outside [0, 1].
+        """
+        values = self._checked(genes)
+        nuisances = self._nuisance_values(values)
+        rows = (array.tolist() for array in (*self._traits(values), nuisances.zeros))
+        bodies = [
+            self.assemble(
+                [
+                    Part(
+                        parent=parent,
+                        mount=mount,
+                        hinge=hinge,
+                        length=length,
+                        radius=rule.radius,
+                        motor=rule.motor,
+                        sensor=rule.sensor,
+                        zero=zero,
+                    )
+                    for rule, parent, mount, hinge, length, zero in zip(
+                        self._problem.parts, *row, strict=True
+                    )
+                ]
             )
-        return self.assemble(parts)
+            for row in zip(*rows, strict=True)
+        ]
+        if not self._nuisances.listed:
+            return bodies
+        x, y, z = nuisances.centre.T.tolist()
+        across, along = nuisances.accelerometer.T.tolist()
+        return [
+            replace(
+                body,
+                density=density,
+                base=replace(self._base, centre=centre, accelerometer=turned),
+            )
+            for body, density, centre, turned in zip(
+                bodies,
+                nuisances.density.tolist(),
+                zip(x, y, z, strict=True),
+                zip(across, along, strict=True),
+                strict=True,
+            )
+        ]
 
     def assemble(self, parts: Sequence[Part]) -> Morphology:
         """Returns the body that parts make up on this robot, with its touch sensors.
@@ -120,12 +189,15 @@ class Genome:
             parts: In the order of the problem's rows.
         """
         if self._problem.touch == "outermost":
-            parts = _with_outermost_sensors(parts, self._problem.sensors)
-        return Morphology(base=self._base, parts=tuple(parts), density=self._problem.density)
-
-    def decode_all(self, genes: Array) -> list[Morphology]:
-        """Returns the bodies that the rows of an array of shape (n, size) encode."""
-        return [self.decode(row) for row in genes]
+            parts = with_outermost_sensors(parts, self._problem.sensors)
+        tables = self._problem.tables
+        return Morphology(
+            base=self._base,
+            parts=tuple(parts),
+            density=self._problem.density,
+            part_mounts=tables.part_mounts,
+            hinges=tables.hinges,
+        )
 
     def bodies(self, genes: Array) -> Bodies:
         """Returns the same bodies as arrays, without making an object per body.
@@ -136,72 +208,154 @@ class Genome:
         Raises:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
         """
+        values = self._checked(genes)
+        body = self._any_body
+        rows = np.zeros(len(values), dtype=np.intp)
+        traits = self._traits(values)
+        nuisances, base = self._nuisance_values(values), body.base[rows]
+        base[:, 4] = nuisances.density
+        base[:, 5:8], base[:, 8:10] = nuisances.centre, nuisances.accelerometer
+        sensor = body.sensor[rows]
+        if self._problem.touch == "outermost":
+            sensor = outermost_sensors(traits.parent, self._problem.sensors)
+        return Bodies(
+            count=body.count[rows],
+            parent=traits.parent,
+            mount=traits.mount,
+            hinge=traits.hinge,
+            motor=body.motor[rows],
+            sensor=sensor,
+            length=traits.length,
+            radius=body.radius[rows],
+            zero=nuisances.zeros,
+            base=base,
+            base_mounts=body.base_mounts,
+            part_mounts=body.part_mounts,
+            hinges=body.hinges,
+        )
+
+    @cached_property
+    def _any_body(self) -> Bodies:
+        """One body, for all that genes do not change."""
+        return Bodies.of(self.decode_all(np.zeros((1, self.size))))
+
+    @property
+    def forbids(self) -> bool:
+        """Whether some genomes are no body of the problem: see ``forbidden``."""
+        return not self._problem.share_mounts
+
+    def forbidden(self, genes: Array) -> Flags:
+        """Which of n genomes put two parts on a mount that the problem does not let them share.
+
+        Args:
+            genes: Shape (n, size).
+        """
+        if not self.forbids:
+            return np.zeros(len(genes), dtype=bool)
+        traits = self._traits(np.asarray(genes, dtype=float))
+        most = len(self._base.mounts) + len(self._problem.tables.part_mounts)
+        places = np.sort(traits.parent * most + traits.mount, axis=1)
+        doubles: Flags = np.any(places[:, 1:] == places[:, :-1], axis=1)
+        return doubles
+
+    def permitted(self, genes: Array) -> Array:
+        """Genomes with each part that sits on a mount that is taken moved to the next free one.
+
+        See ``spread``. Where there is no free mount a genome stays forbidden.
+
+        Args:
+            genes: Shape (n, size), each in [0, 1].
+        """
+        values = np.array(genes, dtype=float)
+        crowded = np.flatnonzero(self.forbidden(values))
+        if crowded.size:
+            _, firsts, which = np.unique(
+                self.choices(values[crowded]), axis=0, return_index=True, return_inverse=True
+            )
+            for number, first in enumerate(firsts):
+                rows = crowded[which.ravel() == number]
+                for column, gene in self._moves(values[crowded[first]]):
+                    values[rows, column] = gene
+        return values
+
+    def _moves(self, genes: Array) -> Iterator[tuple[int, float]]:
+        """New values of genes, by column, that take parts off mounts that others have."""
+        columns = {(gene.part, gene.trait): column for column, gene in enumerate(self.genes)}
+        traits = self._traits(genes[None])
+        wanted = list(zip(traits.parent[0].tolist(), traits.mount[0].tolist(), strict=True))
+        for part, (parent, mount) in enumerate(spread(self._problem, wanted)):
+            if parent != wanted[part][0]:
+                yield columns[part, "parent"], (parent - BASE + 0.5) / (part + 1)
+            if (parent, mount) != wanted[part] and (part, "mount") in columns:
+                choices = len(self._problem.tables.mount_names(parent))
+                yield columns[part, "mount"], (mount + 0.5) / choices
+
+    def _traits(self, values: Array) -> _Traits:
+        """Parents, mounts, hinges and lengths of n genomes."""
+        rules, tables = self._problem.parts, self._problem.tables
+        shape = (len(values), len(rules))
+        traits = _Traits(
+            np.tile(
+                [BASE if rule.parent is None else rule.parent for rule in rules], (shape[0], 1)
+            ),
+            np.zeros(shape, dtype=np.int64),
+            np.tile([known.hinge or 0 for known in tables.attached], (shape[0], 1)),
+            np.tile([rule.length[0] for rule in rules], (shape[0], 1)),
+        )
+        chosen = self.choices(values)
+        for column, gene in enumerate(self.genes):
+            if gene.trait == "length":
+                low, high = rules[gene.part].length
+                traits.length[:, gene.part] = low + values[:, column] * (high - low)
+            elif gene.trait != "nuisance":
+                offset = BASE if gene.trait == "parent" else 0
+                getattr(traits, gene.trait)[:, gene.part] = chosen[:, column] + offset
+        for part, (rule, known) in enumerate(zip(rules, tables.attached, strict=True)):
+            if rule.mount is not None:
+                on_base = traits.parent[:, part] == BASE
+                traits.mount[:, part] = np.where(on_base, known.on_base or 0, known.on_part or 0)
+        return traits
+
+    def _nuisance_values(self, values: Array) -> NuisanceValues:
+        return self._nuisances.values(values[:, self.size - len(self._nuisances.listed) :])
+
+    def _checked(self, genes: Array) -> Array:
         values = np.asarray(genes, dtype=float)
         if values.ndim != 2 or values.shape[1] != self.size:
             raise SearchStateError(f"genomes have {self.size} genes, not shape {values.shape}")
         if not np.all((values >= 0) & (values <= 1)):
             raise SearchStateError("every gene must lie in 0 to 1")
-        body = Bodies.of([self.decode(np.zeros(self.size))])
-        rows = np.zeros(len(values), dtype=np.intp)
-        traits = {
-            "parent": body.parent[rows],
-            "side": body.side[rows],
-            "hinge": body.hinge[rows],
-        }
-        length, sensor = body.length[rows], body.sensor[rows]
-        for column, gene in enumerate(self.genes):
-            if gene.trait == "length":
-                low, high = self._problem.parts[gene.part].length
-                length[:, gene.part] = low + values[:, column] * (high - low)
-            else:
-                chosen = (values[:, column] * gene.choices).astype(np.int64)
-                np.minimum(chosen, gene.choices - 1, out=chosen)
-                traits[gene.trait][:, gene.part] = chosen + (BASE if gene.trait == "parent" else 0)
-        if self._problem.touch == "outermost":
-            sensor = _outermost_sensors(traits["parent"], self._problem.sensors)
-        return Bodies(
-            count=body.count[rows],
-            motor=body.motor[rows],
-            sensor=sensor,
-            length=length,
-            radius=body.radius[rows],
-            base=body.base[rows],
-            **traits,
-        )
+        return values
 
 
-def _genes(index: int, rule: PartRule) -> list[Gene]:
-    traits: tuple[tuple[Literal["parent", "side", "hinge", "length"], bool, int], ...] = (
+class _Traits(NamedTuple):
+    """Of n bodies, shape (n, parts) each."""
+
+    parent: Integers
+    mount: Integers
+    hinge: Integers
+    length: Array
+
+
+def _genes(problem: Problem, index: int) -> list[Gene]:
+    rule, tables = problem.parts[index], problem.tables
+    mounts = max(tables.base_choices, tables.part_choices)
+    if rule.parent is not None or index == 0:
+        mounts = tables.part_choices if rule.parent not in (None, BASE) else tables.base_choices
+    traits: tuple[tuple[Literal["parent", "mount", "hinge", "length"], bool, int], ...] = (
         ("parent", rule.parent is None, index + 1),
-        ("side", rule.side is None, len(SIDES)),
-        ("hinge", rule.hinge is None, len(HINGES)),
+        ("mount", rule.mount is None, mounts),
+        ("hinge", rule.hinge is None, tables.hinge_choices),
         ("length", rule.length_unknown, 0),
     )
     return [
-        Gene(part=index, trait=trait, choices=choices, name=f"{trait} of {rule.name}")
+        Gene(
+            part=index,
+            trait=trait,
+            choices=choices,
+            name=f"{trait} of {rule.name}",
+            unit="" if choices else "mm",
+        )
         for trait, unknown, choices in traits
         if unknown
     ]
-
-
-def _with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
-    carriers = {part.parent for part in parts}
-    chosen = sorted(range(len(parts)), key=lambda index: (index in carriers, index))[:sensors]
-    numbers = {index: number for number, index in enumerate(sorted(chosen))}
-    return [replace(part, sensor=numbers.get(index)) for index, part in enumerate(parts)]
-
-
-def _outermost_sensors(parent: Integers, sensors: int) -> Integers:
-    """The same for n bodies: sensor of each part, or −1, shape (n, parts)."""
-    rows, parts = parent.shape
-    carriers = np.zeros((rows, parts), dtype=bool)
-    body, part = np.nonzero(parent >= 0)
-    carriers[body, parent[body, part]] = True
-    order = np.argsort(carriers, axis=1, kind="stable")[:, :sensors]
-    chosen = np.zeros((rows, parts), dtype=bool)
-    np.put_along_axis(chosen, order, True, axis=1)
-    return np.where(chosen, np.cumsum(chosen, axis=1) - 1, -1)
-
-
-def _choose(values: Iterator[float], count: int) -> int:
-    return min(int(next(values) * count), count - 1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -20,7 +21,17 @@ from pydantic import Field, PrivateAttr, ValidationError, model_validator
 from estimator.body.morphology import Array, Base
 from estimator.errors import ProblemError
 from estimator.physics.base import WorldSettings
-from estimator.problem.sections import Motors, PartRule, SearchSettings, Strict, WorldSection
+from estimator.problem.attachment_tables import AttachmentTables
+from estimator.problem.sections import (
+    HingeRule,
+    Motors,
+    MountRule,
+    NuisanceSection,
+    PartRule,
+    SearchSettings,
+    Strict,
+    WorldSection,
+)
 from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
 from estimator.problem.values import Density, Name, complaint
 from estimator.readings.modalities.registry import MODALITIES
@@ -36,12 +47,16 @@ class Problem(Strict):
         description: One sentence for people.
         density: Of all parts, kg/m³.
         motors: Which joints move, and how.
+        nuisance: What else is only roughly known.
         search: How the models are optimised.
         world: How models are simulated.
         touch: ``outermost``: the robot's touch sensors sit on the parts that carry no other, in
             the parts' order; where there are more sensors than such parts, the first other parts
             have the rest. So each part has one if there are as many. ``None``: on the parts that
             say so themselves.
+        mounts: Where parts can sit; none on the main body, or on parts: the paper's four sides.
+        hinges: How parts can turn; none: the paper's six ways.
+        share_mounts: Whether several parts may sit on one mount.
         parts: Parents before children; the order is that of the genome's rows.
     """
 
@@ -49,9 +64,13 @@ class Problem(Strict):
     description: str
     density: Density
     motors: Motors
+    nuisance: NuisanceSection = NuisanceSection()
     search: SearchSettings
     world: WorldSection = WorldSection()
     touch: Literal["outermost"] | None = None
+    mounts: tuple[MountRule, ...] = ()
+    hinges: tuple[HingeRule, ...] = ()
+    share_mounts: Annotated[bool, Field(strict=True)] = True
     parts: Annotated[tuple[PartRule, ...], Field(min_length=1)]
     _source: str = PrivateAttr(default="")
     _origin: str = PrivateAttr(default="")
@@ -102,7 +121,7 @@ class Problem(Strict):
         except TomlError as error:
             raise ProblemError(f"{origin} is no valid TOML: {error}") from error
         except ValidationError as error:
-            raise ProblemError(complaint(error, origin, origins)) from error
+            raise ProblemError(complaint(error, origin, raw, origins)) from error
         except ValueError as error:
             raise ProblemError(f"{origin}: {error}") from error
         problem._source, problem._origin, problem._robot = text, origin, robot
@@ -128,6 +147,10 @@ class Problem(Strict):
                     f"parts[{index + 1}] ({part.name}): its parent {part.parent + 1} is no earlier "
                     "part: list parents before their children"
                 )
+        if not self.share_mounts:
+            self.tables.check_doubles(self.parts)
+        else:
+            _ = self.tables
         names = [part.name for part in self.parts]
         if len(set(names)) != len(names):
             raise ValueError("parts: every part needs a name of its own")
@@ -151,7 +174,7 @@ class Problem(Strict):
                 "touch: say where the sensors are either here or with the parts, not both"
             )
         if not any(
-            part.length_unknown or None in (part.parent, part.side, part.hinge)
+            part.length_unknown or None in (part.parent, part.mount, part.hinge)
             for part in self.parts
         ):
             raise ValueError("parts: there is nothing to be found: give some length a range")
@@ -163,16 +186,30 @@ class Problem(Strict):
         return self._source
 
     @property
+    def reads_flat_first(self) -> bool:
+        """Whether the first interaction moves nothing.
+
+        Of a body that lies flat an accelerometer reads its own tilt alone.
+        """
+        return self.nuisance.accelerometer_deg is not None
+
+    @property
     def sensors(self) -> int:
         """Number of touch sensors that the parts carry."""
         if self.touch == "outermost":
             return min(self._robot.touch_sensors, len(self.parts))
         return sum(part.sensor is not None for part in self.parts)
 
+    @cached_property
+    def tables(self) -> AttachmentTables:
+        """Its mounts and hinges, and what is known of how parts are attached."""
+        return AttachmentTables(self.mounts, self.hinges, self.parts)
+
     def base(self, capabilities: Capabilities) -> Base:
-        """Returns the main body, which the robot's capabilities describe."""
+        """Returns the main body, which the robot's capabilities describe, with its mounts."""
         x, y, z = capabilities.base_size
-        return Base(size=(x, y, z), mass=capabilities.base_mass)
+        mounts = self.tables.base_mounts((x, y, z))
+        return Base(size=(x, y, z), mass=capabilities.base_mass, mounts=mounts)
 
     def settings(self, capabilities: Capabilities) -> WorldSettings:
         """The world in which models of this robot are simulated."""
@@ -261,6 +298,10 @@ class Problem(Strict):
                     f"but robot {capabilities.robot!r} has only {known} joints: choose another "
                     "problem"
                 )
+        return self.differences(capabilities)
+
+    def differences(self, capabilities: Capabilities) -> tuple[str, ...]:
+        """Sentences about what the robot says otherwise than the problem, which prevents no run."""
         return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities))
 
     def _check_time(self, farthest: float) -> None:

@@ -9,16 +9,21 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from estimator.physics.base import WorldSettings
 from estimator.problem.values import (
     Angles,
+    Axis,
     Count,
-    Hinge,
+    Densities,
     Length,
+    Misalignment,
     Name,
+    NameOrUnknown,
     Number,
+    Offset,
     Parent,
+    Place,
     Population,
     Positive,
     Radius,
-    Side,
+    Yaw,
 )
 from estimator.search.operators import (
     BlendCrossover,
@@ -35,14 +40,43 @@ class Strict(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class MountRule(Strict):
+    """A place where parts can sit: on the main body if ``at`` is a point, or on any part.
+
+    Attributes:
+        name: Its own among those on the main body, or on parts.
+        at: A point, m, or a fraction of the carrier's length.
+        yaw_deg: From the carrier's direction to that of the part that sits there.
+    """
+
+    name: Name
+    at: Place
+    yaw_deg: Yaw
+
+
+class HingeRule(Strict):
+    """A way to turn.
+
+    Attributes:
+        name: Its own.
+        axis: Unit vector in the frame of the part that it turns.
+    """
+
+    name: Name
+    axis: Axis
+
+
 class PartRule(Strict):
     """What is known about one part; ``None`` stands for what is to be found.
 
     Attributes:
         name: For people.
         parent: Index of an earlier part, or ``morphology.BASE``.
-        side: Index into ``morphology.SIDES``.
-        hinge: Index into ``morphology.HINGES``.
+        mount: Name of what it sits on; empty where ``at`` says it.
+        at: The same as a place of its own; see ``MountRule``.
+        yaw_deg: Belongs to ``at``.
+        hinge: Name of its hinge; empty where ``axis`` says it.
+        axis: The same as an axis of its own; see ``HingeRule``.
         length: Shortest and longest, m; equal where the length is known.
         radius: m.
         motor: The joint that moves it, or ``None`` where its hinge is locked.
@@ -53,8 +87,11 @@ class PartRule(Strict):
 
     name: Name
     parent: Parent
-    side: Side
-    hinge: Hinge
+    mount: NameOrUnknown = ""
+    at: Place | None = None
+    yaw_deg: Yaw | None = None
+    hinge: NameOrUnknown = ""
+    axis: Axis | None = None
     length: Length
     radius: Radius
     motor: Number | None = None
@@ -73,6 +110,12 @@ class PartRule(Strict):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
+        if (self.at is None) == (self.mount == "") or (self.at is None) != (self.yaw_deg is None):
+            raise ValueError(
+                'give either mount, which may be "unknown", or a place of its own by at and yaw_deg'
+            )
+        if (self.axis is None) == (self.hinge == ""):
+            raise ValueError('give either hinge, which may be "unknown", or an axis of its own')
         if self.motor is not None and self.locked is not None:
             raise ValueError("a joint is either driven (motor) or stays at 0 (locked), not both")
         if self.radius >= self.length[1]:
@@ -94,6 +137,25 @@ class Motors(Strict):
     driven: Annotated[tuple[Number, ...], Field(min_length=1)]
     range_deg: Angles
     slew_deg_per_s: Positive
+
+
+class NuisanceSection(Strict):
+    """What else is only roughly known of the robot, and found along; ``None``: it is known.
+
+    Attributes:
+        density: Lowest and highest of the parts, kg/m³, instead of the problem's density.
+        joint_zero_deg: Standard deviation of where a driven joint's hinge really stands when its
+            motor stands at 0.
+        accelerometer_deg: Standard deviation of how far the accelerometer is tilted on the main
+            body, about either axis.
+        centre_of_mass_mm: Standard deviation of where the main body's centre of mass is, along
+            each axis from its middle.
+    """
+
+    density: Densities | None = None
+    joint_zero_deg: Misalignment | None = None
+    accelerometer_deg: Misalignment | None = None
+    centre_of_mass_mm: Offset | None = None
 
 
 class WorldSection(Strict):

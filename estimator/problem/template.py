@@ -117,17 +117,17 @@ def _driven(value: Any, joints: int) -> Any:
 def _copies(rule: dict[str, Any], driven: Any, index: int) -> list[dict[str, Any]]:
     if "each" not in rule:
         return [rule]
-    where = f"parts[{index + 1}]"
+    where, name = f"parts[{index + 1}]", rule.get("name", "part")
     if rule["each"] != "driven":
-        raise ValueError(f'{where}.each: must be "driven", not {rule["each"]!r}')
+        raise ValueError(f'{where}.each ({name}): must be "driven", not {rule["each"]!r}')
     given = [key for key in ("motor", "locked", "sensor") if key in rule]
     if given:
         raise ValueError(
-            f'{where}.{given[0]}: follows from each = "driven" and the robot; leave it out, and '
-            'say touch = "outermost" where parts feel touch'
+            f'{where}.{given[0]} ({name}): follows from each = "driven" and the robot; leave it '
+            'out, and say touch = "outermost" where parts feel touch'
         )
     common = {key: value for key, value in rule.items() if key != "each"}
     return [
-        {**common, "name": f"{rule.get('name', 'part')} {number}", "motor": motor}
+        {**common, "name": f"{name} {number}", "motor": motor}
         for number, motor in enumerate(driven if isinstance(driven, list) else [], start=1)
     ]

@@ -7,27 +7,24 @@ trait that is to be found.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Annotated, Any, Final, TypeAlias
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationError
 
-from estimator.body.morphology import HINGES, SIDES
+from estimator.body.mounts import Vector
 from estimator.readings.plausibility import DENSITIES, LENGTHS
 
 UNKNOWN: Final = "unknown"
 
+_SHORTEST_AXIS: Final = 1e-6
 
-def _choice(names: Sequence[str]) -> BeforeValidator:
-    def parse(value: Any) -> int | None:
-        if value == UNKNOWN:
-            return None
-        if not isinstance(value, str) or value not in names:
-            allowed = ", ".join(repr(name) for name in (*names, UNKNOWN))
-            raise ValueError(f"must be one of {allowed}, not {value!r}")
-        return list(names).index(value)
 
-    return BeforeValidator(parse)
+def _parse_name_or_unknown(value: Any) -> str | None:
+    if not isinstance(value, str) or not value:
+        raise ValueError(f"must be a name or {UNKNOWN!r}, not {value!r}")
+    return None if value == UNKNOWN else value
 
 
 def _parse_parent(value: Any) -> int | None:
@@ -61,11 +58,56 @@ def _parse_length(value: Any) -> tuple[float, float]:
     return low, high
 
 
+def _parse_densities(value: Any) -> tuple[float, float]:
+    low, high = _parse_range(value)
+    if low < DENSITIES[0] or high > DENSITIES[1] or low == high:
+        raise ValueError(
+            f"must be [lowest, highest] within {DENSITIES[0]:g} to {DENSITIES[1]:g} kg/m³, not "
+            f"{value!r}"
+        )
+    return low, high
+
+
 def _parse_angles(value: Any) -> tuple[float, float]:
     low, high = _parse_range(value)
     if low < -180 or high > 180:
         raise ValueError(f"must lie within -180 to 180 degrees, not {value!r}")
     return low, high
+
+
+def _is_number(value: Any) -> bool:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and math.isfinite(value)
+
+
+def _parse_place(value: Any) -> Vector | float:
+    if isinstance(value, list) and len(value) == 3 and all(map(_is_number, value)):
+        if max(map(abs, value)) > LENGTHS[1]:
+            raise ValueError(f"must lie within {LENGTHS[1]:g} m of the middle, not {value!r}")
+        x, y, z = map(float, value)
+        return x, y, z
+    if _is_number(value) and 0 <= value <= 1:
+        return float(value)
+    raise ValueError(
+        f"must be a point [x, y, z] in m for the main body, or for parts a fraction of the length "
+        f"from 0 to 1, not {value!r}"
+    )
+
+
+def _parse_axis(value: Any) -> Vector:
+    if not (isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))):
+        raise ValueError(f"must be [x, y, z], not {value!r}")
+    length = math.hypot(*value)
+    if length < _SHORTEST_AXIS:
+        raise ValueError(f"an axis needs a direction, and {value!r} has length zero")
+    x, y, z = (part / length for part in value)
+    return x, y, z
+
+
+def _parse_yaw(value: Any) -> float:
+    if not _is_number(value) or abs(value) > 360:
+        raise ValueError(f"must be an angle within -360 to 360 degrees, not {value!r}")
+    return float(value)
 
 
 def _count_from_0(value: Any) -> int:
@@ -93,6 +135,8 @@ Ends: TypeAlias = tuple[float, float]
 Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
 Radius: TypeAlias = Annotated[Positive, _between(*LENGTHS, "m")]
 Density: TypeAlias = Annotated[Positive, _between(*DENSITIES, "kg/m³")]
+Misalignment: TypeAlias = Annotated[Positive, _between(0.01, 10, "degrees")]
+Offset: TypeAlias = Annotated[Positive, _between(0.01, 1000 * LENGTHS[1], "mm")]
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
@@ -102,20 +146,35 @@ Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
 Angles: TypeAlias = Annotated[Ends, BeforeValidator(_parse_angles)]
 """``[lowest, highest]``, or one number for both, degrees."""
 
+Densities: TypeAlias = Annotated[Ends, BeforeValidator(_parse_densities)]
+"""``[lowest, highest]``, kg/m³."""
+
 Length: TypeAlias = Annotated[Ends, BeforeValidator(_parse_length)]
 """``[lowest, highest]``, or one number for both, m."""
 
 Parent: TypeAlias = Annotated[int | None, BeforeValidator(_parse_parent)]
-Side: TypeAlias = Annotated[int | None, _choice(SIDES)]
-Hinge: TypeAlias = Annotated[int | None, _choice(HINGES)]
+NameOrUnknown: TypeAlias = Annotated[str | None, BeforeValidator(_parse_name_or_unknown)]
+
+Place: TypeAlias = Annotated[Vector | float, BeforeValidator(_parse_place)]
+"""A point on the main body, m from its middle, or a fraction of a part's length."""
+
+Yaw: TypeAlias = Annotated[float, BeforeValidator(_parse_yaw)]
+Axis: TypeAlias = Annotated[Vector, BeforeValidator(_parse_axis)]
+"""A unit vector; in the file of any length but 0."""
 
 
-def complaint(error: ValidationError, origin: str, parts: Sequence[int] = ()) -> str:
-    """Returns all complaints of a validation as text: file, key (counted from 1) and reason.
+def complaint(
+    error: ValidationError,
+    origin: str,
+    raw: Mapping[str, Any] = MappingProxyType({}),
+    parts: Sequence[int] = (),
+) -> str:
+    """Returns all complaints of a validation as text: file, key (counted from 1), name and reason.
 
     Args:
         error: The validation's.
         origin: Names the file.
+        raw: What the file holds; what is wrong in it goes by its name.
         parts: For each part that was validated, the index of the part in the file that it comes
             from; a complaint about several that come from one is made once.
     """
@@ -130,13 +189,24 @@ def complaint(error: ValidationError, origin: str, parts: Sequence[int] = ()) ->
                 key += f"[{step + 1}]"
             else:
                 key += f".{step}" if key else str(step)
+        name = _name(raw, place)
         reasons = {
             "missing": "is missing",
             "extra_forbidden": "is no key of a problem file",
             "too_short": "must hold at least one",
         }
         reason = reasons.get(item["type"], item["msg"].removeprefix("Value error, "))
-        line = f"{key}: {reason}" if key else reason
+        line = f"{key}{name}: {reason}" if key else reason
         if line not in lines:
             lines.append(line)
     return f"{origin}: " + "; ".join(lines)
+
+
+def _name(raw: Mapping[str, Any], place: Sequence[int | str]) -> str:
+    """The name of the entry of a table that a place is in, in brackets."""
+    table = raw.get(str(place[0])) if place else None
+    if len(place) < 2 or not isinstance(place[1], int) or not isinstance(table, list):
+        return ""
+    entry = table[place[1]]
+    name = entry.get("name") if isinstance(entry, dict) else None
+    return f" ({name})" if isinstance(name, str) and name else ""

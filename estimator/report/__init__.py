@@ -2,9 +2,17 @@
 
 ========================== ===============================================================
 ``result.summarise``       a run in numbers: the content of ``result.json``
+``result_schema``          the JSON Schema of that file
 ``posterior_summary``      the posterior in it: attachments with probabilities, intervals, rivals
+``run_plots``              the plots of a run
 ``plots``                  errors and leg lengths over generations, as in the paper's Figure 2
 ``posterior_plots``        probabilities and intervals over interactions
+``prediction_plot``        what was felt beside what is foretold
+``leg_styles``             a colour and a marker for each leg
+``bodies``                 bodies as solids, pictures, and links to be posed
+``page``                   ``report.html``
+``comparison``             runs side by side
+``evaluation_files``       what ``score`` and ``validate`` leave beside a run
 ``posterior_csv``          the samples, a row each
 ``formats``                formats by name, ours and those of packages
 ``run_files.write_report`` all derived files of a run directory

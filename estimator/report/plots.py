@@ -2,32 +2,25 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
+from estimator.report.leg_styles import leg_colour, leg_markers
 from estimator.storage.records import Generation
 from protocol.text.printable import printable
 
-MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
-"""The paper's arrows: left, forward, right and back leg."""
-
-OTHER_MARKERS: Final = ("s", "D", "P", "X", "*", "p", "h", "d")
-"""For legs on a side that has its arrow already."""
-
-COLOURS: Final = (
-    *("#0072b2", "#d55e00", "#009e73", "#cc79a7"),
-    *("#e69f00", "#56b4e9", "#000000", "#8c510a"),
-)
-"""Told apart by the colour-blind."""
 _DPI: Final = 120
+_LONGEST: Final = 20  # characters of a name in a legend
+_NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 ABOVE: Final[dict[str, Any]] = {
     **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
     **{"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.4},
@@ -35,11 +28,11 @@ ABOVE: Final[dict[str, Any]] = {
 """Where a legend hides nothing."""
 
 
-def plot_errors(path: Path, generations: Sequence[Generation]) -> None:
+def plot_errors(generations: Sequence[Generation]) -> Figure:
     """The subjective error of every model over generations; a line where an iteration ends."""
     figure, axes = new_axes()
     draw_errors(axes, generations)
-    save(figure, path)
+    return figure
 
 
 def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
@@ -49,26 +42,29 @@ def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
         errors = np.array(generation.errors)
         errors = errors[np.isfinite(errors)]
         axes.plot(
-            np.full(len(errors), generation.number), errors, ".", color="0.55", markersize=2.5
+            np.full(len(errors), generation.number),
+            errors,
+            ".",
+            color="0.55",
+            markersize=2.5,
+            rasterized=True,  # tens of thousands of dots would make a drawing of lines too large
         )
     best = [min(generation.errors) for generation in generations]
-    axes.plot(range(len(best)), best, "-", color=COLOURS[0], linewidth=1.2, label="best model")
+    axes.plot(range(len(best)), best, "-", color=leg_colour(0), linewidth=1.2, label="best model")
     axes.set_yscale("log" if min(best) > 0 else "linear")  # an objective may well reach 0
     axes.legend(**ABOVE)
     mark_iterations(axes, generations)
 
 
 def plot_lengths(
-    path: Path,
     generations: Sequence[Generation],
     genome: Genome,
     names: Sequence[str],
     targets: Sequence[float] = (),
-) -> None:
+) -> Figure:
     """The best model's leg lengths over generations.
 
     Args:
-        path: Where to write.
         generations: The run's generations.
         genome: Decodes them.
         names: Names of the legs' joints.
@@ -76,7 +72,7 @@ def plot_lengths(
     """
     figure, axes = new_axes()
     draw_lengths(axes, generations, genome, names, targets=targets)
-    save(figure, path)
+    return figure
 
 
 def draw_lengths(
@@ -86,7 +82,7 @@ def draw_lengths(
     names: Sequence[str],
     *,
     targets: Sequence[float] = (),
-    sides: Sequence[str] = (),
+    mounts: Sequence[str] = (),
 ) -> None:
     """The same into a panel.
 
@@ -96,16 +92,16 @@ def draw_lengths(
         genome: Decodes them.
         names: Names of the legs' joints.
         targets: True length of each leg, m, where they are known.
-        sides: Where each leg sits, for its arrow; default: where it does on the last best model.
-            Of several legs on a side the first has the arrow.
+        mounts: Where each leg sits, for its arrow; default: where it does on the last best model.
+            Of several legs on a mount the first has the arrow.
     """
     label(axes, "leg length of the best model (cm)")
     bodies = [genome.decode(np.array(generation.best)) for generation in generations]
     numbers = [generation.number for generation in generations]
     legs = [[driven_limbs(body)[leg] for body in bodies] for leg in range(len(names))]
-    markers = leg_markers(sides or [limbs[-1].side_name for limbs in legs])
+    markers = leg_markers(mounts or [limbs[-1].mount for limbs in legs])
     for leg, (name, limbs) in enumerate(zip(names, legs, strict=True)):
-        colour = COLOURS[leg % len(COLOURS)]
+        colour = leg_colour(leg)
         axes.plot(
             numbers,
             [limb.length * 100 for limb in limbs],
@@ -128,18 +124,10 @@ def draw_lengths(
     mark_iterations(axes, generations)
 
 
-def leg_markers(sides: Sequence[str]) -> list[str]:
-    """A marker for each leg; no two share one as long as there are enough."""
-    markers: list[str] = []
-    for side in sides:
-        free = [mark for mark in (MARKERS[side], *OTHER_MARKERS) if mark not in markers]
-        markers.append(free[0] if free else MARKERS[side])
-    return markers
-
-
 def leg_label(name: str) -> str:
-    """A name as a legend takes it: printable, and without the underscore that would hide it."""
-    return printable(f" {name}" if name.startswith("_") else name)
+    """A name as a legend takes it: printable, short, without the underscore that would hide it."""
+    short = name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+    return printable(f" {short}" if short.startswith("_") else short)
 
 
 def new_axes() -> tuple[Figure, Axes]:
@@ -164,7 +152,17 @@ def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
         axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Writes a figure, in a folder that need not exist yet."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=_DPI)
+def as_png(figure: Figure) -> bytes:
+    """A figure as a picture."""
+    content = io.BytesIO()
+    figure.savefig(content, dpi=_DPI)
+    return content.getvalue()
+
+
+def as_svg(figure: Figure) -> str:
+    """A figure as an SVG element, the same bytes each time, with its text as text."""
+    content = io.StringIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}):
+        figure.savefig(content, format="svg", dpi=_DPI, transparent=True, metadata=_NO_METADATA)
+    text = content.getvalue()
+    return text[text.index("<svg") :]

@@ -1,6 +1,6 @@
 """``posterior.csv``: the samples of a posterior, one row each.
 
-Columns: ``weight``; then per gene what it stands for (a word, or a length in mm); then the factors
+Columns: ``weight``; then per gene what it stands for (a word, or a quantity); then the factors
 on the announced noise of tilt and clearance.
 """
 
@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
+from estimator.body.morphology import Array
 from estimator.problem.genome import Genome
 from estimator.storage.beliefs import Belief
 
@@ -22,21 +26,20 @@ def write(path: Path, genome: Genome, belief: Belief) -> None:
         genome: Of the run's problem.
         belief: After its last interaction.
     """
-    names = [gene.name if gene.choices else f"{gene.name} (mm)" for gene in genome.genes]
+    names = [f"{gene.name} ({gene.unit})" if gene.unit else gene.name for gene in genome.genes]
+    genes = np.array(belief.genes)
+    columns = [_values(genome, column, genes) for column in range(len(names))]
+    samples = zip(belief.weights, *columns, belief.scales, strict=True)
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["weight", *names, "tilt noise factor", "clearance noise factor"])
-        for genes, scales, weight in zip(belief.genes, belief.scales, belief.weights, strict=True):
+        for weight, *values, scales in samples:
             rows.writerow(
-                [
-                    f"{weight:.6g}",
-                    *(_value(genome, column, gene) for column, gene in enumerate(genes)),
-                    *(f"{math.exp(scale):.3f}" for scale in scales),
-                ]
+                [f"{weight:.6g}", *values, *(f"{math.exp(scale):.3f}" for scale in scales)]
             )
 
 
-def _value(genome: Genome, column: int, gene: float) -> str:
+def _values(genome: Genome, column: int, genes: Array) -> Sequence[str]:
     if genome.genes[column].choices:
-        return genome.word(column, genome.choice(column, gene))
-    return f"{1000 * genome.length(column, gene):.2f}"
+        return genome.words(column, genes)
+    return [f"{value:.2f}" for value in genome.quantities(column, genes[:, column]).tolist()]

@@ -3,32 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Final
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from estimator.body.limbs import driven_limbs, leg_lengths
-from estimator.body.morphology import Array
+from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
-from estimator.report.plots import ABOVE, COLOURS, label, leg_label, leg_markers, new_axes, save
+from estimator.report.leg_styles import leg_colour, leg_markers
+from estimator.report.plots import ABOVE, label, leg_label, new_axes
+from estimator.report.posterior_summary import length_intervals
 from estimator.storage.beliefs import Belief
 
-_INTERVAL: Final = (0.05, 0.5, 0.95)
 _APART: Final = 0.08  # of an interaction, between the legs' marks
 
 
 def plot_interval_lengths(
-    path: Path,
     beliefs: Sequence[Belief],
     genome: Genome,
     names: Sequence[str],
     targets: Sequence[float] = (),
-) -> None:
+) -> Figure:
     """Median and 90 % interval of each leg's length after each interaction.
 
     Args:
-        path: Where to write.
         beliefs: After each interaction.
         genome: Decodes their samples.
         names: Names of the legs' joints.
@@ -37,24 +35,24 @@ def plot_interval_lengths(
     figure, axes = new_axes()
     label(axes, "leg length (cm), 90 % interval")
     axes.set_xlabel("interaction")
-    lengths = [leg_lengths(genome.decode_all(np.array(belief.genes))) for belief in beliefs]
+    intervals = [
+        length_intervals(genome.decode_all(np.array(belief.genes)), np.array(belief.weights))
+        for belief in beliefs
+    ]
     last = genome.decode(np.array(beliefs[-1].best))
-    markers = leg_markers([limb.side_name for limb in driven_limbs(last)])
+    markers = leg_markers([limb.mount for limb in driven_limbs(last)])
     for leg, name in enumerate(names):
-        low, median, high = np.array(
-            [
-                100
-                * np.quantile(one[:, leg], _INTERVAL, weights=belief.weights, method="inverted_cdf")
-                for one, belief in zip(lengths, beliefs, strict=True)
-            ]
-        ).T
-        colour = COLOURS[leg % len(COLOURS)]
+        low, median, high = (
+            100 * np.array([(one[leg].low, one[leg].median, one[leg].high) for one in intervals]).T
+        )
+        colour = leg_colour(leg)
         at = np.arange(1, len(beliefs) + 1) + _APART * (leg - (len(names) - 1) / 2)
         axes.errorbar(
             at,
             median,
-            yerr=np.maximum([median - low, high - median], 0.0),
-            fmt=markers[leg],
+            yerr=[median - low, high - median],
+            linestyle="none",
+            marker=markers[leg],
             color=colour,
             markersize=4.5,
             elinewidth=1.0,
@@ -70,14 +68,13 @@ def plot_interval_lengths(
         legend = axes.legend(ncols=min(5, len(names) + bool(targets)), **ABOVE)
         for text in legend.get_texts():
             text.set_parse_math(False)  # a name may hold dollar signs
-    save(figure, path)
+    return figure
 
 
-def plot_belief(path: Path, beliefs: Sequence[Belief], expected: Sequence[float | None]) -> None:
+def plot_belief(beliefs: Sequence[Belief], expected: Sequence[float | None]) -> Figure:
     """Probability of the attachments after each interaction, and the information that each gave.
 
     Args:
-        path: Where to write.
         beliefs: After each interaction.
         expected: Information that each was expected to give, bits, where it was known.
     """
@@ -86,7 +83,7 @@ def plot_belief(path: Path, beliefs: Sequence[Belief], expected: Sequence[float 
     axes.set_xlabel("interaction")
     numbers = np.arange(1, len(beliefs) + 1)
     axes.plot(
-        numbers, [belief.probability for belief in beliefs], "o-", color=COLOURS[0], label="sure"
+        numbers, [belief.probability for belief in beliefs], "o-", color=leg_colour(0), label="sure"
     )
     axes.set_ylim(0, 1.02)
     axes.set_xticks(numbers)
@@ -95,16 +92,9 @@ def plot_belief(path: Path, beliefs: Sequence[Belief], expected: Sequence[float 
     bits.spines["top"].set_visible(False)
     told = [np.nan if one is None else one for one in expected]
     gained = [np.nan if belief.gained is None else belief.gained for belief in beliefs]
-    bits.bar(numbers - 0.15, told, width=0.28, color=COLOURS[5], alpha=0.5, label="expected")
-    bits.bar(numbers + 0.15, gained, width=0.28, color=COLOURS[2], alpha=0.5, label="gained")
+    bits.bar(numbers - 0.15, told, width=0.28, color=leg_colour(5), alpha=0.5, label="expected")
+    bits.bar(numbers + 0.15, gained, width=0.28, color=leg_colour(2), alpha=0.5, label="gained")
     handles, labels = axes.get_legend_handles_labels()
     more, names = bits.get_legend_handles_labels()
     axes.legend(handles + more, labels + names, ncols=3, **ABOVE)
-    save(figure, path)
-
-
-def _quantiles(lengths: Array, belief: Belief) -> Array:
-    quantiles: Array = np.quantile(
-        lengths, _INTERVAL, weights=belief.weights, method="inverted_cdf"
-    )
-    return quantiles
+    return figure

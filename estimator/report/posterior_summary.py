@@ -14,15 +14,15 @@ from estimator.body.morphology import Array, Morphology
 from estimator.posterior.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.storage.beliefs import Belief, Foretold
+from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement
 from estimator.storage.store import RunStore
 
 SURE_ENOUGH: Final = 10.0
 """Effective sample size below which a probability is not known."""
 
 _RIVALS: Final = 5
-_WORTH_TELLING: Final = 0.01
 _INTERVAL: Final = (0.05, 0.5, 0.95)
+_LEARNT: Final = 0.7  # of the prior's interval
 
 
 class _Record(BaseModel):
@@ -33,7 +33,7 @@ class Attachment(_Record):
     """One thing that a problem leaves open about how a part is attached.
 
     Attributes:
-        what: Its name, such as ``side of leg 1``.
+        what: Its name, such as ``mount of leg 1``.
         value: The best body's.
         probability: Share of the posterior that has this value.
     """
@@ -48,7 +48,7 @@ class Rival(_Record):
 
     Attributes:
         probability: Share of the posterior.
-        differs: What it has otherwise than the best body, such as ``side of leg 1: left``.
+        differs: What it has otherwise than the best body, such as ``mount of leg 1: left``.
         alike: Whether no sensor can tell it from the best body.
     """
 
@@ -58,11 +58,34 @@ class Rival(_Record):
 
 
 class Interval(_Record):
-    """A quantity with its 90 % interval."""
+    """A quantity with its 90 % interval.
+
+    Attributes:
+        low: 5 % of the posterior lie below.
+        median: Half of it lies below.
+        high: 95 % lie below.
+    """
 
     low: float
     median: float
     high: float
+
+
+class FoundAlong(_Record):
+    """A nuisance parameter.
+
+    Attributes:
+        name: What it is.
+        unit: Of the interval.
+        interval: With 90 % of the posterior.
+        learnt: Whether the interval is clearly narrower than the prior's; otherwise the readings
+            say nothing of it.
+    """
+
+    name: str
+    unit: str
+    interval: Interval
+    learnt: bool
 
 
 class Step(_Record):
@@ -87,10 +110,16 @@ class PosteriorSummary(_Record):
     Attributes:
         explained: Whether some body of the problem explains the readings.
         verdict: The same as a sentence.
+        unexplained: Numbers of the interactions that the best body leaves unexplained, from 1.
         probability: Stated probability of the attachments; ``None``: it is not known.
         attachments: What the problem leaves open, as the best body has it.
         lengths_m: Of each leg, m, in motor order.
-        rivals: Other sets of attachments, the most probable first.
+        nuisances: What else was only roughly known.
+        rivals: Other sets of attachments, the most probable first. Those that no sensor can tell
+            from the best body's are what no movement can decide.
+        equivalent: What else would feel exactly so: faults that no movement tells from the best
+            body.
+        decides: The movement that would tell most, where others are left at the end of a run.
         noise: Factor on the announced noise of tilt and clearance.
         steps: One per interaction.
         foretold: Each interaction as the best body foretells it.
@@ -101,10 +130,14 @@ class PosteriorSummary(_Record):
 
     explained: bool
     verdict: str
+    unexplained: tuple[int, ...] = ()
     probability: float | None
     attachments: tuple[Attachment, ...]
     lengths_m: tuple[Interval, ...]
+    nuisances: tuple[FoundAlong, ...] = ()
     rivals: tuple[Rival, ...]
+    equivalent: tuple[str, ...] = ()
+    decides: NextMovement | None = None
     noise: dict[str, Interval]
     steps: tuple[Step, ...]
     foretold: tuple[Foretold, ...]
@@ -125,12 +158,16 @@ def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | N
     bodies = genome.decode_all(genes)
     scales = np.exp(np.array(belief.scales))
     return PosteriorSummary(
-        explained=is_explained(belief),
+        explained=belief.explained,
         verdict=verdict_on_fit(belief),
-        probability=belief.probability if _is_known(belief) else None,
+        unexplained=tuple(item.interaction + 1 for item in belief.unexplained),
+        probability=_probability(genome, belief),
         attachments=_attachments(genome, belief, genes, weights),
-        lengths_m=_lengths(bodies, weights),
+        lengths_m=length_intervals(bodies, weights),
+        nuisances=_nuisances(genome, genes, weights),
         rivals=_rivals(genome, belief),
+        equivalent=_equivalent(genome, belief, problem, store.settings.modalities),
+        decides=belief.decides,
         noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
         steps=tuple(
             Step(
@@ -148,14 +185,9 @@ def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | N
     )
 
 
-def is_explained(belief: Belief) -> bool:
-    """Whether some body of the problem explains the readings; one accident is allowed for."""
-    return len(belief.unexplained) < 2 and not belief.noisy
-
-
 def verdict_on_fit(belief: Belief) -> str:
     """Whether some body of the problem explains the readings, as a sentence."""
-    if is_explained(belief):
+    if belief.explained:
         rest = (
             f" but interaction {belief.unexplained[0].interaction + 1}, which may be an accident"
             if belief.unexplained
@@ -173,26 +205,31 @@ def verdict_on_fit(belief: Belief) -> str:
         reasons.append(
             f"explains {' and '.join(belief.noisy)} without more than twice the announced noise"
         )
+    if belief.contradicting:
+        listed = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
+        reasons.append(f"explains what touch sensor {listed} feels")
     return f"NO BODY THAT THIS PROBLEM ALLOWS {', or '.join(reasons)}."
 
 
-def _is_known(belief: Belief) -> bool:
-    effective = belief.modes[0].effective
-    return effective >= SURE_ENOUGH or belief.probability < 0.5
+def _probability(genome: Genome, belief: Belief) -> float | None:
+    if not any(gene.choices > 1 for gene in genome.genes):
+        return 1.0
+    known = belief.modes[0].effective >= SURE_ENOUGH or belief.probability < 0.5
+    return belief.probability if known else None
 
 
 def _attachments(
     genome: Genome, belief: Belief, genes: Array, weights: Array
 ) -> tuple[Attachment, ...]:
-    told = []
+    told, best = [], np.array([belief.best])
     for column, gene in enumerate(genome.genes):
         if gene.choices > 1:
-            value = genome.choice(column, belief.best[column])
-            same = [genome.choice(column, one) == value for one in genes[:, column].tolist()]
+            (value,) = genome.words(column, best)
+            same = [word == value for word in genome.words(column, genes)]
             told.append(
                 Attachment(
                     what=gene.name,
-                    value=genome.word(column, value),
+                    value=value,
                     probability=min(float(weights @ np.array(same)), 1.0),
                 )
             )
@@ -200,24 +237,61 @@ def _attachments(
 
 
 def _rivals(genome: Genome, belief: Belief) -> tuple[Rival, ...]:
-    rivals = []
+    rivals, best = [], np.array([belief.best])
     for mode in belief.modes[1 : 1 + _RIVALS]:
-        if mode.probability < _WORTH_TELLING:
+        if mode.probability < RIVAL:
             break
         differs = []
         for column, gene in enumerate(genome.genes):
             if gene.choices > 1:
-                value = genome.choice(column, mode.genes[column])
-                if value != genome.choice(column, belief.best[column]):
-                    differs.append(f"{gene.name}: {genome.word(column, value)}")
+                (value,) = genome.words(column, np.array([mode.genes]))
+                if (value,) != genome.words(column, best):
+                    differs.append(f"{gene.name}: {value}")
         rivals.append(
             Rival(probability=mode.probability, differs=tuple(differs), alike=mode.like_the_first)
         )
     return tuple(rivals)
 
 
-def _lengths(bodies: Sequence[Morphology], weights: Array) -> tuple[Interval, ...]:
+def _equivalent(
+    genome: Genome, belief: Belief, problem: Problem, modalities: Sequence[str]
+) -> tuple[str, ...]:
+    """Faults that feel like a body, as far as the problem leaves the body open."""
+    best = genome.decode(np.array(belief.best))
+    mounts, hinges = (
+        [gene.part for gene in genome.genes if gene.trait == trait and gene.choices > 1]
+        for trait in ("mount", "hinge")
+    )
+    told = []
+    if mounts and "tilt" in modalities:
+        told.append("a tilt whose sign is reversed feels like the mirror image of the body")
+    if len(mounts) > 1:
+        told.append("servos that have exchanged plugs, and gauges with them, feel like other legs")
+    carriers = {part.parent for part in best.parts}
+    told += [
+        f"a servo of {problem.parts[part].name} that never moves feels like a roll"
+        for part in hinges
+        if best.hinge(part).name.startswith("roll") and part not in carriers
+    ]
+    return tuple(told)
+
+
+def length_intervals(bodies: Sequence[Morphology], weights: Array) -> tuple[Interval, ...]:
+    """Length of each leg, m, in motor order, over weighted samples."""
     return tuple(_interval(column, weights) for column in leg_lengths(bodies).T)
+
+
+def _nuisances(genome: Genome, genes: Array, weights: Array) -> tuple[FoundAlong, ...]:
+    told = []
+    for column, gene in enumerate(genome.genes):
+        if gene.trait == "nuisance":
+            interval = _interval(genome.quantities(column, genes[:, column]), weights)
+            low, high = genome.quantities(column, np.array([_INTERVAL[0], _INTERVAL[-1]]))
+            learnt = interval.high - interval.low < _LEARNT * (high - low)
+            told.append(
+                FoundAlong(name=gene.name, unit=gene.unit, interval=interval, learnt=bool(learnt))
+            )
+    return tuple(told)
 
 
 def _interval(values: Array, weights: Array) -> Interval:

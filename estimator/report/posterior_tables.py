@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from rich.console import Console
@@ -11,10 +12,13 @@ from estimator.report.plain_table import plain_table
 from estimator.report.posterior_summary import Interval, PosteriorSummary
 from estimator.report.result import Result
 
-_CHECK: Final = (
+WHAT_TO_CHECK: Final = (
     "Check that the problem describes this robot: where legs can sit, radii, units, the order and "
-    "direction of the servos, the sign of the tilts, and whether the servos hold their angles."
+    "direction of the servos, the sign of the tilts, whether every servo moves and "
+    "holds its angle, and each foot's gauge."
 )
+
+_UNKNOWN: Final = "cannot be known: hardly narrower than supposed"
 
 
 def print_posterior(console: Console, result: Result, posterior: PosteriorSummary) -> None:
@@ -23,7 +27,7 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
         console.print(posterior.verdict)
     else:
         console.print(Text(posterior.verdict, style="bold red"))
-        console.print(_CHECK)
+        console.print(WHAT_TO_CHECK)
     state = "complete" if result.complete else "not finished"
     console.print(
         Text.assemble(
@@ -32,12 +36,13 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
         )
     )
     _print_attachments(console, posterior)
-    table = plain_table("leg", "side", "length (mm)", "90 % interval (mm)", "touched")
+    table = plain_table("leg", "mount", "length (mm)", "90 % interval (mm)", "touched")
     for leg, length in zip(result.legs, posterior.lengths_m, strict=True):
         touched = "not sensed" if leg.touched is None else "yes" if leg.touched else "never"
-        table.add_row(leg.joint, leg.side, _mm(length.median), _between(length, 1000), touched)
+        table.add_row(leg.joint, leg.mount, _mm(length.median), _between(length, 1000), touched)
     console.print(table)
-    _print_rivals(console, posterior)
+    _print_nuisances(console, posterior)
+    _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
     factors = "; ".join(
         f"{name} {factor.median:.1f} times what the robot announces ({_between(factor, 1, 1)})"
@@ -46,8 +51,8 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
     console.print(f"Noise: {factors}.")
     if posterior.effective is not None:
         console.print(
-            f"PyBullet simulated {posterior.simulated} of {posterior.samples} samples; reweighted, "
-            f"they are worth {posterior.effective:.1f}."
+            f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples; "
+            f"reweighted, they are worth {posterior.effective:.1f}."
         )
     console.print(
         f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
@@ -63,19 +68,41 @@ def _print_attachments(console: Console, posterior: PosteriorSummary) -> None:
     sure = (
         "is not known: too few samples stand for it"
         if posterior.probability is None
-        else f"is {_percent(posterior.probability)}"
+        else f"is {percent(posterior.probability)}"
     )
     console.print(f"The probability of these attachments together {sure}.")
     table = plain_table("what", "best body", "probability", justify="left")
     for item in posterior.attachments:
-        table.add_row(item.what, item.value, _percent(item.probability))
+        table.add_row(item.what, item.value, percent(item.probability))
     console.print(table)
 
 
-def _print_rivals(console: Console, posterior: PosteriorSummary) -> None:
+def _print_nuisances(console: Console, posterior: PosteriorSummary) -> None:
+    if not posterior.nuisances:
+        return
+    table = plain_table("found along", "median", "90 % interval", "", justify="left")
+    for item in posterior.nuisances:
+        median, unknown = f"{item.interval.median:.1f} {item.unit}", "" if item.learnt else _UNKNOWN
+        table.add_row(item.name, median, f"{_between(item.interval, 1)} {item.unit}", unknown)
+    console.print(table)
+
+
+def _print_rivals(console: Console, result: Result, posterior: PosteriorSummary) -> None:
     for rival in posterior.rivals:
-        what = "Cannot be told apart" if rival.alike else "Rival"
-        console.print(Text(f"{what} ({_percent(rival.probability)}): {'; '.join(rival.differs)}."))
+        what = "No movement can tell apart" if rival.alike else "Rival"
+        console.print(Text(f"{what} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
+    if posterior.equivalent:
+        console.print(Text(f"What no movement could tell: {'; '.join(posterior.equivalent)}."))
+    movement = posterior.decides
+    if movement is not None:
+        names = [joint["name"] for joint in result.robot["joints"]]
+        angles = ", ".join(
+            f"{name} {math.degrees(angle):.0f}°"
+            for name, angle in zip(names, movement.program, strict=True)
+            if angle
+        )
+        told = f"expected {movement.bits:.1f} bits" if movement.bits else "expected to tell little"
+        console.print(Text(f"What would tell most: {angles}; {movement.reason}; {told}."))
 
 
 def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
@@ -86,11 +113,12 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
         bits = (
             "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
         )
-        table.add_row(str(number), *bits, _percent(step.probability), Text(step.reason))
+        table.add_row(str(number), *bits, percent(step.probability), Text(step.reason))
     console.print(table)
 
 
-def _percent(share: float) -> str:
+def percent(share: float) -> str:
+    """A probability as people read it."""
     return f"{100 * share:.1f} %" if share < 0.9995 else "> 99.9 %"
 
 

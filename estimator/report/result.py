@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import driven_limbs, leg_lengths
-from estimator.body.morphology import BASE, HINGES, SIDES, Morphology, Part
+from estimator.body.morphology import BASE, Morphology, Part
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.reference_check import pairs_turned
 from estimator.problem.genome import Genome
@@ -26,7 +26,7 @@ BEST_MODELS = 10
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
 
 
 class PartFound(_Record):
@@ -35,27 +35,28 @@ class PartFound(_Record):
     Attributes:
         name: Its name in the problem.
         parent: Name of the part that it sits on, or ``main body``.
-        side: Where on its parent.
+        mount: Where on its parent.
         hinge: How a positive angle moves it.
         length_m: Joint axis to outermost tip, m.
         joint: The joint that turns it; ``None`` where it is locked.
-        agreement: Share of the population that attaches it in the same way: parent, side, hinge.
+        agreement: Share of a posterior's samples that attach it in the same way: parent, mount,
+            hinge. ``None`` without a posterior: a population that has converged agrees anyway.
     """
 
     name: str
     parent: str
-    side: str
+    mount: str
     hinge: str
     length_m: float
     joint: str | None
-    agreement: float
+    agreement: float | None
 
 
 class ModelFound(_Record):
     """One model.
 
     Attributes:
-        sensor_error: Its subjective error; by PyBullet where that had the last word; ``None``
+        sensor_error: Its subjective error; by the reference where that had the last word; ``None``
             where its simulations cannot be believed.
         searched_error: The same as the search's physics saw it.
         leg_lengths_m: Length of each leg (what one motor turns as one piece), m.
@@ -73,29 +74,28 @@ class LegFound(_Record):
 
     Attributes:
         joint: The joint that turns it.
-        side: Where it sits on the best model.
+        mount: Where it sits on the best model.
         length_m: Its length on the best model, m.
-        spread_m: Standard deviation of its length over the population, m.
-        range_m: 5th and 95th percentile of its length over the population, m.
+        population_m: Its shortest and longest length in the final population, m: how far a search
+            has converged, and not how sure the length is. ``None`` where a posterior says that.
         touched: Whether it touched the ground in some interaction; ``None`` where no sensor said.
     """
 
     joint: str
-    side: str
+    mount: str
     length_m: float
-    spread_m: float
-    range_m: tuple[float, float]
+    population_m: tuple[float, float] | None
     touched: bool | None
 
 
 class FinishFound(_Record):
-    """How far PyBullet, which has the last word, agrees with the physics that searched.
+    """How far the reference, which has the last word, agrees with the physics that searched.
 
     Attributes:
         models: Leading distinct models that were simulated again.
         pairs: Pairs of them.
         pairs_turned: Pairs of which the two disagree which model is better.
-        best_changed: Whether PyBullet prefers another model to the search's best.
+        best_changed: Whether the reference prefers another model to the search's best.
     """
 
     models: int
@@ -113,6 +113,7 @@ class Result(_Record):
         problem: Name of the problem.
         searched: What was to be found, gene by gene.
         physics: Back-end that predicted what models feel.
+        reference: Back-end that had the last word, where that is another.
         search: What optimised the population of the method ``paper``.
         objective: What that minimised.
         explore: What chose the motor programs, unless they were recorded.
@@ -134,7 +135,7 @@ class Result(_Record):
             where no model could be simulated.
         legs: The legs, in motor order.
         best_models: The best models, best first.
-        finish: How far PyBullet agrees, where something else searched.
+        finish: How far the reference agrees, where something else searched.
         posterior: What is believed of the body, by the method posterior.
         warnings: What a person should know before trusting this.
     """
@@ -144,6 +145,7 @@ class Result(_Record):
     problem: str
     searched: tuple[str, ...]
     physics: str
+    reference: str = "pybullet"
     search: str = "deterministic-crowding"
     objective: str = "largest"
     explore: str = "random"
@@ -173,9 +175,8 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     """The outcome of a run as far as it has come."""
     settings, capabilities = store.settings, store.capabilities
     observations = store.observations()
-    generations = store.generations()
-    beliefs = store.beliefs()
-    counters = generations[-1].counters if generations else Counters()
+    latest, beliefs = store.latest_generation(), store.beliefs()
+    counters = Counters() if latest is None else latest.counters
     if beliefs:
         counters = beliefs[-1][1]
     genome = Genome(problem, problem.base(capabilities))
@@ -184,10 +185,10 @@ def summarise(store: RunStore, problem: Problem) -> Result:
     end = store.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
-    legs = _legs(bodies, observations, capabilities)
+    legs = _legs(bodies, observations, capabilities, converges=not beliefs)
     posterior = posterior_summary(store, problem)
     error = _known(population.errors[population.best]) if bodies else None
-    warnings = _warnings(legs, observations)
+    warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
     if bodies and error is None and posterior is None:
         warnings = (
             "No model could be simulated, so nothing here says anything about the robot.",
@@ -199,6 +200,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         problem=problem.name,
         searched=tuple(gene.name for gene in genome.genes),
         physics=settings.physics,
+        reference=settings.reference,
         search=settings.search,
         objective=settings.objective,
         explore=settings.explore,
@@ -219,7 +221,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
                 (_known(population.errors[index]), _known(population.searched[index])),
                 problem,
                 capabilities,
-                bodies,
+                bodies if beliefs else [],
             )
             for body, index in list(zip(bodies, population.order, strict=True))[:BEST_MODELS]
         ),
@@ -242,19 +244,22 @@ def _finish(end: Finish | None) -> FinishFound | None:
 
 
 def _legs(
-    bodies: Sequence[Morphology], observations: Sequence[Observation], capabilities: Capabilities
+    bodies: Sequence[Morphology],
+    observations: Sequence[Observation],
+    capabilities: Capabilities,
+    *,
+    converges: bool,
 ) -> tuple[LegFound, ...]:
     if not bodies:
         return ()
     lengths = leg_lengths(bodies)
-    low, high = np.percentile(lengths, (5, 95), axis=0)
+    low, high = lengths.min(axis=0), lengths.max(axis=0)
     return tuple(
         LegFound(
             joint=_joint(limb.motor, capabilities) or "",
-            side=limb.side_name,
+            mount=limb.mount,
             length_m=limb.length,
-            spread_m=float(np.std(lengths[:, index])),
-            range_m=(float(low[index]), float(high[index])),
+            population_m=(float(low[index]), float(high[index])) if converges else None,
             touched=touched(limb.sensors, observations),
         )
         for index, limb in enumerate(driven_limbs(bodies[0]))
@@ -266,7 +271,7 @@ def _model(
     errors: tuple[float | None, float | None],
     problem: Problem,
     capabilities: Capabilities,
-    population: Sequence[Morphology],
+    samples: Sequence[Morphology],
 ) -> ModelFound:
     names = [rule.name for rule in problem.parts]
     return ModelFound(
@@ -277,11 +282,11 @@ def _model(
             PartFound(
                 name=name,
                 parent="main body" if part.parent == BASE else names[part.parent],
-                side=SIDES[part.side],
-                hinge=HINGES[part.hinge],
+                mount=body.mount(row).name,
+                hinge=body.hinge(row).name,
                 length_m=part.length,
                 joint=_joint(part.motor, capabilities),
-                agreement=float(np.mean([_alike(part, other.parts[row]) for other in population])),
+                agreement=_agreement(row, part, samples) if samples else None,
             )
             for row, (name, part) in enumerate(zip(names, body.parts, strict=True))
         ),
@@ -293,18 +298,25 @@ def _known(error: float) -> float | None:
     return float(error) if math.isfinite(error) else None
 
 
-def _alike(one: Part, other: Part) -> bool:
-    return (one.parent, one.side, one.hinge) == (other.parent, other.side, other.hinge)
+def _agreement(row: int, part: Part, samples: Sequence[Morphology]) -> float:
+    others = (sample.parts[row] for sample in samples)
+    attached = part.parent, part.mount, part.hinge
+    return float(np.mean([(one.parent, one.mount, one.hinge) == attached for one in others]))
 
 
 def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
     return None if motor is None else capabilities.joints[motor].name
 
 
+def _contradictions(problem: Problem, capabilities: Capabilities) -> Iterator[str]:
+    """What the problem says otherwise than the robot."""
+    for sentence in problem.differences(capabilities):
+        yield f"{sentence[0].upper()}{sentence[1:]}."
+
+
 def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> tuple[str, ...]:
     warnings = [
-        f"The leg at {leg.joint} never touched the ground, so its length of "
-        f"{leg.length_m * 1000:.0f} mm is little more than a guess."
+        f"The leg at {leg.joint} never touched the ground: its length is little more than a guess."
         for leg in legs
         if leg.touched is False
     ]

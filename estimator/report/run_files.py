@@ -5,30 +5,31 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from estimator.identification.final_population import with_last_word
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings import readings_csv
 from estimator.report import posterior_csv
-from estimator.report.plots import plot_errors, plot_lengths
-from estimator.report.posterior_plots import plot_belief, plot_interval_lengths
+from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.plots import as_png
 from estimator.report.result import Result, summarise
+from estimator.report.run_plots import run_plots
 from estimator.storage.store import RunStore
 from protocol.system.interrupts import interrupts_deferred
-from protocol.system.replace_file import replace_file, replace_text
+from protocol.system.replace_file import replace_bytes, replace_file, replace_text
 
 RESULT: Final = "result.json"
 READINGS: Final = "readings.csv"
 ROBOT: Final = "robot.json"
 POSTERIOR: Final = "posterior.csv"
-ERRORS: Final = "plots/errors.png"
-BELIEF: Final = "plots/belief.png"
-LENGTHS: Final = "plots/lengths.png"
+PLOTS: Final = "plots"
+BODY: Final = "plots/body.png"
+PAGE: Final = "report.html"
 LENGTHS_WITH_TRUTH: Final = "plots/lengths_with_truth.png"
-VALIDATION: Final = "validation.json"
 
 
-def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Result:
+def write_report(
+    store: RunStore, problem: Problem, *, plots: bool = True, page: bool = False
+) -> Result:
     """Writes all derived files and returns what ``result.json`` holds.
 
     Each file is replaced as a whole, so nobody reads half of one.
@@ -37,23 +38,26 @@ def write_report(store: RunStore, problem: Problem, *, plots: bool = True) -> Re
         store: The run.
         problem: Its problem.
         plots: Whether to draw, which takes longer than all the rest.
+        page: Whether to write ``report.html`` even though the run is not finished.
     """
     result = summarise(store, problem)
-    write_files(store, problem, result, plots=plots)
+    write_files(store, problem, result, plots=plots, page=page)
     return result
 
 
-def write_files(store: RunStore, problem: Problem, result: Result, *, plots: bool = True) -> None:
+def write_files(
+    store: RunStore, problem: Problem, result: Result, *, plots: bool = True, page: bool = False
+) -> None:
     """Writes the derived files for a result that is known already; arguments as above.
 
     Raises:
         OSError: The directory cannot be written.
     """
     with interrupts_deferred():
-        _write(store, problem, result, plots=plots)
+        _write(store, problem, result, plots=plots, page=page)
 
 
-def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
+def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool, page: bool) -> None:
     joints = [joint.name for joint in store.capabilities.joints]
     replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
     replace_file(
@@ -62,30 +66,17 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool) ->
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace_text(store.directory / ROBOT, robot + "\n")
-    _write_posterior(store, problem, result, plots=plots)
-    generations = with_last_word(store)
-    if generations and plots:
-        genome = Genome(problem, problem.base(store.capabilities))
-        names = [leg.joint for leg in result.legs]
-        replace_file(store.directory / ERRORS, lambda path: plot_errors(path, generations))
+    beliefs = store.beliefs()
+    if beliefs:
+        genome, (belief, _) = Genome(problem, problem.base(store.capabilities)), beliefs[-1]
         replace_file(
-            store.directory / LENGTHS, lambda path: plot_lengths(path, generations, genome, names)
+            store.directory / POSTERIOR, lambda path: posterior_csv.write(path, genome, belief)
         )
-
-
-def _write_posterior(store: RunStore, problem: Problem, result: Result, *, plots: bool) -> None:
-    beliefs = [belief for belief, _ in store.beliefs()]
-    if not beliefs:
-        return
-    genome = Genome(problem, problem.base(store.capabilities))
-    replace_file(
-        store.directory / POSTERIOR, lambda path: posterior_csv.write(path, genome, beliefs[-1])
-    )
     if plots:
-        names = [leg.joint for leg in result.legs]
-        expected = [item.bits for item in store.interactions()][: len(beliefs)]
-        replace_file(store.directory / BELIEF, lambda path: plot_belief(path, beliefs, expected))
-        replace_file(
-            store.directory / LENGTHS,
-            lambda path: plot_interval_lengths(path, beliefs, genome, names),
-        )
+        for plot in run_plots(store, problem, [leg.joint for leg in result.legs]):
+            replace_bytes(store.directory / PLOTS / f"{plot.name}.png", as_png(plot.figure))
+        if page or result.complete:
+            sources = PageSources.of(store, problem, result)
+            if sources.picture is not None:
+                replace_bytes(store.directory / BODY, sources.picture)
+            replace_text(store.directory / PAGE, run_page(store, problem, sources))

@@ -46,25 +46,27 @@ def print_result(console: Console, result: Result) -> None:
     if result.finish is not None and result.best_models:
         end, best = result.finish, result.best_models[0]
         console.print(
-            f"PyBullet had the last word on {end.models} leading models: of {end.pairs} pairs it "
-            f"orders {end.pairs_turned} otherwise than {result.physics}, and it "
-            f"{'prefers another' if end.best_changed else 'keeps the'} best model (whose error "
-            f"is {number(best.sensor_error, 3)}, {number(best.searched_error, 3)} by "
-            f"{result.physics})."
+            f"{result.reference} had the last word on {end.models} leading models: of "
+            f"{end.pairs} pairs it orders {end.pairs_turned} otherwise than "
+            f"{result.physics}, and it {'prefers another' if end.best_changed else 'keeps the'} "
+            f"best model (whose error is {number(best.sensor_error, 3)}, "
+            f"{number(best.searched_error, 3)} by {result.physics})."
         )
     if result.legs:
-        table = plain_table("leg", "side", "length (mm)", "spread (mm)", "5–95 % (mm)", "touched")
+        table = plain_table("leg", "mount", "length (mm)", "in the population (mm)", "touched")
         for leg in result.legs:
-            low, high = leg.range_m
             table.add_row(
                 leg.joint,
-                leg.side,
+                leg.mount,
                 _mm(leg.length_m),
-                _mm(leg.spread_m),
-                f"{_mm(low)}–{_mm(high)}",
+                "–" if leg.population_m is None else "–".join(map(_mm, leg.population_m)),
                 _yes(leg.touched),
             )
         console.print(table)
+        console.print(
+            "Models that have converged are alike, right or wrong: how sure a length is, only "
+            "--method posterior says."
+        )
     if result.best_models and any(not name.startswith("length") for name in result.searched):
         _print_parts(console, result.best_models[0])
     for warning in result.warnings:
@@ -72,16 +74,15 @@ def print_result(console: Console, result: Result) -> None:
 
 
 def _print_parts(console: Console, model: ModelFound) -> None:
-    """How the best model's parts hang together, and how many other models think so too."""
-    table = plain_table("part", "sits on", "side", "positive angle", "length (mm)", "agreed (%)")
+    """How the best model's parts hang together."""
+    table = plain_table("part", "sits on", "mount", "positive angle", "length (mm)")
     for part in model.parts:
         table.add_row(
             part.name,
             part.parent,
-            part.side,
+            part.mount,
             part.hinge if part.joint else _NOT_FELT,
             _mm(part.length_m),
-            f"{100 * part.agreement:.0f}",
         )
     console.print(table)
 
@@ -157,7 +158,7 @@ def _print_configurations(console: Console, score: Score) -> None:
         f"{score.configurations_informative_right_up_to_equivalence} up to equivalence. By chance "
         f"{score.configurations_chance:.2f} of {score.configurations_total} would be."
     )
-    table = plain_table("part", "P: sits on", "O: side", "J: positive angle", justify="left")
+    table = plain_table("part", "P: sits on", "O: mount", "J: positive angle", justify="left")
     parts = dict.fromkeys(item.part for item in score.configurations)
     for part in parts:
         cells = {item.trait: item for item in score.configurations if item.part == part}
@@ -165,7 +166,7 @@ def _print_configurations(console: Console, score: Score) -> None:
             part,
             *(
                 _verdict(cells[trait]) if trait in cells else _NOT_FELT
-                for trait in ("parent", "side", "hinge")
+                for trait in ("parent", "mount", "hinge")
             ),
         )
     console.print(table)

@@ -2,6 +2,7 @@
 
 ======================= ==================================================================
 ``reproduce``           the command: does the runs that figures need, and draws them
+``page``                the same as one page
 ``report``              ``report.md`` and ``runs.csv``
 ``figures``             a module per figure
 ``claims``              the paper's claims, declared before the runs

@@ -10,11 +10,14 @@ from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import abilities_of
+from estimator.report.evaluation_files import TRUTH
+from estimator.report.run_files import PAGE
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import Share
 from estimator.reproduction.figures import figure2, figure3, figure4, figure5, figure6
 from estimator.reproduction.figures.figure import DrawnFigure
+from estimator.reproduction.page import reproduction_page
 from estimator.reproduction.report import write_report
 from estimator.reproduction.runs.finished_run import FinishedRuns
 from estimator.reproduction.runs.ledger import Ledger
@@ -31,7 +34,7 @@ from estimator.reproduction.runs.robot_process import print_body
 from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Workers
 from estimator.reproduction.runs.run_summary import summarise
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
-from estimator.reproduction.runs.single_run import TRUTH, is_finished, work_done
+from estimator.reproduction.runs.single_run import is_finished, work_done
 from protocol.system.replace_file import replace_text
 
 
@@ -120,6 +123,7 @@ def reproduce(
             claims=claims,
             runs=summaries,
         )
+        replace_text(root / PAGE, reproduction_page(root))
     return ReproductionResult(figures=drawn, claims=claims, failures=failures)
 
 

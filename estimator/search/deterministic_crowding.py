@@ -66,7 +66,7 @@ class DeterministicCrowding:
         self._rng = rng
         self._operators = operators or Operators()
         if population is None:
-            population = rng.random((size, genes))
+            population = self._operators.permit(rng.random((size, genes)))
         self._population = _checked_genes(population, (size, genes))
         self._errors: Array | None = None
         self._generation = 0
@@ -230,6 +230,7 @@ class DeterministicCrowding:
         first, second = self._population[mates[0]], self._population[mates[1]]
         one, two = apply.crossover(first, second, self._rng)
         one, two = apply.mutation(one, self._rng), apply.mutation(two, self._rng)
+        one, two = apply.permit(one), apply.permit(two)
         straight = apply.distance(first, one) + apply.distance(second, two)
         crossed = apply.distance(first, two) + apply.distance(second, one)
         swap = crossed < straight

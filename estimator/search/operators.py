@@ -22,6 +22,7 @@ from estimator.errors import SearchStateError
 
 Array: TypeAlias = NDArray[np.float64]
 Distance: TypeAlias = Callable[[Array, Array], Array]
+Permit: TypeAlias = Callable[[Array], Array]
 """Two arrays of shape (m, genes) in, distance of each row's two members out, shape (m,)."""
 
 _STRICT: Final = {"extra": "forbid"}  # read by pydantic when a problem file names an operator
@@ -141,6 +142,11 @@ def euclidean(first: Array, second: Array) -> Array:
     return distances
 
 
+def as_they_are(genes: Array) -> Array:
+    """The genes, where none are forbidden."""
+    return genes
+
+
 @dataclass(frozen=True, kw_only=True)
 class Operators:
     """What a genetic algorithm does to genes.
@@ -149,11 +155,13 @@ class Operators:
         crossover: Makes two children of two parents.
         mutation: Changes a child.
         distance: Says which parent a child resembles; genotypic, because the paper names no other.
+        permit: Changes genomes that are forbidden into others; shape (n, genes) in and out.
     """
 
     crossover: Crossover = field(default_factory=BlendCrossover)
     mutation: Mutation = field(default_factory=GaussianMutation)
     distance: Distance = euclidean
+    permit: Permit = as_they_are
 
 
 def reflect(genes: Array) -> Array:

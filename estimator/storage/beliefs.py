@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from pydantic import BaseModel, ConfigDict
+
+from estimator.readings.observation import Program
+
+ACCIDENTS: Final = 1
+"""Unexplained interactions that happen to a body that the problem describes."""
+
+RIVAL: Final = 0.01
+"""Probability of other attachments that are worth telling."""
 
 
 class _Record(BaseModel):
@@ -57,6 +67,20 @@ class UnexplainedInteraction(_Record):
     sensors: tuple[str, ...]
 
 
+class NextMovement(_Record):
+    """The movement that would tell most, had there been another.
+
+    Attributes:
+        program: rad, in motor order.
+        reason: What it would tell apart, in words.
+        bits: Information that it is expected to give.
+    """
+
+    program: Program
+    reason: str
+    bits: float
+
+
 class Belief(_Record):
     """The posterior after some interactions.
 
@@ -73,8 +97,10 @@ class Belief(_Record):
         foretold: Each interaction so far, as the best body foretells it.
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
+        contradicting: Touch sensors that feel otherwise than the best body foretells too often.
         simulated: How many samples the reference back-end simulated; 0: it was not asked.
         effective: Effective sample size of those.
+        decides: At the end of a run, where rivals are left that a movement might tell apart.
     """
 
     genes: tuple[tuple[float, ...], ...]
@@ -88,5 +114,12 @@ class Belief(_Record):
     foretold: tuple[Foretold, ...]
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
+    contradicting: tuple[int, ...] = ()
     simulated: int = 0
     effective: float | None = None
+    decides: NextMovement | None = None
+
+    @property
+    def explained(self) -> bool:
+        """Whether some body of the problem explains the readings, as far as can be told."""
+        return len(self.unexplained) <= ACCIDENTS and not (self.noisy or self.contradicting)

@@ -22,6 +22,7 @@ class RunSettings(BaseModel):
         method: ``paper``: a population of models, optimised; ``posterior``: samples of all that
             explains the readings.
         physics: Name of the physics back-end that searches.
+        reference: Name of the one that has the last word.
         search: Name of the search, of the method ``paper``.
         objective: Name of what that search minimises.
         explore: Name of the exploration rule.
@@ -43,6 +44,7 @@ class RunSettings(BaseModel):
     problem_text: str
     method: Literal["paper", "posterior"] = "paper"
     physics: str
+    reference: str = "pybullet"
     search: str = "deterministic-crowding"
     objective: str = "largest"
     explore: str = "random"

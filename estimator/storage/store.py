@@ -1,15 +1,7 @@
 """A run directory that survives ``kill -9`` at any instant.
 
-Layout of a run directory::
-
-    DIR/
-    ├── run.sqlite     everything that must survive: settings, the robot's capability dictionary,
-    │                  interactions, generations, the latest checkpoint, validations
-    ├── run.lock       held (flock) by the process that writes; empty
-    ├── result.json    the outcome                            ┐
-    ├── readings.csv   one row per interaction                │ derived from run.sqlite,
-    ├── robot.json     the capability dictionary              │ rewritten after each iteration,
-    └── plots/         errors.png, lengths.png                ┘ free to delete
+``run.sqlite`` holds everything that must survive, and ``run.lock`` is held (flock) by the process
+that writes. ``docs/formats.md`` lists the other files, which are derived and free to delete.
 
 Two rules make the run durable. What is about to be asked of the robot is committed before the
 request leaves, and what it answered is committed before anything else happens; so a restart knows
@@ -278,8 +270,15 @@ class RunStore:
 
     def generations(self) -> list[Generation]:
         """The records of all generations in order."""
+        return self._generations("ORDER BY number")
+
+    def latest_generation(self) -> Generation | None:
+        """The record of the last generation; ``None`` before the first."""
+        return next(iter(self._generations("ORDER BY number DESC LIMIT 1")), None)
+
+    def _generations(self, clause: str) -> list[Generation]:
         with reading(self.directory):
-            rows = self._database.execute("SELECT * FROM generations ORDER BY number")
+            rows = self._database.execute(f"SELECT * FROM generations {clause}")
             return [
                 Generation(
                     number=number,

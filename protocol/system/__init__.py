@@ -1,4 +1,4 @@
-"""The operating system: replacing files, deferring Ctrl-C, discarding what C code prints.
+"""The operating system: replacing files, deferring Ctrl-C, C code that prints, libraries.
 
 ======================= =========================================================================
 Module                  What is in it
@@ -6,5 +6,6 @@ Module                  What is in it
 ``replace_file``        replaces a file in one step, on disk when it returns
 ``interrupts``          defers Ctrl-C until a block is over
 ``native_output``       discards what C code prints
+``missing_library``     what a command says where a library is not installed
 ======================= =========================================================================
 """

@@ -62,6 +62,11 @@ def replace_text(path: Path, text: str) -> None:
     replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
 
 
+def replace_bytes(path: Path, content: bytes) -> None:
+    """Replaces a file in one step; raises what ``replace_file`` does."""
+    replace_file(path, lambda fresh: fresh.write_bytes(content))
+
+
 def _sync_folder(folder: Path) -> None:
     """Puts names on disk: a rename could be lost with the power."""
     handle = os.open(folder, os.O_RDONLY)

@@ -257,10 +257,15 @@ class Server(Closable):
 
     def _take_events(self) -> None:
         for event in self._robot.events():
-            if isinstance(event, Finished):
-                self._carry_out(self._core.finish(event))
+            try:
+                if isinstance(event, Finished):
+                    told = self._core.finish(event)
+                else:
+                    told = self._core.progress(event)
+            except (KeyError, ValueError):  # a bug that must leave the others a daemon to stop
+                self._log.exception("the robot told of a request that is not under way: %r", event)
             else:
-                self._carry_out(self._core.progress(event))
+                self._carry_out(told)
 
     def _carry_out(self, actions: Iterable[Action]) -> None:
         for action in actions:

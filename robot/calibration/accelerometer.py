@@ -9,16 +9,15 @@ matters in full: so the robot is turned a quarter at a time.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
 
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
-from robot.drivers.analogue_inputs import AnalogueBoard
-from robot.drivers.analogue_sensors import AnalogueAxes
+from robot.drivers.axes import CalibratedAxes
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
-from robot.sensing.raw_samples import sample_channels
+from robot.sensing.raw_samples import spread
 
 POSITIONS: Final = (
     ("nose up", 0, 1),
@@ -30,19 +29,19 @@ POSITIONS: Final = (
 )
 QUARTERS: Final = 4
 SAMPLES: Final = 100
-_MOVING: Final = 0.02  # V rms: far above the noise of any such sensor
+_MOVING: Final = 0.02  # V or g rms: far above the noise of any such sensor
 _LEAN: Final = math.sin(math.radians(8))
-_MIN_GAIN: Final = 0.05  # V per g
+_MIN_GAIN: Final = 0.05  # V or g per g
 
-Volts = tuple[float, ...]
+Axes = tuple[float, ...]
 
 
 class AccelerometerSession:
     """Leads through the accelerometer.
 
     Args:
-        sensor: Its channels and what was believed so far.
-        board: The data acquisition board.
+        sensor: Its axes and what was believed of them so far.
+        sample: Reads them once, in their unit.
         rate: Samples per second.
         clock: The robot clock.
         dialogue: With whom.
@@ -50,15 +49,15 @@ class AccelerometerSession:
 
     def __init__(
         self,
-        sensor: AnalogueAxes,
-        board: AnalogueBoard,
+        sensor: CalibratedAxes,
+        sample: Callable[[], Sequence[float]],
         *,
         rate: float,
         clock: Clock,
         dialogue: Questions,
     ):
         self._sensor = sensor
-        self._board = board
+        self._sample = sample
         self._rate = rate
         self._clock = clock
         self._dialogue = dialogue
@@ -100,33 +99,33 @@ class AccelerometerSession:
             gains = tuple(swing[axis] for axis, swing in enumerate(swings))
             leaning = self._leaning(seen, zero, gains)
             if leaning is None:
-                return AxesCalibration(zero=zero, volts_per_g=gains)
+                return AxesCalibration(unit=self._sensor.unit, zero=zero, per_g=gains)
             self._dialogue.say(f"It leaned too much in the position '{leaning}': that once more.")
             seen[leaning] = self._measure(leaning)
 
-    def _sound(self, swings: Sequence[Volts]) -> bool:
+    def _sound(self, swings: Sequence[Axes]) -> bool:
         """Whether each axis answers on its own channel."""
         for axis, swing in enumerate(swings):
             sizes = [abs(value) for value in swing]
             best = sizes.index(max(sizes))
             if sizes[best] < _MIN_GAIN:
                 self._dialogue.say(
-                    f"No channel saw the {'xyz'[axis]} axis turn over ({sizes[best] * 1000:.0f} mV "
-                    "a g). Check the sensor's supply and wires, and that you did turn the robot."
+                    f"Nothing saw the {'xyz'[axis]} axis turn over ({sizes[best] * 1000:.0f} "
+                    f"m{self._sensor.unit} a g). Check the sensor's supply and wires, and that you "
+                    "did turn the robot."
                 )
                 return False
             if best != axis:
                 self._dialogue.say(
-                    f"The {'xyz'[axis]} axis answers on channel {self._sensor.channels[best]}, and "
-                    f"accelerometer.channels in robot.toml says "
-                    f"{self._sensor.channels[axis]}. Correct it there, or take the six positions "
-                    "in the order that is asked for."
+                    f"The {'xyz'[axis]} axis answers on {self._sensor.axis(best)}, and "
+                    f"{self._sensor.key} in robot.toml says {self._sensor.axis(axis)}. Correct it "
+                    "there, or take the six positions in the order that is asked for."
                 )
                 return False
         return True
 
     @staticmethod
-    def _leaning(seen: dict[str, Volts], zero: Volts, gains: Volts) -> str | None:
+    def _leaning(seen: dict[str, Axes], zero: Axes, gains: Axes) -> str | None:
         """The position that leaned most, if it leaned too much."""
         leans = {
             name: max(
@@ -144,7 +143,7 @@ class AccelerometerSession:
             self._measure(f"level, {quarter} of {QUARTERS}, a quarter turn after each")
             for quarter in range(1, QUARTERS + 1)
         ]
-        gains = self._sensor.volts_per_g
+        gains = self._sensor.per_g
         mean = [sum(axis) / QUARTERS for axis in zip(*quarters, strict=True)]
         zero = (mean[0], mean[1], mean[2] - gains[2])
         shifts = zip(zero, self._sensor.zero, gains, strict=True)
@@ -154,17 +153,19 @@ class AccelerometerSession:
                 "points the other way. Take the six positions."
             )
             return None
-        return AxesCalibration(zero=zero, volts_per_g=gains)
+        return AxesCalibration(unit=self._sensor.unit, zero=zero, per_g=gains)
 
-    def _measure(self, position: str) -> Volts:
-        """Volts of the three axes, once the robot is still."""
+    def _measure(self, position: str) -> Axes:
+        """What the three axes read, once the robot is still."""
         self._dialogue.choose(f"{position}, hold it still, then Enter", "")
-        return self._dialogue.attempt(self._sample)
+        return self._dialogue.attempt(self._rest)
 
-    def _sample(self) -> Volts:
-        axes = sample_channels(
-            self._board, self._sensor.channels, count=SAMPLES, rate=self._rate, clock=self._clock
-        )
+    def _rest(self) -> Axes:
+        samples = []
+        for _ in range(SAMPLES):
+            samples.append(self._sample())
+            self._clock.sleep(1.0 / self._rate)
+        axes = [spread(axis) for axis in zip(*samples, strict=True)]
         if max(one.deviation for one in axes) > _MOVING:
             raise DeviceDataError("The robot was not still.", "Put it against something solid.")
         return tuple(one.mean for one in axes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
-from typing import Final, Protocol
+from typing import Any, Final, Protocol
 
 from robot.calibration.accelerometer import AccelerometerSession
 from robot.calibration.distance import DistanceSession
@@ -58,6 +58,10 @@ class CalibratedDevices(Protocol):
         """The data acquisition board, if there is one."""
 
     @property
+    def accelerometer(self) -> Any:
+        """The accelerometer; it has ``raw`` where its settings are ``CalibratedAxes``."""
+
+    @property
     def distance(self) -> DistanceSensor | None:
         """The distance sensor, if there is one."""
 
@@ -65,7 +69,7 @@ class CalibratedDevices(Protocol):
 def parts(config: RobotConfig) -> list[str]:
     """The names of everything that can be calibrated, in order.
 
-    A sensor that is not on an analogue input gives g or newtons by itself.
+    Other accelerometers and touch sensors give g and newtons by themselves.
     """
     return [
         *(joint.name for joint in config.joints),
@@ -105,7 +109,7 @@ class GuidedSession:
         self._config = config
         self._devices = devices
         self._clock = clock
-        self._dialogue = Questions(terminal)
+        self._dialogue = Questions(terminal, reconnect=devices.servos.reopen)
         self._wanted = set(only or known)
 
     def run(self, before: Calibration, save: Callable[[str, Calibration], None]) -> None:
@@ -160,12 +164,12 @@ class GuidedSession:
                 yield joint.name, measured
 
     def _accelerometer(self) -> AxesCalibration | None:
-        axes, board = self._config.axes, self._devices.board
-        if "accelerometer" not in self._wanted or axes is None or board is None:
+        axes, driver = self._config.axes, self._devices.accelerometer
+        if "accelerometer" not in self._wanted or axes is None:
             return None
         return AccelerometerSession(
             axes,
-            board,
+            driver.raw,
             rate=self._config.settling.rate,
             clock=self._clock,
             dialogue=self._dialogue,
@@ -214,9 +218,9 @@ class GuidedSession:
         if axes != before.accelerometer and axes is not None and old is not None:
             for index, name in enumerate("xyz"):
                 yield (
-                    f"accelerometer {name}: {axes.zero[index]:.3f} V at 0 g (was "
-                    f"{old.zero[index]:.3f}), {axes.volts_per_g[index]:.3f} V/g (was "
-                    f"{old.volts_per_g[index]:.3f})"
+                    f"accelerometer {name}: {axes.zero[index]:.3f} {axes.unit} at 0 g (was "
+                    f"{old.zero[index]:.3f}), {axes.per_g[index]:.3f} {axes.unit}/g (was "
+                    f"{old.per_g[index]:.3f})"
                 )
         for name, gauge in self._config.gauges.items():
             bridge = after.gauges.get(name)

@@ -6,9 +6,10 @@ Every question can be answered with ``q``; that, Ctrl-C and the end of input all
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Protocol, TypeVar
 
-from robot.errors import AbandonedError, ConfigError, DeviceError
+from robot.errors import AbandonedError, ConfigError, DeviceError, DeviceMissingError
 
 T = TypeVar("T")
 
@@ -40,10 +41,17 @@ class Console:
 
 
 class Questions:
-    """Asks until an answer makes sense."""
+    """Asks until an answer makes sense.
 
-    def __init__(self, terminal: Terminal):
+    Args:
+        terminal: Whom.
+        reconnect: Opens a link anew that was lost; called before a device that is missing is tried
+            again.
+    """
+
+    def __init__(self, terminal: Terminal, reconnect: Callable[[], None] = lambda: None):
         self._terminal = terminal
+        self._reconnect = reconnect
 
     def say(self, text: str) -> None:
         """Shows some lines."""
@@ -89,6 +97,9 @@ class Questions:
             except (DeviceError, ConfigError) as error:
                 self.say(f"! {error}")
                 self.choose("Enter tries again", "")
+                if isinstance(error, DeviceMissingError):
+                    with suppress(DeviceError):  # the next try will say so
+                        self._reconnect()
 
 
 def number(text: str) -> float | None:

@@ -3,7 +3,8 @@
 =========================== =====================================================================
 Module                      What is in it
 =========================== =====================================================================
-``run``, ``doctor``, …      a subcommand each, by its name: ``calibrate``, ``keys``
+``run``, ``doctor``, …      a subcommand each, by its name: ``calibrate``, ``drivers``, …;
+                            ``try_out`` is ``try``
 ``command_line``            finds the subcommands in ``COMMANDS``
 ``startup``                 what a person sees who stops a command before it got to its work
 =========================== =====================================================================
@@ -20,9 +21,12 @@ from typing import Final
 
 COMMANDS: Final = MappingProxyType(
     {
+        "new": "robot.cli.new",
         "run": "robot.cli.run",
         "doctor": "robot.cli.doctor",
         "calibrate": "robot.cli.calibrate",
+        "try": "robot.cli.try_out",
+        "drivers": "robot.cli.drivers",
         "keys": "robot.cli.keys",
     }
 )

@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
         before = read_calibration(file, config.servos.counts)
         config = apply_calibration(config, before, file=str(file))
     clock = WallClock()
-    devices = open_devices(config, Buses(clock=clock))
+    devices = open_devices(config, Buses(clock=clock), file=str(options.config))
     try:
         calibrate(
             config,

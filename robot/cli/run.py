@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     )
     manager = ServiceManager()
     clock = WatchedClock(WallClock(), manager.alive)
-    with _controller(config, clock, log, manager, dry=options.dry) as controller:
+    with _controller(config, path, clock, log, manager, dry=options.dry) as controller:
         server = Server(
             controller,
             bind=options.bind,
@@ -95,13 +95,19 @@ def run(options: argparse.Namespace) -> int:
 
 @contextmanager
 def _controller(
-    config: RobotConfig, clock: Clock, log: logging.Logger, manager: ServiceManager, *, dry: bool
+    config: RobotConfig,
+    path: Path,
+    clock: Clock,
+    log: logging.Logger,
+    manager: ServiceManager,
+    *,
+    dry: bool,
 ) -> Iterator[Controller]:
     if dry:
         log.warning("dry run: no hardware is touched, and there are no sensors")
         yield dry_controller(config, clock=clock, log=log, manager=manager)
         return
-    devices = open_devices(config, Buses(clock=clock))
+    devices = open_devices(config, Buses(clock=clock), file=str(path))
     try:
         controller = build_controller(
             config,

@@ -8,6 +8,7 @@ import sys
 from importlib import metadata
 
 from protocol.system.interrupts import interrupts_deferred
+from protocol.system.missing_library import lacking
 
 
 def start(command: str, module: str, *, extra: str = "") -> int:
@@ -31,12 +32,7 @@ def start(command: str, module: str, *, extra: str = "") -> int:
         print(f"{command}: interrupted", file=sys.stderr)
         return 1
     except ModuleNotFoundError as error:
-        package = f"bodyschema[{extra}]" if extra else "bodyschema"
-        print(
-            f"{command}: needs {error.name}, which is not installed: pip install '{package}'",
-            file=sys.stderr,
-        )
-        return 1
+        return lacking(command, extra, error)
 
 
 def add_version(parser: argparse.ArgumentParser) -> None:

@@ -22,7 +22,8 @@ from robot.configuration.device_tables import (
     read_thresholds,
 )
 from robot.configuration.joint_calibration import JointScale
-from robot.drivers.analogue_sensors import read_axes, read_bridge
+from robot.drivers.analogue_sensors import read_bridge
+from robot.drivers.axes import AXIS_KEYS, read_axes
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml, toml_section
 
@@ -49,10 +50,11 @@ class JointCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class AxesCalibration:
-    """Volts at 0 g and volts per g of the accelerometer's axes x, y, z."""
+    """What the accelerometer's axes x, y, z read at 0 g and per g, in their unit, V or g."""
 
+    unit: str
     zero: tuple[float, ...]
-    volts_per_g: tuple[float, ...]
+    per_g: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +156,15 @@ def _calibration(root: Section, counts: range) -> Calibration:
             "schema", f"is {schema}, and this robotd reads {SCHEMA}: calibrate anew, or update it."
         )
     root.table("end").done()  # missing where the file was cut off
+    if root.has("counts"):
+        made_for = root.numbers("counts", 2, 1, 2**31)
+        if made_for != (counts[0], counts[-1]):
+            raise root.refuse(
+                "counts",
+                f"says that it was made for counts {made_for[0]:g} to {made_for[1]:g}, and the "
+                f"servos have {counts[0]} to {counts[-1]} now: with another driver or update rate "
+                "a count is another angle. Calibrate anew, or change [servos] back.",
+            )
     calibration = Calibration(
         robot=root.text("robot"),
         revision=root.integer("revision", 1, 2**31),
@@ -185,9 +196,10 @@ def _joint(section: Section, counts: range) -> tuple[str, JointCalibration]:
 
 
 def _axes(section: Section) -> AxesCalibration:
-    zero, gains = read_axes(section)
+    unit = "g" if section.has(AXIS_KEYS["g"][0]) else "V"
+    zero, gains = read_axes(section, unit)
     section.done()
-    return AxesCalibration(zero=zero, volts_per_g=gains)
+    return AxesCalibration(unit=unit, zero=zero, per_g=gains)
 
 
 def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
@@ -211,11 +223,14 @@ def to_toml(calibration: Calibration) -> str:
         f"robot = {_text(calibration.robot)}",
         f"made = {_text(calibration.made)}",
     ]
-    if calibration.accelerometer is not None:
+    scales = [joint.scale.counts for joint in calibration.joints.values()]
+    lines += [f"counts = [{counts[0]}, {counts[-1]}]" for counts in scales[:1]]
+    if (axes := calibration.accelerometer) is not None:
+        zero, gain = AXIS_KEYS[axes.unit]
         lines += [
             "\n[accelerometer]",
-            f"zero_v = {_numbers(calibration.accelerometer.zero)}",
-            f"volts_per_g = {_numbers(calibration.accelerometer.volts_per_g)}",
+            f"{zero} = {_numbers(axes.zero)}",
+            f"{gain} = {_numbers(axes.per_g)}",
         ]
     if calibration.distance is not None:
         lines += [

@@ -47,9 +47,16 @@ def check_count(root: Section, head: Section, key: str, table: str, least: int) 
 def read_joint(section: Section, servos: ServoSettings) -> DrivenJoint:
     """A ``[[joint]]`` table."""
     lower, upper = read_limits(section)
+    output = section.integer("output", 0, 10_000)
+    if output not in servos.outputs:
+        raise section.refuse(
+            "output",
+            f"is {output}, and the servos ({servos.name}: {servos}) have outputs "
+            f"{servos.outputs[0]} to {servos.outputs[-1]}.",
+        )
     joint = DrivenJoint(
         name=section.text("name"),
-        output=section.integer("output", servos.outputs[0], servos.outputs[-1]),
+        output=output,
         lower_limit=lower,
         upper_limit=upper,
         part_radius=section.number("part_radius_mm", 1, 200) / 1000,

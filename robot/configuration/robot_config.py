@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, cast
 
 from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.configuration.device_tables import (
@@ -25,7 +25,8 @@ from robot.configuration.device_tables import (
     read_touch,
 )
 from robot.configuration.joint_calibration import DrivenJoint
-from robot.drivers.analogue_sensors import AnalogueAxes, StrainGauge
+from robot.drivers.analogue_sensors import StrainGauge
+from robot.drivers.axes import CalibratedAxes
 from robot.drivers.registry import SERVOS, driver_class
 from robot.drivers.sensor_drivers import BoardSettings, SensorSettings
 from robot.drivers.servo_bus import ServoSettings
@@ -78,6 +79,7 @@ class RobotConfig:
         _all_different("joint", joints, "name", joints)
         _all_different("joint", joints, "output", [joint.output for joint in self.joints])
         _all_different("touch", points, "name", points)
+        self._check_claims()
         channels = [*self.accelerometer.channels]
         channels += [channel for point in self.touch for channel in point.driver.channels]
         if self.distance is not None:
@@ -99,10 +101,33 @@ class RobotConfig:
                     key=f"{key}.debounce",
                 )
 
+    def _check_claims(self) -> None:
+        """No two devices answer at one address."""
+        tables: dict[str, object] = {
+            "servos": self.servos,
+            "daq": self.daq,
+            "accelerometer": self.accelerometer,
+        }
+        tables |= {
+            numbered("touch", number, point.name): point.driver
+            for number, point in enumerate(self.touch, 1)
+        }
+        tables["distance"] = self.distance and self.distance.driver
+        owners: dict[str, str] = {}
+        for table, settings in tables.items():
+            for place in getattr(settings, "claims", ()):
+                if place in owners:
+                    raise ConfigError(
+                        f"is at {place}, where {owners[place]} answers already: each device has an "
+                        "address of its own.",
+                        key=table,
+                    )
+                owners[place] = table
+
     @property
-    def axes(self) -> AnalogueAxes | None:
-        """The accelerometer, if it is on analogue inputs: only then can it be calibrated."""
-        return self.accelerometer if isinstance(self.accelerometer, AnalogueAxes) else None
+    def axes(self) -> CalibratedAxes | None:
+        """The accelerometer, if it is one that can be calibrated."""
+        return self.accelerometer if isinstance(self.accelerometer, CalibratedAxes) else None
 
     @property
     def gauges(self) -> Mapping[str, StrainGauge]:
@@ -194,13 +219,16 @@ def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: st
     touch = tuple(_calibrated_touch(point, calibration) for point in config.touch)
     accelerometer, distance = config.accelerometer, config.distance
     if calibration.accelerometer is not None:
-        if config.axes is None:
+        measured = calibration.accelerometer
+        if config.axes is None or config.axes.unit != measured.unit:
+            kind = "volts" if measured.unit == "V" else measured.unit
             raise ConfigError(
-                f"calibrates volts, and this robot has the {accelerometer.name}. Remove it.",
+                f"calibrates {kind}, and this robot has the {accelerometer.name}. Remove it.",
                 file=file,
                 key="accelerometer",
             )
-        accelerometer = replace(config.axes, **vars(calibration.accelerometer))
+        calibrated = replace(config.axes, zero=measured.zero, per_g=measured.per_g)
+        accelerometer = cast(SensorSettings, calibrated)
     if calibration.distance is not None:
         if distance is None:
             raise ConfigError(

@@ -28,7 +28,7 @@ from protocol.wire.messages import Ok, Perform, RobotRequest
 from protocol.wire.states import State
 from robot.control.interaction import InteractionResult, MotorProgramRunner
 from robot.control.job_queue import JobQueue
-from robot.control.jobs import ENDS, LEAVING, NEWS, STOPPED, Job, ended_by
+from robot.control.jobs import ENDS, LEAVING, NEWS, OFF, STOPPED, Job, ended_by
 from robot.control.outbox import Outbox
 from robot.errors import DeviceError
 from robot.host.service_manager import ServiceManager
@@ -65,7 +65,7 @@ class Controller:
         self._manager = manager or ServiceManager({})
         self._lock = threading.Condition()  # notified when there is work, or no more to come
         self._state = State.RELAXED if interaction.limp else State.IDLE
-        self._reason: str | None = None
+        self._reason = OFF if interaction.limp else None
         self._leaving = False
         self._ended = False
         self._sequence = 0
@@ -132,6 +132,8 @@ class Controller:
 
     def start(self) -> None:
         """Starts the control thread."""
+        if self._reason is not None:
+            self._announce(logging.WARNING, self._reason)
         self._thread.start()
 
     def shut_down(self, timeout: float = 5.0) -> bool:

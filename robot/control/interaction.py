@@ -257,7 +257,7 @@ class MotorProgramRunner:
 
     def _slew(self, targets: Mapping[str, float], phase: str, report: Report) -> None:
         slew = Slew(
-            self._joints,
+            sorted(self._joints, key=lambda joint: joint.output),  # board by board
             start=self._counts,
             targets={j.output: j.quantise(targets[j.name]) for j in self._joints},
             speed=self._speed,

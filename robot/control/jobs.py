@@ -46,6 +46,10 @@ LEAVING: Final = MappingProxyType({Event.READ: "shutting_down", Event.PERFORM: "
 """What the end of the daemon ends, likewise."""
 
 STOPPED: Final = "A client sent stop."
+OFF: Final = (
+    "The servos get no pulses, as after power-up. Put each joint at 0° by hand and keep clear: a "
+    "hold request switches them on, and each jumps to 0°."
+)
 
 NEWS: Final = MappingProxyType(
     {

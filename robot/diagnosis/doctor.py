@@ -139,7 +139,7 @@ def _sensors_of(config: RobotConfig) -> Iterator[tuple[str, str, SensorSettings]
 
 
 def _taken(error: DeviceError) -> bool:
-    """Whether the serial line is locked by another program."""
+    """Whether the link to the servos is locked by another program."""
     cause = error.__cause__
     return (
         isinstance(error, DeviceMissingError)

@@ -50,6 +50,12 @@ class Recording(Generic[Sample]):
         self.samples: list[Sample] = []
         self.failure: DeviceError | None = None
 
+    @property
+    def details(self) -> str:
+        """What else the driver has to tell, for the end of a sentence; a driver need not."""
+        tell: Callable[[], str] | None = getattr(self._driver, "details", None)
+        return f"; {tell()}" if tell is not None and self.failure is None else ""
+
     def sample(self) -> None:
         """Takes one sample."""
         self._attempt(lambda: self.samples.append(self._read()))
@@ -126,7 +132,7 @@ def check_accelerometer(
     across, along = (math.degrees(angle) for angle in tilt)
     text = (
         f"{recording.name}: {length:.3f} g; tilt {across:+.1f}° left up, {along:+.1f}° nose up; "
-        f"noise {noise:.1f} mg"
+        f"noise {noise:.1f} mg{recording.details}"
     )
     swing = max(math.asin(min(1.0, axis.most - axis.least)) for axis in axes[:2])
     if swing > config.settling.swing:

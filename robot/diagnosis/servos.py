@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
+from protocol.errors import HOLD
 from robot.calibration.joints import Mover
 from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
@@ -88,7 +89,9 @@ def _check_joint(joint: DrivenJoint, count: int) -> Finding:
     reach = f"reaches {low:.1f}° to {high:.1f}°, {size:.2f}° a count"
     if not count:
         return look(
-            subject, f"output {joint.output} is limp; {reach}", "A hold request makes it stiff."
+            subject,
+            f"output {joint.output} is limp; {reach}",
+            f"robotd try makes it stiff, joint by joint; where robotd runs: {HOLD}",
         )
     angle = joint.scale.angle(count)
     here = f"output {joint.output} at count {count}, {math.degrees(angle):.1f}°; {reach}"

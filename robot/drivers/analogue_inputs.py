@@ -53,16 +53,25 @@ class AnalogueInputs:
         board: The board's driver.
         name: What the board is called in sentences.
         rails: The volts at the ends of the input range.
+        dithers: Whether a live input hardly ever gives the same code twice running, so that one
+            that does is stuck.
         clock: Tells which readings belong to one moment.
     """
 
     def __init__(
-        self, board: AnalogueBoard, *, name: str, rails: tuple[float, float], clock: Clock
+        self,
+        board: AnalogueBoard,
+        *,
+        name: str,
+        rails: tuple[float, float],
+        clock: Clock,
+        dithers: bool = True,
     ):
         self.board = board
         self._name = name
         code = (rails[1] - rails[0]) / _CODES
         self._low, self._high = rails[0] + code / 2, rails[1] - 1.5 * code
+        self._dithers = dithers
         self._clock = clock
         self._names: dict[int, str] = {}
         self._volts: dict[int, float] = {}
@@ -118,7 +127,7 @@ class AnalogueInputs:
                     f"({volts:.3f} V).",
                     "Look for a broken wire, a short circuit or an amplifier without supply.",
                 )
-            if self._repeats[channel] >= STUCK_AFTER:
+            if self._dithers and self._repeats[channel] >= STUCK_AFTER:
                 raise DeviceDataError(
                     f"{self._name} input {channel}, {name}, is stuck: it gave exactly {volts:.5f} "
                     f"V {self._repeats[channel]} times running.",

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from robot.drivers.analogue_inputs import AnalogueInputs
+from robot.drivers.axes import CalibratedAxes, read_axes
 from robot.drivers.buses import Buses
 from robot.toml_sections import Section
 
 
-class _OnInputs:
-    """A sensor on some inputs of a board, which others open, find and close."""
+class OnInputs:
+    """Base of a sensor on some inputs of a board, which others open, find and close."""
 
     def __init__(self, inputs: AnalogueInputs, channels: tuple[int, ...]):
         self._inputs = inputs
@@ -30,13 +30,12 @@ class _OnInputs:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnalogueAxes:
+class AnalogueAxes(CalibratedAxes):
     """An accelerometer's three axes, x forward, y left, z up: volts at 0 g and volts per g."""
 
     name: ClassVar[str] = "analogue"
+    unit: ClassVar[str] = "V"
     channels: tuple[int, ...]
-    zero: tuple[float, ...]
-    volts_per_g: tuple[float, ...]
 
     @classmethod
     def read(cls, table: Section) -> AnalogueAxes:
@@ -45,8 +44,8 @@ class AnalogueAxes:
         if any(channel != int(channel) for channel in channels) or len(set(channels)) < 3:
             given = ", ".join(f"{channel:g}" for channel in channels)
             raise table.refuse("channels", f"must be three different integers, not {given}.")
-        zero, gains = read_axes(table)
-        return cls(channels=tuple(int(one) for one in channels), zero=zero, volts_per_g=gains)
+        zero, gains = read_axes(table, cls.unit)
+        return cls(channels=tuple(int(one) for one in channels), zero=zero, per_g=gains)
 
     def open(self, buses: Buses, called: str) -> AnalogueAccelerometer:
         """Connects the axes to the board's inputs."""
@@ -55,17 +54,20 @@ class AnalogueAxes:
         buses.analogue.connect(dict(zip(self.channels, names, strict=True)))
         return AnalogueAccelerometer(self, buses.analogue)
 
-    def acceleration(self, volts: Sequence[float]) -> tuple[float, float, float]:
-        """Acceleration along x, y, z in g."""
-        triples = zip(volts, self.zero, self.volts_per_g, strict=True)
-        x, y, z = ((value - zero) / gain for value, zero, gain in triples)
-        return x, y, z
+    def axis(self, index: int) -> str:
+        """Its input."""
+        return f"channel {self.channels[index]}"
+
+    @property
+    def key(self) -> str:
+        """The inputs."""
+        return "accelerometer.channels"
 
     def __str__(self) -> str:
         return f"analogue inputs {', '.join(map(str, self.channels))}"
 
 
-class AnalogueAccelerometer(_OnInputs):
+class AnalogueAccelerometer(OnInputs):
     """Three analogue inputs."""
 
     name = AnalogueAxes.name
@@ -74,10 +76,15 @@ class AnalogueAccelerometer(_OnInputs):
         super().__init__(inputs, axes.channels)
         self._axes = axes
 
+    def raw(self) -> tuple[float, float, float]:
+        """Scans the inputs; V."""
+        volts = self._inputs.scan()
+        x, y, z = (volts[channel] for channel in self._axes.channels)
+        return x, y, z
+
     def acceleration(self) -> tuple[float, float, float]:
         """Scans the inputs; g."""
-        volts = self._inputs.scan()
-        return self._axes.acceleration([volts[channel] for channel in self._axes.channels])
+        return self._axes.acceleration(self.raw())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +127,7 @@ class StrainGauge:
         return f"analogue input {self.channel}"
 
 
-class AnalogueGauge(_OnInputs):
+class AnalogueGauge(OnInputs):
     """One analogue input."""
 
     name = StrainGauge.name
@@ -132,12 +139,6 @@ class AnalogueGauge(_OnInputs):
     def load(self) -> float:
         """The load, N, at the moment at which the other analogue sensors were read."""
         return self._gauge.force(self._inputs.same_moment()[self._gauge.channel])
-
-
-def read_axes(table: Section) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """``zero_v`` and ``volts_per_g``."""
-    gains = table.magnitudes("volts_per_g", 3, 0.02, 5)
-    return table.numbers("zero_v", 3, -10, 10), gains
 
 
 def read_bridge(table: Section) -> tuple[float, float]:

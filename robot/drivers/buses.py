@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import serial
 
 from robot.drivers.analogue_inputs import AnalogueInputs
+from robot.drivers.gpio_line import GPIOLine, OutputLine
 from robot.drivers.i2c import I2CBus, open_i2c
 from robot.drivers.portio import PortIO, open_dev_port
 from robot.drivers.serial_line import open_serial
@@ -27,6 +28,7 @@ class Buses:
         open_serial: Opens a serial line, given its device file and baud rate.
         open_ports: Opens the I/O ports of a board, given its base address.
         open_i2c: Opens an I²C bus, given its device file.
+        open_line: Opens an output line, given its chip's device file, its number and first level.
         analogue: The inputs of the ``[daq]`` board, or ``None`` where there is none.
     """
 
@@ -34,4 +36,5 @@ class Buses:
     open_serial: Callable[[str, int], serial.Serial] = open_serial
     open_ports: Callable[[int], PortIO] = open_dev_port
     open_i2c: Callable[[str], I2CBus] = open_i2c
+    open_line: Callable[[str, int, bool], OutputLine] = GPIOLine
     analogue: AnalogueInputs | None = None

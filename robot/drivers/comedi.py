@@ -73,6 +73,7 @@ class ComediSettings:
     """The board's device file, and its input range."""
 
     name: ClassVar = "comedi board"
+    dithers: ClassVar = True
     device: str
     input_range: str
 

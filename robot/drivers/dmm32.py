@@ -101,6 +101,7 @@ class DMM32Settings:
     """Where the board is, and its input range."""
 
     name: ClassVar = "DMM-32"
+    dithers: ClassVar = True
     base: int
     input_range: str
 

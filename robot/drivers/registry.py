@@ -3,7 +3,7 @@
 A distribution offers a driver by an entry point, whose name is what ``robot.toml`` calls it:
 
     [project.entry-points."bodyschema.servos"]
-    pca9685 = "my_robot.pca9685:PCA9685Settings"
+    pololu = "my_robot.pololu:PololuSettings"
 
     [project.entry-points."bodyschema.sensors"]
     "accelerometer.adxl345" = "my_robot.adxl345:ADXL345Settings"
@@ -14,6 +14,7 @@ module is imported only when a configuration names its driver. A name that is ou
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import metadata
 from types import MappingProxyType
 from typing import Any, Final
@@ -25,12 +26,20 @@ SENSORS: Final = "bodyschema.sensors"
 
 OURS: Final = MappingProxyType(
     {
-        SERVOS: MappingProxyType({"sv203": "robot.drivers.sv203:SV203Settings"}),
+        SERVOS: MappingProxyType(
+            {
+                "sv203": "robot.drivers.sv203:SV203Settings",
+                "pca9685": "robot.drivers.pca9685:PCA9685Settings",
+            }
+        ),
         SENSORS: MappingProxyType(
             {
                 "daq.dmm32": "robot.drivers.dmm32:DMM32Settings",
                 "daq.comedi": "robot.drivers.comedi:ComediSettings",
+                "daq.ads1115": "robot.drivers.ads1115:ADS1115Settings",
+                "accelerometer.mpu6050": "robot.drivers.mpu6050:MPU6050Settings",
                 "accelerometer.analogue": "robot.drivers.analogue_sensors:AnalogueAxes",
+                "touch.switch": "robot.drivers.switch:SwitchSettings",
                 "touch.analogue": "robot.drivers.analogue_sensors:StrainGauge",
                 "distance.vl6180x": "robot.drivers.vl6180x:VL6180XSettings",
             }
@@ -38,6 +47,40 @@ OURS: Final = MappingProxyType(
     }
 )
 """Entry-point group → name → module and class."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstalledDriver:
+    """A driver that a configuration can name.
+
+    Attributes:
+        table: The table of ``robot.toml`` that it serves.
+        name: What that table's key ``driver`` calls it.
+        point: Where it is.
+        distribution: Who brings it, with its version; empty where nobody knows.
+    """
+
+    table: str
+    name: str
+    point: metadata.EntryPoint
+    distribution: str
+
+
+def installed() -> list[InstalledDriver]:
+    """All drivers, ours first; a name that comes twice is offered twice."""
+    found = []
+    for group, ours in OURS.items():
+        points = [metadata.EntryPoint(name, value, group) for name, value in ours.items()]
+        for point in [*points, *metadata.entry_points(group=group)]:
+            table, _, name = ("servos." + point.name if group == SERVOS else point.name).partition(
+                "."
+            )
+            brought = point.dist or (
+                metadata.distribution("bodyschema") if point in points else None
+            )
+            label = f"{brought.name} {brought.version}" if brought else ""
+            found.append(InstalledDriver(table=table, name=name, point=point, distribution=label))
+    return found
 
 
 def driver_class(table: Section, group: str, default: str, *, kind: str = "") -> Any:

@@ -14,7 +14,7 @@ from robot.toml_sections import Section
 
 
 class SensorDriver(Protocol):
-    """An open sensor.
+    """An open sensor; it may have ``details()``, what the doctor tells beside its readings.
 
     Attributes:
         name: As ``SensorSettings.name``.
@@ -80,7 +80,8 @@ class SensorSettings(Protocol):
     """The keys in ``robot.toml`` of one kind of sensor driver; what the registry names.
 
     A frozen dataclass: its ``repr`` is part of the configuration's hash. ``str`` says where the
-    device is, for the log.
+    device is, for the log. It may have ``claims``, strings that name the places on a bus where no
+    other device can be, such as ``0x29 on I²C bus 1``.
 
     Attributes:
         name: What the device is called in sentences, such as ``VL6180X``.
@@ -127,9 +128,11 @@ class BoardSettings(Protocol):
 
     Attributes:
         name: What the board is called in sentences, such as ``DMM-32``.
+        dithers: Whether a live input hardly ever gives the same code twice running.
     """
 
     name: ClassVar[str]
+    dithers: ClassVar[bool]
 
     @property
     def rails(self) -> tuple[float, float]:
@@ -163,5 +166,11 @@ def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
     except BaseException:
         board.close()
         raise
-    inputs = AnalogueInputs(board, name=settings.name, rails=settings.rails, clock=buses.clock)
+    inputs = AnalogueInputs(
+        board,
+        name=settings.name,
+        rails=settings.rails,
+        dithers=settings.dithers,
+        clock=buses.clock,
+    )
     return replace(buses, analogue=inputs)

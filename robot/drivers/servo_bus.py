@@ -78,17 +78,23 @@ class ServoSettings(Protocol):
 
     Attributes:
         name: As ``ServoBus.name``.
-        outputs: The numbers of its outputs.
-        counts: The counts that it can command, consecutive, from 1 or above: range and resolution.
-        per_update: Outputs that one transmission commands.
         reads_back: Whether the device can be asked for the counts that it holds.
     """
 
     name: ClassVar[str]
-    outputs: ClassVar[range]
-    counts: ClassVar[range]
-    per_update: ClassVar[int]
     reads_back: ClassVar[bool]
+
+    @property
+    def outputs(self) -> range:
+        """The numbers of its outputs, consecutive, of all boards together."""
+
+    @property
+    def counts(self) -> range:
+        """The counts that it can command, consecutive, from 1 or above: range and resolution."""
+
+    @property
+    def per_update(self) -> int:
+        """Outputs that one transmission commands."""
 
     @classmethod
     def read(cls, table: Section) -> ServoSettings:

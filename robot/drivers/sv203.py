@@ -1,113 +1,118 @@
-"""Pontech SV203 servo board: eight servos on a serial line; its analogue inputs are not used.
+"""Pontech SV203 servo boards: eight servos each, one or more boards on a serial line.
 
-Commands are ASCII lines of at most 20 characters, ended by a carriage return. The board
-acknowledges nothing and ignores what it does not understand. So this driver checks ranges itself,
-selects the servo on every line, and offers ``verify`` to find out whether the board still has what
-it was sent.
+The analogue inputs are not used. Commands are lines of text; the boards acknowledge nothing and
+ignore what they do not understand. So this driver checks ranges itself, selects the servo on every
+line, and offers ``verify`` to find out whether a board still has what it was sent.
 
-After a brown-out the board comes back deselected, with all servos at neutral, and acts upon nothing
+After a brown-out a board comes back deselected, with all servos at neutral, and acts upon nothing
 until it is selected. Moves therefore never select it: those that are under way when it is reset
 reach a board that ignores them, instead of making every servo leap back to where it was. Only a
 query selects, and only one whose answer is waited for, when the driver begins and after it was told
-to ``forget``. Otherwise a query that stays unanswered is how a reset is noticed. A second board on
-the same line would have to be read back in the same way at each change of the selection. All this
-holds for a board as it leaves the factory; one that was set up to be selected when it is switched
-on would follow the moves after a reset.
+to ``forget``. Otherwise a query that stays unanswered is how a reset is noticed.
 
-Source: Pontech SV203 User Manual, revision 1.20. Three things are not in it, and want a look with
-an oscilloscope on a new board: that count 0 stops the pulses (``release``), that a reply to ``RR``
-ends with a carriage return as one to ``AD`` does, and whether the return counts among the 20
-characters (lines here have at most 15 without it).
+Where several boards share the line, selecting one deselects the others, so each must be selected
+again and again. It is selected with a question for the servo that it holds furthest from neutral:
+one that does not have that count any more was reset, and gets no move. (One whose servos all stand
+at neutral is not found out so, and has thrown none.) All this holds for boards as they leave the
+factory; one that was set up to be selected when it is switched on would follow the moves after a
+reset.
+
+Source: Pontech SV203 User Manual, revision 1.20. That count 0 stops the pulses (``release``) is not
+in it, and wants a look with an oscilloscope on a new board.
 """
 
 from __future__ import annotations
 
-import termios
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import ClassVar, Final
 
 import serial
 
 from robot.drivers.buses import Buses
-from robot.errors import (
-    CommandError,
-    DeviceDataError,
-    DeviceError,
-    DeviceMissingError,
-    DeviceTimeoutError,
-)
+from robot.drivers.sv203_line import SV203Line
+from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
 
-OUTPUTS: Final = range(1, 9)
+SERVOS: Final = 8  # of one board
 COUNTS: Final = range(1, 256)
+NEUTRAL: Final = 128
 LIMP: Final = 0
 BAUDS: Final = (2400, 4800, 9600, 19200)
+MAX_BOARDS: Final = 8
 
 _SERVOS_PER_LINE: Final = 2
-_BITS_PER_BYTE: Final = 10  # 8N1
 _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
-_MAX_REPLY: Final = 16
 _ATTEMPTS: Final = 3
 _RESET: Final = "Check the servos' supply: it drops under load."
-_PLUG: Final = "Check that the adapter is plugged in and the board has power."
 
 
 @dataclass(frozen=True, kw_only=True)
 class SV203Settings:
-    """The serial line to the board, and the board's number on it."""
+    """The serial line to the boards, and their numbers on it."""
 
     name: ClassVar = "SV203"
-    outputs: ClassVar = OUTPUTS
     counts: ClassVar = COUNTS
     per_update: ClassVar = _SERVOS_PER_LINE
     reads_back: ClassVar = True
     port: str = field(repr=False)  # a re-plugged adapter may have another name
     baud: int
-    board: int
+    boards: tuple[int, ...]
     line_gap: float
+
+    @property
+    def outputs(self) -> range:
+        """1 to 8 are the servos of the first board, 9 to 16 those of the second."""
+        return range(1, SERVOS * len(self.boards) + 1)
 
     @classmethod
     def read(cls, table: Section) -> SV203Settings:
         """``port``, ``baud``, ``board`` and ``line_gap_ms``."""
+        boards = table.integers("board", 0, 255, (1,))
+        if len(boards) > MAX_BOARDS or (0 in boards and len(boards) > 1):
+            raise table.refuse(
+                "board",
+                f"must be a number, or up to {MAX_BOARDS} numbers from 1, not {list(boards)}; 0 "
+                "addresses every board.",
+            )
         return cls(
             port=table.text("port"),
             baud=table.one_of("baud", BAUDS, 9600),
-            board=table.integer("board", 0, 255, 1),
+            boards=boards,
             line_gap=table.number("line_gap_ms", 3, 100, 3) / 1000,
         )
 
     def open(self, buses: Buses) -> SV203:
-        """Opens the line; the board is first heard of at the first query."""
+        """Opens the line; a board is first heard of at its first query."""
         return SV203(
             lambda: buses.open_serial(self.port, self.baud),
-            board=self.board,
+            boards=self.boards,
             clock=buses.clock,
             line_gap=self.line_gap,
         )
 
     def __str__(self) -> str:
-        return f"board {self.board} on {self.port}, {self.baud} baud"
+        numbers = " and ".join(map(str, self.boards))
+        several = "s" if len(self.boards) > 1 else ""
+        return f"board{several} {numbers} on {self.port}, {self.baud} baud"
 
 
 class SV203:
-    """One servo board.
+    """The servo boards of one line.
 
     The driver remembers what it sent and sends only what changes. It is not thread-safe.
 
     Args:
         open_port: Opens the line, which the driver closes.
-        board: The board's number, 0 to 255; factory setting 1, and 0 addresses every board.
+        boards: The boards' numbers, 1 to 255; factory setting 1. A 0 addresses every board.
         clock: Paces the lines.
         line_gap: Pause after each line, s; the manual asks for about 3 ms.
         reply_timeout: Longest wait for the answer to a query, s.
 
     Attributes:
         name: What it is called in sentences.
-        bytes_written: Bytes handed to the serial line by this object, for a clock that must
-            know when an emulated board has seen them all.
         repeats: Queries that had to be asked again, because the answer was damaged or did not come.
     """
 
@@ -117,71 +122,84 @@ class SV203:
         self,
         open_port: Callable[[], serial.Serial],
         *,
-        board: int = 1,
+        boards: Sequence[int] = (1,),
         clock: Clock,
         line_gap: float = 0.003,
         reply_timeout: float = 0.2,
     ):
-        self.bytes_written = 0
-        self._select = f"BD{board}"
-        self._clock = clock
-        self._line_gap = line_gap
-        self._reply_timeout = reply_timeout
-        self._sent: dict[int, int] = {}
-        self._selected = False
         self.repeats = 0
-        self._open_port = open_port
-        self._open()
+        self._boards = tuple(boards)
+        self._outputs = range(1, SERVOS * len(boards) + 1)
+        self._sent: dict[int, int] = {}  # what need not be sent again
+        self._held: dict[int, int] = {}  # what the boards that were read should hold
+        self._selected: int | None = None
+        self._line = SV203Line(open_port, clock=clock, gap=line_gap, reply_timeout=reply_timeout)
+
+    @property
+    def bytes_written(self) -> int:
+        """Bytes handed to the line, for a clock that must know when emulated boards have them."""
+        return self._line.bytes_written
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Sends the counts that differ from the last ones sent, and waits out the line.
 
         Args:
-            counts: Count 1 to 255 by servo output 1 to 8; one count is about 0.7°.
+            counts: Count 1 to 255 by output; one count is about 0.7°.
 
         Raises:
-            CommandError: An output or count out of range, or the board was not read since the
+            CommandError: An output or count out of range, or its board was not read since the
                 driver began, forgot or noticed a reset; nothing was sent.
+            DeviceDataError: A board was reset; it got nothing.
             DeviceError: The line failed; counts not known to have arrived are forgotten.
         """
-        if not self._selected:
-            raise CommandError("read the servo board's counts before moving its servos")
+        self._check_outputs(counts)
         for output, count in counts.items():
-            _check_output(output)
             if count not in COUNTS:
                 raise CommandError(f"servo {output}: the count must lie in 1 to 255, not {count}")
-        self._send(counts)
+        if not all(self._held_by(self._board_of(output)) for output in counts):
+            raise CommandError("read the servo board's counts before moving its servos")
+        changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
+        for board, outputs in self._by_board(changed):
+            self._select(board)
+            self._send(board, {n: counts[n] for n in outputs})
 
-    def release(self, outputs: Iterable[int] = OUTPUTS) -> None:
+    def release(self, outputs: Iterable[int] | None = None) -> None:
         """Stops the pulses of some servos, so that they go limp, also on a board that was reset.
 
         Raises:
             CommandError: An output out of range; nothing was sent.
             DeviceError: The line failed.
         """
-        counts = dict.fromkeys(outputs, LIMP)
-        for output in counts:
-            _check_output(output)
+        limp = dict.fromkeys(self._outputs if outputs is None else outputs, LIMP)
+        self._check_outputs(limp)
+        for output in limp:
             self._sent.pop(output, None)  # a limp servo is worth the bytes of a repeat
-        self._send(counts, select=self._select)
+        for board, group in self._by_board(sorted(limp)):
+            if board != self._selected:
+                self._selected = None
+            self._send(board, dict.fromkeys(group, LIMP), select=f"BD{board}")
 
-    def read_counts(self, outputs: Iterable[int] = OUTPUTS) -> dict[int, int]:
-        """Asks the board which counts it has been sent; no servo reports where it really is.
+    def read_counts(self, outputs: Iterable[int] | None = None) -> dict[int, int]:
+        """Asks the boards which counts they have been sent; no servo reports where it really is.
 
         Returns:
             Count 0 (limp) to 255 by output.
 
         Raises:
             CommandError: An output out of range.
+            DeviceDataError: A board was reset.
             DeviceError: The line failed, no reply came, or only garbage did.
         """
-        wanted = list(outputs)
+        wanted = list(self._outputs if outputs is None else outputs)
+        self._check_outputs(wanted)
+        counts = {}
         for output in wanted:
-            _check_output(output)
-        return {output: self._query(f"RR{_FIRST_POSITION + output - 1}") for output in wanted}
+            self._select(self._board_of(output))
+            counts[output] = self._held[output] = self._query(output)
+        return counts
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
-        """Compares the board with what it should have; a difference means a damaged line.
+        """Compares the boards with what they should have; a difference means a damaged line.
 
         A difference is read twice, so that it is not the reply that was damaged.
 
@@ -189,7 +207,7 @@ class SV203:
             The outputs that differ, ascending; these are forgotten and will be sent again.
 
         Raises:
-            DeviceDataError: The board was reset.
+            DeviceDataError: A board was reset.
             DeviceError: As ``read_counts``.
         """
         suspects = [n for n, count in self.read_counts(expected).items() if count != expected[n]]
@@ -199,9 +217,10 @@ class SV203:
         return sorted(differing)
 
     def forget(self) -> None:
-        """Forgets what is known of the board: the next query selects it, all counts are sent."""
+        """Forgets what is known of the boards: the next queries select them, all is sent again."""
         self._sent.clear()
-        self._selected = False
+        self._held.clear()
+        self._selected = None
 
     def reopen(self) -> None:
         """Closes the line and opens it anew: an adapter that was re-plugged is another device.
@@ -209,122 +228,121 @@ class SV203:
         Raises:
             DeviceMissingError: It cannot be opened.
         """
-        self.close()
+        self._line.close()
         self.forget()
-        self._open()
+        self._line.open()
 
     def seconds_for(self, changed: int) -> float:
         """How long ``set_counts`` takes at most when so many counts changed, s."""
-        pairs, single = divmod(changed, _SERVOS_PER_LINE)
+        used = min(len(self._boards), changed) if len(self._boards) > 1 else 0
+        pairs, single = divmod(changed - used, _SERVOS_PER_LINE)
         one = len("SV8M255")
-        return pairs * self._line_time(2 * one) + single * self._line_time(one)
+        return (
+            pairs * self._line.seconds_for(2 * one)
+            + (single + used) * self._line.seconds_for(one)  # a board's last line may have but one
+            + used * self._line.seconds_to_ask(len("BD255RR58"))
+        )
 
     def close(self) -> None:
-        """Closes the line; the board keeps the servos where they are."""
-        with suppress(OSError, termios.error):  # the adapter may be gone, and with it the line
-            self._port.close()
+        """Closes the line; the boards keep the servos where they are."""
+        self._line.close()
 
-    def _open(self) -> None:
-        self._port = self._open_port()
-        self._byte_time = _BITS_PER_BYTE / self._port.baudrate
-        with self._link("setting it up"):
-            self._port.timeout = self._reply_timeout
+    def _board_of(self, output: int) -> int:
+        return self._boards[(output - 1) // SERVOS]
 
-    def _send(self, counts: Mapping[int, int], *, select: str = "") -> None:
-        changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
-        for start in range(0, len(changed), _SERVOS_PER_LINE):
-            group = changed[start : start + _SERVOS_PER_LINE]
+    def _held_by(self, board: int) -> dict[int, int]:
+        """What a board should hold, by output; nothing if it was not read."""
+        return {n: count for n, count in self._held.items() if self._board_of(n) == board}
+
+    def _by_board(self, outputs: Sequence[int]) -> list[tuple[int, list[int]]]:
+        """The boards, the selected one first, each with those of some outputs that are its own."""
+        boards = sorted(self._boards, key=lambda board: board != self._selected)
+        groups = ((board, [n for n in outputs if self._board_of(n) == board]) for board in boards)
+        return [(board, own) for board, own in groups if own]
+
+    def _called(self, board: int) -> str:
+        number = f", board {board}" if len(self._boards) > 1 else ""
+        return f"servo board ({self.name}{number})"
+
+    def _check_outputs(self, outputs: Iterable[int]) -> None:
+        for output in outputs:
+            if output not in self._outputs:
+                raise CommandError(
+                    f"the servo boards have outputs 1 to {self._outputs[-1]}, not {output}"
+                )
+
+    def _send(self, board: int, counts: Mapping[int, int], *, select: str = "") -> None:
+        outputs = list(counts)
+        for start in range(0, len(outputs), _SERVOS_PER_LINE):
+            group = {n: counts[n] for n in outputs[start : start + _SERVOS_PER_LINE]}
             for output in group:
                 self._sent.pop(output, None)
-            self._write(select + "".join(f"SV{n}M{counts[n]}" for n in group))
-            self._sent.update((n, counts[n]) for n in group)
+            self._line.write(
+                select + "".join(f"SV{_servo(n)}M{count}" for n, count in group.items())
+            )
+            self._sent |= group
+            if self._held_by(board):
+                self._held |= group
 
-    def _write(self, line: str) -> None:
-        with self._link("writing to it"):
-            self._port.write(line.encode("ascii") + b"\r")
-        self.bytes_written += len(line) + 1
-        self._clock.sleep(self._line_time(len(line)))
+    def _select(self, board: int) -> None:
+        """Selects a board that was read before, unless it was reset; the first query any other."""
+        held = self._held_by(board)
+        if board == self._selected or not held:
+            return
+        telling = max(held, key=lambda output: abs(held[output] - NEUTRAL))
+        for _ in range(2):  # it may be the answer that was damaged
+            count = self._query(telling)
+            if count == held[telling]:
+                return
+        self.forget()
+        raise DeviceDataError(
+            f"The {self._called(board)} has count {count} at output {telling} instead of "
+            f"{held[telling]}: it was reset, or bytes were lost on the line.",
+            _RESET,
+        )
 
-    def _line_time(self, characters: int) -> float:
-        return (characters + 1) * self._byte_time + self._line_gap
-
-    def _query(self, command: str) -> int:
-        """Repeats a query, which changes nothing, until a sound reply comes.
-
-        Raises:
-            DeviceDataError: The board was reset, or answers only garbage.
-            DeviceError: It does not answer, or the line failed.
-        """
+    def _query(self, output: int) -> int:
+        """Repeats a query, which changes nothing, until a sound reply comes."""
         for _ in range(_ATTEMPTS - 1):
             with suppress(DeviceTimeoutError, DeviceDataError):
-                return self._ask(command)
+                return self._ask(output)
             self.repeats += 1
         try:
-            return self._ask(command)
+            return self._ask(output)
         except DeviceTimeoutError:
-            if self._selected:
-                self._look_for_reset(command)
+            if self._board_of(output) == self._selected:
+                self._look_for_reset(output)
             raise
 
-    def _ask(self, command: str) -> int:
-        """Asks once, and selects the board with the question where that was not yet done."""
-        answer = self._query_once(command, select="" if self._selected else self._select)
-        self._selected = True
+    def _ask(self, output: int) -> int:
+        """Asks once, and selects the board with the question where that is not yet done."""
+        board = self._board_of(output)
+        select = ""
+        if board != self._selected:
+            self._selected, select = None, f"BD{board}"
+        answer = self._line.ask(_cell(output), select=select, board=self._called(board))
+        self._selected = board
         return answer
 
-    def _look_for_reset(self, command: str) -> None:
+    def _look_for_reset(self, output: int) -> None:
         """A board that answers only when it is selected anew was reset since it last was."""
+        board = self._board_of(output)
         try:
-            self._query_once(command, select=self._select)
+            self._line.ask(_cell(output), select=f"BD{board}", board=self._called(board))
         except DeviceError:
             return
         self.forget()
         raise DeviceDataError(
-            "The servo board (SV203) is not selected any more: it was reset, and its servos went "
-            "to neutral.",
+            f"The {self._called(board)} is not selected any more: it was reset, and its servos "
+            "went to neutral.",
             _RESET,
         )
 
-    def _query_once(self, command: str, *, select: str) -> int:
-        with self._link("emptying its input"):
-            self._port.reset_input_buffer()
-        self._write(select + command)
-        with self._link("reading from it"):
-            reply = self._port.read_until(b"\r", _MAX_REPLY)
-            if not reply.endswith(b"\r"):  # it may have come while we had no processor
-                reply += self._port.read(min(self._port.in_waiting, _MAX_REPLY - len(reply)))
-        if not reply.endswith(b"\r") and len(reply) < _MAX_REPLY:
-            self._clock.charge(self._reply_timeout)
-            raise DeviceTimeoutError(
-                f"The servo board (SV203) did not answer {command} within {self._reply_timeout:g} s"
-                f"{f' (only {reply!r})' if reply else ''}.",
-                "Check its power, the cable, the baud rate and the board number.",
-            )
-        self._clock.charge(len(reply) * self._byte_time)
-        digits = reply.strip(b"\r\n ")
-        if not (digits.isdigit() and int(digits) <= 255):
-            raise DeviceDataError(
-                f"The servo board (SV203) answered {reply!r} to {command} instead of a number 0 "
-                "to 255.",
-                "Check the cable, the ground and the baud rate.",
-            )
-        return int(digits)
 
-    @contextmanager
-    def _link(self, doing: str) -> Iterator[None]:
-        # A hung-up line raises SerialException or OSError, and termios.error, which is neither.
-        try:
-            yield
-        except serial.SerialTimeoutException as error:
-            raise DeviceTimeoutError(
-                f"The serial port {self._port.port} took no more bytes.", _PLUG
-            ) from error
-        except (OSError, termios.error) as error:
-            raise DeviceMissingError(
-                f"The serial port {self._port.port} failed while {doing}: {error}.", _PLUG
-            ) from error
+def _servo(output: int) -> int:
+    """The number of a servo on its own board."""
+    return (output - 1) % SERVOS + 1
 
 
-def _check_output(output: int) -> None:
-    if output not in OUTPUTS:
-        raise CommandError(f"the servo board has outputs 1 to 8, not {output}")
+def _cell(output: int) -> str:
+    return f"RR{_FIRST_POSITION + _servo(output) - 1}"

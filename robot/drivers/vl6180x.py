@@ -1,6 +1,7 @@
 """ST VL6180X distance sensor on I²C: 0 to about 100 mm, up to 200 mm with a bright target.
 
-Registers have 16-bit addresses, highest byte first, so each access is a combined transfer.
+Registers have 16-bit addresses, so each access is a combined transfer; of one read only, which is
+all that the controller of a Raspberry Pi can do.
 
 Source: ST application note AN4545 (mandatory and recommended settings, single-shot sequence) and
 the VL6180X data sheet (status and error codes, result registers). How long a measurement takes
@@ -14,10 +15,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Final
 
-from smbus2 import i2c_msg
-
 from robot.drivers.buses import Buses
-from robot.drivers.i2c import I2CBus
+from robot.drivers.i2c import I2CBus, I2CRegisters
 from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -92,6 +91,11 @@ class VL6180XSettings:
             bus=table.integer("bus", 0, 255), address=table.integer("address", 0x08, 0x77, 0x29)
         )
 
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """Its address."""
+        return (f"0x{self.address:x} on I²C bus {self.bus}",)
+
     def open(self, buses: Buses, called: str) -> VL6180X:
         """Opens the bus."""
         del called
@@ -114,7 +118,7 @@ class VL6180X:
     name = VL6180XSettings.name
 
     def __init__(self, bus: I2CBus, *, address: int = 0x29, clock: Clock):
-        self._bus = bus
+        self._registers = I2CRegisters(bus, address, self.name, wide=True)
         self._address = address
         self._clock = clock
         self._counts = b""
@@ -126,20 +130,20 @@ class VL6180X:
         Raises:
             DeviceError: Nothing, or something else, answers, or the sensor is never ready.
         """
-        ((model,),) = self._read((_MODEL_ID, 1))
+        (model,) = self._registers.read(_MODEL_ID)
         if model != _MODEL:
             raise DeviceMissingError(
                 f"The device at I²C address 0x{self._address:x} is no VL6180X: it calls itself "
                 f"0x{model:02x} instead of 0x{_MODEL:02x}.",
                 "Check which sensor is fitted, and the address in the configuration.",
             )
-        ((fresh,),) = self._read((_FRESH_OUT_OF_RESET, 1))
+        (fresh,) = self._registers.read(_FRESH_OUT_OF_RESET)
         if fresh == 1:
             for register, value in _MANDATORY:
-                self._write(register, value)
-            self._write(_FRESH_OUT_OF_RESET, 0)
+                self._registers.write(register, value)
+            self._registers.write(_FRESH_OUT_OF_RESET, 0)
         for register, value in _RECOMMENDED:
-            self._write(register, value)
+            self._registers.write(register, value)
         self._counts, self._repeats = b"", 0
 
     def range_mm(self) -> int | None:
@@ -154,13 +158,14 @@ class VL6180X:
                 of its own.
         """
         self._await_ready()
-        self._write(_INTERRUPT_CLEAR, 0x07)  # of the last measurement, maybe an abandoned one
-        self._write(_RANGE_START, 0x01)
+        # Of the last measurement, maybe an abandoned one.
+        self._registers.write(_INTERRUPT_CLEAR, 0x07)
+        self._registers.write(_RANGE_START, 0x01)
         self._clock.sleep(_FIRST_LOOK)
         self._await_sample()
-        (status,), (value,), counts = self._read(
-            (_RANGE_STATUS, 1), (_RANGE_VALUE, 1), (_COUNTS, _COUNTS_SIZE)
-        )
+        (status,) = self._registers.read(_RANGE_STATUS)
+        (value,) = self._registers.read(_RANGE_VALUE)
+        counts = self._registers.read(_COUNTS, _COUNTS_SIZE)
         error = status >> 4
         if error == 0:
             self._look_for_life(counts)
@@ -185,7 +190,7 @@ class VL6180X:
 
     def close(self) -> None:
         """Closes the bus."""
-        self._bus.close()
+        self._registers.close()
 
     def _look_for_life(self, counts: bytes) -> None:
         same = counts == self._counts and any(counts)
@@ -200,7 +205,8 @@ class VL6180X:
 
     def _await_ready(self) -> None:
         for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
-            (fresh,), (status,) = self._read((_FRESH_OUT_OF_RESET, 1), (_RANGE_STATUS, 1))
+            (fresh,) = self._registers.read(_FRESH_OUT_OF_RESET)
+            (status,) = self._registers.read(_RANGE_STATUS)
             if fresh != 0:
                 raise DeviceDataError(
                     "The VL6180X has been reset and lost its settings.",
@@ -213,7 +219,7 @@ class VL6180X:
 
     def _await_sample(self) -> None:
         for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
-            ((status,),) = self._read((_INTERRUPT_STATUS, 1))
+            (status,) = self._registers.read(_INTERRUPT_STATUS)
             if status >> 6:
                 kind = "laser safety" if status >> 6 == 1 else "clock"
                 raise DeviceDataError(
@@ -228,31 +234,3 @@ class VL6180X:
         return DeviceTimeoutError(
             f"The VL6180X was not {what} within {_DEADLINE:g} s.", "Switch it off and on."
         )
-
-    def _read(self, *blocks: tuple[int, int]) -> list[bytes]:
-        """Blocks of registers, each given by its first register and its length, in one transfer."""
-        data = [i2c_msg.read(self._address, length) for _, length in blocks]
-        indices = [self._index(register) for register, _ in blocks]
-        self._transfer(*(message for pair in zip(indices, data, strict=True) for message in pair))
-        return [bytes(message) for message in data]
-
-    def _write(self, register: int, value: int) -> None:
-        message = i2c_msg.write(self._address, (register >> 8, register & 0xFF, value))
-        self._transfer(message)
-
-    def _index(self, register: int) -> i2c_msg:
-        return i2c_msg.write(self._address, (register >> 8, register & 0xFF))
-
-    def _transfer(self, *messages: i2c_msg) -> None:
-        try:
-            self._bus.i2c_rdwr(*messages)
-        except TimeoutError as error:  # ETIMEDOUT: something holds the bus low
-            raise DeviceTimeoutError(
-                f"The I²C bus hangs at address 0x{self._address:x}: {error}.",
-                "Check the bus's pull-ups and cable, then switch the sensor off and on.",
-            ) from error
-        except OSError as error:
-            raise DeviceMissingError(
-                f"Nothing acknowledges at I²C address 0x{self._address:x}: {error}.",
-                "Check the sensor's power and cable, and the address in the configuration.",
-            ) from error

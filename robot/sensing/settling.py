@@ -41,9 +41,11 @@ class RestDetector:
         self._samples.append((now, values))
         while self._samples[0][0] < now - self._criterion.window - 1e-9:
             self._samples.popleft()
-        expected = int(self._criterion.window * self._criterion.rate)
-        if len(self._samples) < max(4, expected):
-            return False
+        if len(self._samples) < max(4, int(self._criterion.window * self._criterion.rate / 2)):
+            return False  # a sample takes time of its own, so there are fewer than the rate says
+        first, (last, _) = self._samples[0][0], self._samples[-2]
+        if now - first + (now - last) < self._criterion.window - 1e-9:
+            return False  # one more would still be within the window
         half = len(self._samples) // 2
         for axis in zip(*(values for _, values in self._samples), strict=True):
             if max(axis) - min(axis) > self._criterion.swing:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.analogue_inputs import AnalogueBoard
@@ -14,13 +15,13 @@ from robot.drivers.sensor_drivers import (
     Accelerometer,
     DistanceSensor,
     SensorDriver,
+    SensorSettings,
     TouchSensor,
     attach_board,
 )
 from robot.drivers.servo_bus import ServoBus
 from robot.errors import DeviceError
-
-Driver = TypeVar("Driver", bound=SensorDriver)
+from robot.toml_sections import numbered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,38 +49,61 @@ class Devices:
             self.board.close()
 
 
-def open_devices(config: RobotConfig, buses: Buses) -> Devices:
+def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Devices:
     """Opens, finds and identifies each device that a configuration names.
+
+    Args:
+        config: What is connected where.
+        buses: What leads there.
+        file: The configuration's, for the sentence.
 
     Raises:
         DeviceError: One of them cannot be opened or is not what it should be; the sentence says
-            which and why.
+            which, by file and table, and why.
     """
     with ExitStack() as opened:
-        servos = config.servos.open(buses)
+        with _named(file, "servos"):
+            servos = config.servos.open(buses)
         opened.callback(servos.close)
         board = None
         if config.daq is not None:
-            buses = attach_board(buses, config.daq)
+            with _named(file, "daq"):
+                buses = attach_board(buses, config.daq)
             assert buses.analogue is not None
             board = buses.analogue.board
             opened.callback(board.close)
 
-        def start(driver: Driver) -> Driver:
-            opened.callback(driver.close)
-            driver.start()
+        def start(table: str, settings: SensorSettings, called: str) -> Any:
+            with _named(file, table):
+                driver: SensorDriver = settings.open(buses, called)
+                opened.callback(driver.close)
+                driver.start()
             return driver
 
         distance = config.distance
         devices = Devices(
             servos=servos,
             board=board,
-            accelerometer=start(config.accelerometer.open(buses, "accelerometer")),
-            touch=tuple(start(point.driver.open(buses, point.name)) for point in config.touch),
-            distance=start(distance.driver.open(buses, "distance")) if distance else None,
+            accelerometer=start("accelerometer", config.accelerometer, "accelerometer"),
+            touch=tuple(
+                start(numbered("touch", number, point.name), point.driver, point.name)
+                for number, point in enumerate(config.touch, 1)
+            ),
+            distance=start("distance", distance.driver, "distance") if distance else None,
         )
         opened.pop_all()
     return devices
+
+
+@contextmanager
+def _named(file: str, table: str) -> Iterator[None]:
+    """Says in the sentence of a device that fails where the configuration has it."""
+    try:
+        yield
+    except DeviceError as error:
+        if not file:
+            raise
+        raise type(error)(f"{file}: {table}: {error.message}", error.advice) from error
 
 
 def revive(config: RobotConfig, devices: Devices) -> None:

@@ -1,1 +1,4 @@
-"""The command line of ``sim-robotd``: ``command_line``, and ``calibrate`` for ``--calibrate``."""
+"""The command line of ``sim-robotd``.
+
+``command_line``; ``calibrate`` for ``--calibrate``, and ``console`` for ``--console``.
+"""

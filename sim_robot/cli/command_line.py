@@ -17,7 +17,8 @@ from robot.service.daemon import serve
 from sim_robot.errors import BodyError, FaultError
 from sim_robot.faults.control_socket import FaultSocket
 from sim_robot.faults.fault_panel import KNOWN, FaultSpec
-from sim_robot.world.body import body_path, default_body_path, load_body, shipped_bodies
+from sim_robot.world.body import body_path, default_body_path, examine, load_body, shipped_bodies
+from sim_robot.world.engines import DEFAULT_ENGINE, ENGINES
 from sim_robot.world.sensor_noise import load_noise
 
 
@@ -26,13 +27,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     set_up_logging()
     try:
+        if options.check is not None:
+            return check(options.check)
         if options.print_body:
-            load_body(options.body)
-            print(options.body.read_text(encoding="utf-8"), end="")
+            body = load_body(options.body)
+            print(body.urdf if body.notes else options.body.read_text(encoding="utf-8"), end="")
         elif options.list_bodies:
             list_bodies()
         elif options.calibrate:
             calibrate(options)
+        elif options.console:
+            console(options)
         else:
             run(options)
     except BodyschemaError as error:
@@ -46,17 +51,22 @@ def run(options: argparse.Namespace) -> None:
     from sim_robot.simulator.daemon import simulated_robot  # noqa: PLC0415 - keeps --help fast
 
     log = logging.getLogger("sim-robotd")
+    body = load_body(options.body)
+    for note in body.notes:
+        log.warning("%s", note)
     with ExitStack() as stack:
         robot = stack.enter_context(
             simulated_robot(
-                load_body(options.body),
+                body,
                 seed=options.seed,
                 levels=load_noise(options.noise),
                 real_time=options.real_time,
                 attendant=options.attendant,
                 log=log,
+                electronics=options.electronics,
                 wrong=options.miscalibrated,
                 calibration=options.calibration,
+                engine=options.engine,
             )
         )
         for fault in options.fault:
@@ -67,7 +77,7 @@ def run(options: argparse.Namespace) -> None:
                     robot.panel,
                     options.control,
                     report=lambda: {
-                        "pulses": robot.servo_board.pulses(),
+                        "pulses": list(robot.electronics.pulses())[: len(robot.config.joints)],
                         "robot_time": robot.clock.now(),
                     },
                 )
@@ -83,6 +93,19 @@ def run(options: argparse.Namespace) -> None:
         serve(robot.controller, server, log)
 
 
+def check(file: Path) -> int:
+    """Prints all that is wrong with a description, and what is taken otherwise than it stands."""
+    body, faults = examine(file)
+    if body is None:
+        for fault in faults:
+            print(fault)
+        return 1
+    for note in body.notes:
+        print(f"note: {note}.")
+    print(f"{body.name}: {len(body.motors)} joints, touch at {', '.join(body.touch) or 'none'}.")
+    return 0
+
+
 def calibrate(options: argparse.Namespace) -> None:
     """Lets a simulated person calibrate the simulated robot."""
     from sim_robot.cli.calibrate import calibrate_simulated  # noqa: PLC0415 - keeps --help fast
@@ -93,11 +116,34 @@ def calibrate(options: argparse.Namespace) -> None:
         load_body(options.body),
         seed=options.seed,
         levels=load_noise(options.noise),
+        electronics=options.electronics,
         wrong=options.miscalibrated,
         file=options.calibration,
         echo=print,
         log=logging.getLogger("sim-robotd"),
+        engine=options.engine,
     )
+
+
+def console(options: argparse.Namespace) -> None:
+    """Lets a person rehearse at the terminal."""
+    from sim_robot.cli.console import RehearsalConsole  # noqa: PLC0415 - keeps --help fast
+    from sim_robot.simulator.daemon import emulation  # noqa: PLC0415 - likewise
+
+    body = load_body(options.body)
+    with emulation(
+        body,
+        seed=options.seed,
+        levels=load_noise(options.noise),
+        real_time=True,
+        log=logging.getLogger("sim-robotd"),
+        electronics=options.electronics,
+        wrong=options.miscalibrated,
+        engine=options.engine,
+    ) as parts:
+        for fault in options.fault:
+            parts.panel.order(fault)
+        RehearsalConsole(body, parts, seed=options.seed, file=options.calibration).run()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -114,7 +160,26 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME|FILE.urdf",
         help="the body, by name (see --list-bodies) or file (default: the paper's quadruped)",
     )
+    parser.add_argument(
+        "--electronics",
+        choices=("pc104", "pi"),
+        default="pc104",
+        help="the boards of 2006 on serial line and I/O ports, or PCA9685, ADS1115 and MPU-6050 on "
+        "the I²C bus of a Raspberry Pi (default pc104)",
+    )
+    parser.add_argument(
+        "--engine",
+        choices=ENGINES,
+        default=DEFAULT_ENGINE,
+        help=f"what simulates the body (default: {DEFAULT_ENGINE})",
+    )
     parser.add_argument("--print-body", action="store_true", help="print the body's URDF and exit")
+    parser.add_argument(
+        "--check",
+        type=Path,
+        metavar="FILE.urdf",
+        help="say all that is wrong with a description, or what of it is taken otherwise, and exit",
+    )
     parser.add_argument(
         "--list-bodies", action="store_true", help="list the bodies that have a name and exit"
     )
@@ -154,6 +219,11 @@ def _parser() -> argparse.ArgumentParser:
         "--calibrate",
         action="store_true",
         help="let a simulated person calibrate the robot, write --calibration FILE, and exit",
+    )
+    parser.add_argument(
+        "--console",
+        action="store_true",
+        help="serve nobody, but rehearse robotd doctor, calibrate and try in the terminal",
     )
     parser.add_argument(
         "--fault",

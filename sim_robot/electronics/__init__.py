@@ -9,6 +9,10 @@ emulator                       behaves as                        does not model
                                                                  interrupts, differential inputs
 ``vl6180x.VL6180XEmulator``    registers on an I²C bus           light sensor, continuous ranging,
                                                                  history buffer, interrupt pin
+``pca9685.PCA9685Emulator``    registers on an I²C bus           open-drain outputs, test mode
+``mpu6050.MPU6050Emulator``    registers on an I²C bus           gyroscope, FIFO, filters
+``ads1115.ADS1115Emulator``    registers on an I²C bus           comparator
+``i2c_bus.I2CBus``             the bus that they are on          clock stretching, several masters
 =============================  ================================  ==================================
 
 They are told what there is to feel by plain callables, know nothing of bodies, and charge the

@@ -17,9 +17,9 @@ class Servos(FaultSwitch):
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
-            "dead": "the servo at output n gets no power and goes limp",
-            "jammed": "the servo at output n stays where it is when the fault begins",
-            "swapped": "the servos at outputs n and n+1 have exchanged their plugs",
+            "dead": "the n-th servo gets no power and goes limp",
+            "jammed": "the n-th servo stays where it is when the fault begins",
+            "swapped": "the n-th servo and the next one have exchanged their plugs",
         }
     )
 

@@ -1,6 +1,6 @@
-"""An emulated Pontech SV203 servo board behind a pseudo-terminal.
+"""Emulated Pontech SV203 servo boards behind a pseudo-terminal.
 
-A thread waits for bytes as the board's processor does; nothing happens before a carriage return.
+A thread waits for bytes as a board's processor does; nothing happens before a carriage return.
 """
 
 from __future__ import annotations
@@ -13,13 +13,16 @@ import shutil
 import tempfile
 import threading
 import tty
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
+from itertools import count
 from types import MappingProxyType
 from typing import ClassVar, Final
 
+from robot.errors import CommandError
 from sim_robot.electronics.fault_switch import FaultSwitch
-from sim_robot.electronics.sv203_board import Board
+from sim_robot.electronics.sv203_board import OUTPUTS, Board
 
 _CHUNK: Final = 4096
 _PREFIX: Final = "emulated-sv203-"
@@ -27,14 +30,14 @@ _LINK: Final = "port"
 
 
 class SV203Emulator(FaultSwitch):
-    """A board on a serial line; ``port`` is the name to open with pyserial.
+    """Boards on a serial line; ``port`` is the name to open with pyserial.
 
     The line can be unplugged and plugged in again, as a USB adapter can: the name is a link that
-    vanishes and comes back, while the device behind it may be another one. The board has its own
-    supply and does not notice.
+    vanishes and comes back, while the device behind it may be another one. The boards have their
+    own supply and do not notice.
 
     Args:
-        board: The number that the board answers to.
+        boards: The numbers that they answer to.
 
     Attributes:
         port: Name of the serial port.
@@ -51,10 +54,13 @@ class SV203Emulator(FaultSwitch):
         }
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {"brown_out": "the supply dips: servos jump to neutral, the board is deselected"}
+        {
+            "brown_out": "the supply of board n dips, of all without a number: servos jump to "
+            "neutral, the board is deselected"
+        }
     )
 
-    def __init__(self, *, board: int = 1):
+    def __init__(self, *, boards: Sequence[int] = (1,)):
         super().__init__()
         _sweep()
         self._folder = tempfile.mkdtemp(prefix=_PREFIX)
@@ -62,7 +68,7 @@ class SV203Emulator(FaultSwitch):
         fcntl.flock(self._lock, fcntl.LOCK_EX)  # as long as we live: see _sweep
         self.port = os.path.join(self._folder, _LINK)
         self.bytes_read = 0
-        self._board = Board(board)
+        self._boards = {number: Board(number) for number in boards}
         self._changed = threading.Condition()
         self._link: _Link | None = None
         self._bytes_seen = 0
@@ -70,16 +76,17 @@ class SV203Emulator(FaultSwitch):
         self.replug()
 
     def pulses(self) -> tuple[int, ...]:
-        """Count 1 to 255 at each of the eight outputs, or 0 where there are no pulses."""
-        return self._board.pulses
+        """Count 1 to 255 at each output, or 0 where there are no pulses; eight a board."""
+        return tuple(pulse for board in self._boards.values() for pulse in board.pulses)
 
     def watch_moves(self, on_move: Callable[[int, int, int], None]) -> None:
         """Has every move that the host commands reported, by the thread that reads the line.
 
         Args:
-            on_move: Called with servo, count before and count after.
+            on_move: Called with output, count before and count after.
         """
-        self._board.on_move = on_move
+        for first, board in zip(count(0, OUTPUTS), self._boards.values(), strict=False):
+            board.on_move = partial(_shifted, on_move, first)
 
     def wait_until_read(self, count: int, timeout: float) -> bool:
         """Waits until ``bytes_read`` has reached ``count``.
@@ -111,10 +118,17 @@ class SV203Emulator(FaultSwitch):
         if fault in (None, "unplugged"):
             self.replug()
 
-    def power_cycle(self) -> None:
-        """A brown-out: the board forgets its selection and its servos jump to neutral."""
+    def power_cycle(self, number: int = 0) -> None:
+        """A brown-out of one board or of all: it is deselected, and its servos jump to neutral.
+
+        Raises:
+            CommandError: There is no board of this number.
+        """
+        if number and number not in self._boards:
+            raise CommandError(f"the boards here are {', '.join(map(str, self._boards))}")
         with self._changed:
-            self._board.power_up()
+            for board in [self._boards[number]] if number else self._boards.values():
+                board.power_up()
 
     def unplug(self) -> None:
         """Pulls the serial cable out of the host."""
@@ -140,7 +154,7 @@ class SV203Emulator(FaultSwitch):
             self._lock = None
 
     def _happen(self, event: str, value: int) -> None:
-        self.power_cycle()
+        self.power_cycle(value)
 
     def _consume(self, data: bytes) -> bytes:
         """Acts on bytes from the host and returns the answer."""
@@ -148,7 +162,7 @@ class SV203Emulator(FaultSwitch):
         if self._faults:
             data = self._damage(data)
         with self._changed:
-            reply = self._board.receive(data)
+            reply = b"".join(board.receive(data) for board in self._boards.values())
             self.bytes_read += received
             self._changed.notify_all()
         if reply and self._faults:
@@ -174,6 +188,13 @@ class SV203Emulator(FaultSwitch):
             return reply
         self._replies += 1
         return reply if self._replies % max(every, 1) else b"~" + reply[1:]
+
+
+def _shifted(
+    on_move: Callable[[int, int, int], None], first: int, servo: int, before: int, after: int
+) -> None:
+    """Reports the move of a servo by its output."""
+    on_move(first + servo, before, after)
 
 
 def _sweep() -> None:

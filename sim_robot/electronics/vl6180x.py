@@ -1,4 +1,4 @@
-"""An emulated VL6180X distance sensor, alone on its I²C bus.
+"""An emulated VL6180X distance sensor on an I²C bus.
 
 Source: ST application note AN4545 and the VL6180X data sheet. Assumed, for want of figures: how
 long convergence takes, how photon counts scatter, and that a chip without its mandatory settings
@@ -7,24 +7,15 @@ fails with error 4 (the real one measures wrongly, which would pass unnoticed).
 
 from __future__ import annotations
 
-import ctypes
-import errno
-import os
 import re
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import ClassVar, Final
 
-from smbus2 import i2c_msg
-
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import FaultSwitch
-
-TRANSFER_TIME: Final = 100e-6
+from sim_robot.electronics.i2c_bus import I2CDevice
 
 _SIZE: Final = 0x300
-_READ_FLAG: Final = 0x0001
-_HUNG_BUS_TIME: Final = 0.1
 _OVERHEAD_TIME: Final = 7.5e-3  # preparation and read-out
 _NEAR_TIME: Final = 1e-3  # convergence at no distance
 _LONGEST_CONVERGENCE: Final = 49e-3  # as the chip leaves reset
@@ -49,8 +40,8 @@ _MANDATORY: Final = {
 }
 
 
-class VL6180XEmulator(FaultSwitch):
-    """The sensor and its bus, as an object to give to the driver in place of ``smbus2.SMBus``.
+class VL6180XEmulator(I2CDevice):
+    """The sensor.
 
     Args:
         distance_mm: Distance to the target, mm, or ``None`` where there is none; asked once per
@@ -64,8 +55,7 @@ class VL6180XEmulator(FaultSwitch):
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
-            "nak": "the sensor acknowledges nothing",
-            "hang": "the bus hangs until the kernel gives up",
+            **I2CDevice.FAULTS,
             "busy": "no measurement ever ends",
             "frozen": "every measurement repeats the first one's result, photon counts included",
             "error": "every measurement ends with error n",
@@ -82,10 +72,9 @@ class VL6180XEmulator(FaultSwitch):
         *,
         reach_mm: float = 200.0,
     ):
-        super().__init__()
+        super().__init__(clock)
         self._reach = reach_mm
         self._distance = distance_mm
-        self._clock = clock
         self._frozen: tuple[int, int, bytes] | None = None
         self._measurements = 0
         self.power_cycle()
@@ -107,24 +96,14 @@ class VL6180XEmulator(FaultSwitch):
         if fault in (None, "frozen"):
             self._frozen = None
 
-    def i2c_rdwr(self, *messages: i2c_msg) -> None:
-        """Carries out messages as one transfer; reads are filled in place."""
-        if "hang" in self._faults:
-            self._clock.charge(_HUNG_BUS_TIME)
-            raise OSError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
-        self._clock.charge(TRANSFER_TIME)
-        for message in messages:
-            if message.addr != self.address or "nak" in self._faults:
-                raise OSError(errno.EREMOTEIO, os.strerror(errno.EREMOTEIO))
-            if message.flags & _READ_FLAG:
-                self._finish()
-                data = bytes(self._read() for _ in range(message.len))
-                ctypes.memmove(message.buf, data, len(data))
-            else:
-                self._write(bytes(message))
+    def answers(self, address: int) -> bool:
+        """Whether it is the sensor's."""
+        return address == self.address
 
-    def close(self) -> None:
-        """Does nothing."""
+    def send(self, count: int) -> bytes:
+        """Registers from the index on."""
+        self._finish()
+        return bytes(self._read() for _ in range(count))
 
     def _happen(self, event: str, value: int) -> None:
         self.power_cycle()
@@ -134,12 +113,14 @@ class VL6180XEmulator(FaultSwitch):
         self._index = (self._index + 1) % _SIZE
         return value
 
-    def _write(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> bool:
+        """Takes the index and what is written from there on."""
         if len(data) >= 2:
             self._index = int.from_bytes(data[:2], "big") % _SIZE
         for value in data[2:]:
             self._store(self._index, value)
             self._index = (self._index + 1) % _SIZE
+        return True
 
     def _store(self, register: int, value: int) -> None:
         if register == 0x015:

@@ -21,9 +21,12 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.mpu6050 import MPU6050Emulator
+from sim_robot.electronics.pca9685 import PCA9685Emulator
 from sim_robot.electronics.servos import Servos
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
@@ -34,6 +37,9 @@ DEVICES: Final[Mapping[str, type[FaultSwitch]]] = MappingProxyType(
         "servo_board": SV203Emulator,
         "servos": Servos,
         "daq": DMM32Emulator,
+        "pwm": PCA9685Emulator,
+        "adc": ADS1115Emulator,
+        "accelerometer": MPU6050Emulator,
         "distance": VL6180XEmulator,
         "clock": HostClock,
     }

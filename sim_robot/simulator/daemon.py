@@ -1,31 +1,40 @@
-"""The same daemon as on a robot, on emulated electronics over a PyBullet body."""
+"""The same daemon as on a robot, on emulated electronics over a simulated body."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import Final
 
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.control.controller import Controller
 from robot.drivers.buses import Buses
-from robot.drivers.sv203 import SV203
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from robot.service.devices import Devices, open_devices
-from sim_robot.electronics.clock import Follower, HostClock, RealTimeClock, VirtualClock
-from sim_robot.electronics.dmm32 import DMM32Emulator
+from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
 from sim_robot.electronics.servos import Servos
-from sim_robot.electronics.sv203 import SV203Emulator
-from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.faults.fault_panel import FaultPanel
+from sim_robot.simulator.electronics_set import ElectronicsSet
 from sim_robot.simulator.miscalibration import miscalibrated
-from sim_robot.simulator.wiring import REACH, RECESS, Wiring, configure
+from sim_robot.simulator.pc104_set import PC104Set
+from sim_robot.simulator.pi_set import PiSet
+from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body
+from sim_robot.world.engines import DEFAULT_ENGINE, open_world
 from sim_robot.world.sensor_noise import Noise, NoiseLevels
 from sim_robot.world.simulation import World
+
+SETS: Final[Mapping[str, Callable[[Body], ElectronicsSet]]] = MappingProxyType(
+    {"pc104": PC104Set, "pi": PiSet}
+)
+"""Sets of electronics, by the names that ``sim-robotd --electronics`` takes."""
+
+DEFAULT_SET: Final = "pc104"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +50,7 @@ class Emulation:
         noise: Of the sensors.
         world: What they sense.
         panel: Where its faults are injected.
-        servo_board: The emulator below the servo driver.
-        daq: The emulator below the driver of the analogue inputs.
-        distance: The emulator below the distance sensor's driver.
+        electronics: The emulators.
     """
 
     config: RobotConfig
@@ -54,9 +61,7 @@ class Emulation:
     noise: Noise
     panel: FaultPanel
     world: World
-    servo_board: SV203Emulator
-    daq: DMM32Emulator
-    distance: VL6180XEmulator
+    electronics: ElectronicsSet
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,8 +114,10 @@ def emulation(
     levels: NoiseLevels,
     real_time: bool,
     log: logging.Logger,
+    electronics: str = DEFAULT_SET,
     wrong: int | None = None,
     calibration: Path | None = None,
+    engine: str = DEFAULT_ENGINE,
 ) -> Iterator[Emulation]:
     """Builds emulated electronics over a body, and starts a robot's drivers on them.
 
@@ -120,15 +127,17 @@ def emulation(
         levels: Sensor noise.
         real_time: Whether time passes as on a wall clock instead of in lockstep with the loop.
         log: Where to write what a person may want to know.
+        electronics: Which boards, by a name out of ``SETS``.
         wrong: Seed of electronics that differ from their configuration, or ``None`` for true ones.
         calibration: A calibration file, whose values the configuration takes over.
+        engine: What simulates the body.
     """
     with ExitStack() as stack:
-        world = stack.enter_context(World(body, log=log))
+        world = stack.enter_context(open_world(body, log=log, engine=engine))
         noise = Noise(levels, seed)
-        board = SV203Emulator()
-        stack.callback(board.close)
-        config = configure(body, port=board.port, levels=levels)
+        boards = SETS[electronics](body)
+        stack.callback(boards.close)
+        config = boards.configure(levels)
         truth = config if wrong is None else miscalibrated(config, wrong)
         if calibration is not None:
             calibrated = read_calibration(calibration, config.servos.counts)
@@ -139,30 +148,19 @@ def emulation(
 
         def advance(time: float) -> None:
             panel.advance()
-            wiring.drive(servos.carry(board.pulses()))
+            wiring.drive(servos.carry(boards.pulses()))
             world.advance_to(time)
 
         clock = RealTimeClock(advance) if real_time else VirtualClock(advance)
         host = HostClock(clock)
-        daq = DMM32Emulator(wiring.volts, clock)
-        distance = VL6180XEmulator(wiring.distance_mm, clock, reach_mm=int(1000 * (REACH + RECESS)))
-        panel = FaultPanel(
-            {
-                "servo_board": board,
-                "servos": servos,
-                "daq": daq,
-                "distance": distance,
-                "clock": host,
-            },
-            host.now,
-        )
+        boards.connect(wiring, clock)
+        panel = FaultPanel({**boards.switches, "servos": servos, "clock": host}, host.now)
         stack.callback(panel.close)
-        buses = Buses(clock=host, open_ports=lambda base: daq, open_i2c=lambda path: distance)
+        buses = boards.buses(host)
         devices = open_devices(config, buses)
         stack.callback(devices.close)
-        assert isinstance(devices.servos, SV203)
-        clock.synchronise = Follower(board, devices.servos)
-        wiring.drive(board.pulses())
+        clock.synchronise = boards.follow(devices.servos)
+        wiring.drive(boards.pulses())
         world.lay_down()
         yield Emulation(
             config=config,
@@ -173,10 +171,19 @@ def emulation(
             noise=noise,
             panel=panel,
             world=world,
-            servo_board=board,
-            daq=daq,
-            distance=distance,
+            electronics=boards,
         )
+
+
+def switch_on(parts: Emulation, log: logging.Logger) -> None:
+    """What a person does with servos that are off: puts each joint at 0°, and switches it on."""
+    joints, servos = parts.config.joints, parts.devices.servos
+    counts = servos.read_counts([joint.output for joint in joints])
+    off = {joint.output: joint.quantise(0.0) for joint in joints if not counts[joint.output]}
+    if off:
+        servos.set_counts(off)
+        parts.world.lay_down()
+        log.info("the servos were off; the attendant put every joint at 0° and switched them on")
 
 
 @contextmanager
@@ -188,13 +195,15 @@ def simulated_robot(
     real_time: bool,
     attendant: bool,
     log: logging.Logger,
+    electronics: str = DEFAULT_SET,
     wrong: int | None = None,
     calibration: Path | None = None,
+    engine: str = DEFAULT_ENGINE,
 ) -> Iterator[SimulatedRobot]:
     """Builds a simulated robot; its control loop is not yet started.
 
-    The arguments are those of ``emulation``, and ``attendant``: whether somebody puts the body back
-    on its belly before each interaction.
+    The arguments are those of ``emulation``, and ``attendant``: whether somebody switches servos
+    that are off on in the zero pose, and puts the body back on its belly before each interaction.
     """
     with emulation(
         body,
@@ -202,9 +211,13 @@ def simulated_robot(
         levels=levels,
         real_time=real_time,
         log=log,
+        electronics=electronics,
         wrong=wrong,
         calibration=calibration,
+        engine=engine,
     ) as parts:
+        if attendant:
+            switch_on(parts, log)
         controller = build_controller(
             parts.config,
             parts.devices,

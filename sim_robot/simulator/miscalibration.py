@@ -8,19 +8,21 @@ that a person finds out by measuring.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Final
+from types import MappingProxyType
+from typing import Final, cast
 
 import numpy as np
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.analogue_sensors import StrainGauge
+from robot.drivers.sensor_drivers import SensorSettings
 from robot.sensing.touch import TouchPoint
 
-COUNTS_OFF: Final = 15.0  # at most, either way
+COUNTS_OFF: Final = 15 / 255  # share of all counts, at most, either way
 JOINT_GAIN: Final = 0.1  # share of the true one, at most, either way; and so on
-AXIS_VOLTS_OFF: Final = 0.3
-AXIS_GAIN: Final = 0.2
+AXIS_OFF: Final = MappingProxyType({"V": 0.3, "g": 0.08})
+AXIS_GAIN: Final = MappingProxyType({"V": 0.2, "g": 0.03})
 TARE_VOLTS_OFF: Final = 0.3
 BRIDGE_GAIN: Final = 0.5
 ZERO_OFF: Final = 0.006  # m
@@ -35,8 +37,8 @@ def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
     joints = tuple(_joint(joint, rng) for joint in config.joints)
     axes = replace(
         axes,
-        zero=tuple(zero + _off(rng, AXIS_VOLTS_OFF) for zero in axes.zero),
-        volts_per_g=tuple(gain * _gain(rng, AXIS_GAIN) * _sign(rng) for gain in axes.volts_per_g),
+        zero=tuple(zero + _off(rng, AXIS_OFF[axes.unit]) for zero in axes.zero),
+        per_g=tuple(gain * _gain(rng, AXIS_GAIN[axes.unit]) * _sign(rng) for gain in axes.per_g),
     )
     touch = tuple(replace(point, driver=_gauge(config, point, rng)) for point in config.touch)
     if distance is not None:
@@ -44,7 +46,13 @@ def miscalibrated(config: RobotConfig, seed: int) -> RobotConfig:
         zero = max(0.0, sensor.zero + _off(rng, ZERO_OFF))
         scale = sensor.scale * _gain(rng, RULER_GAIN)
         distance = replace(distance, sensor=replace(sensor, zero=zero, scale=scale))
-    return replace(config, joints=joints, accelerometer=axes, touch=touch, distance=distance)
+    return replace(
+        config,
+        joints=joints,
+        accelerometer=cast(SensorSettings, axes),
+        touch=touch,
+        distance=distance,
+    )
 
 
 def _gauge(config: RobotConfig, point: TouchPoint, rng: np.random.Generator) -> StrainGauge:
@@ -60,7 +68,7 @@ def _joint(joint: DrivenJoint, rng: np.random.Generator) -> DrivenJoint:
     """The same joint with its line of counts shifted, stretched and perhaps turned round."""
     (low, start), (high, end) = joint.scale.points[0], joint.scale.points[-1]
     counts = joint.scale.counts
-    middle = (low + high) / 2 + _off(rng, COUNTS_OFF)
+    middle = (low + high) / 2 + _off(rng, COUNTS_OFF * len(counts))
     slope = (end - start) / (high - low) * _gain(rng, JOINT_GAIN) * _sign(rng)
     points = tuple(
         (float(count), (start + end) / 2 + slope * (count - middle))

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robot.calibration.joints import MAX_STEP
-from robot.drivers.sv203 import COUNTS
+from robot.calibration.questions import Console
 from robot.errors import CommandError
 from robot.host.clock import Clock
 from sim_robot.world.body import Body
@@ -32,6 +32,7 @@ _EVERY: Final = 40  # counts between measured angles
 _APART: Final = 10  # counts below which two angles say little
 _STEEPEST: Final = 0.9  # degrees a count; no servo turns further
 _STILL: Final = 0.5  # s until what was moved by hand, or by a servo, is still
+_CREEPING: Final = 0.05  # degrees in that time
 
 _UP: Final = MappingProxyType(
     {
@@ -53,6 +54,7 @@ class SimulatedPerson:
         world: Where it is.
         noise: Drawn anew whenever the body is put somewhere.
         clock: The robot clock; handling takes time.
+        counts: What the servos can be commanded.
         seed: Of this person's own errors.
         echo: Shown everything that is said and answered.
     """
@@ -64,6 +66,7 @@ class SimulatedPerson:
         noise: Noise,
         clock: Clock,
         *,
+        counts: range,
         seed: int,
         echo: Callable[[str], None],
     ):
@@ -74,9 +77,11 @@ class SimulatedPerson:
         self._rng = np.random.default_rng(seed)
         self._echo = echo
         self._placed = 0
-        self._joint = _Joint()
+        self._counts = counts
+        self._joint = _Joint(counts)
         self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
             ("on the stand", self._on_the_stand),
+            (r"(?P<name>.+) is limp; hold it", lambda _: ""),
             (r"(?P<name>.+): count (?P<count>\d+), was .* measured", self._at_a_count),
             (r"(?P<name>.+) at its new 0°", self._at_zero),
             ("accelerometer: six", lambda _: "six"),
@@ -100,12 +105,15 @@ class SimulatedPerson:
         Raises:
             CommandError: Nobody told this person what to do then.
         """
+        answer = self._handle(prompt)
+        self._echo(f"{prompt} > {answer}")
+        return answer
+
+    def _handle(self, prompt: str) -> str:
         for pattern, act in self._answers:
             match = re.match(pattern, prompt)
             if match is not None:
-                answer = act(match)
-                self._echo(f"{prompt} > {answer}")
-                return answer
+                return act(match)
         raise CommandError(f"the simulated person does not understand {prompt!r}")
 
     def _on_the_stand(self, match: re.Match[str]) -> str:
@@ -146,7 +154,7 @@ class SimulatedPerson:
 
     def _at_a_count(self, match: re.Match[str]) -> str:
         if self._joint.name != match["name"]:
-            self._joint = _Joint(match["name"])
+            self._joint = _Joint(self._counts, match["name"])
         index = self._index(match["name"])
         motor = self._body.motors[index]
         limits = math.degrees(motor.lower), math.degrees(motor.upper)
@@ -158,10 +166,15 @@ class SimulatedPerson:
     def _protractor(self, index: int) -> float:
         """The angle of a joint, degrees, as a person reads it."""
         self._clock.sleep(_STILL)
+        angle, before = self._angle(index), math.inf
+        while abs(angle - before) > _CREEPING:  # a servo that was off may have come a long way
+            self._clock.sleep(_STILL)
+            angle, before = self._angle(index), angle
         slip = PROTRACTOR - 0.05
-        return round(
-            math.degrees(self._world.angles()[index]) + float(self._rng.uniform(-slip, slip)), 1
-        )
+        return round(angle + float(self._rng.uniform(-slip, slip)), 1)
+
+    def _angle(self, index: int) -> float:
+        return math.degrees(self._world.angles()[index])
 
     def _hold(self, height: float, up: tuple[float, ...] = _UP["upright"]) -> None:
         for name in self._body.touch:
@@ -175,11 +188,29 @@ class SimulatedPerson:
         self._clock.sleep(_STILL)
 
 
+class Rehearsal(SimulatedPerson):
+    """Simulated hands for a real person at the keyboard.
+
+    They do what a question asks for and say what is to be seen; the person types the answer.
+    """
+
+    def ask(self, prompt: str) -> str:
+        """Handles the body, and reads a line from standard input."""
+        seen = self._handle(prompt)
+        if seen:
+            self.say(f"  (simulated: {seen})")
+        return Console().ask(prompt)
+
+    def _at_a_count(self, match: re.Match[str]) -> str:
+        return f"the protractor shows {self._protractor(self._index(match['name'])):.1f}°"
+
+
 class _Joint:
     """The order in which one joint is measured: up to its end, then down to the other one."""
 
-    def __init__(self, name: str = ""):
+    def __init__(self, counts: range, name: str = ""):
         self.name = name
+        self._counts = counts
         self._points: dict[int, float] = {}
         self._way = 1
         self._marked: set[str] = set()
@@ -215,7 +246,7 @@ class _Joint:
         else:
             rises = (points[-1][1] > points[0][1]) == (self._way > 0)
             left = room[0] if rises else room[1]
-        counts = COUNTS[-1] - count if self._way > 0 else count - COUNTS[0]
+        counts = self._counts[-1] - count if self._way > 0 else count - self._counts[0]
         return max(0, min(MAX_STEP, counts, int(left / _STEEPEST)))
 
     @staticmethod

@@ -18,13 +18,17 @@ from sim_robot.electronics.dmm32 import Dither
 
 @dataclass(frozen=True, kw_only=True)
 class NoiseLevels:
-    """Root mean square values: offsets of one observation, and white noise of one sample."""
+    """Root mean square values: offsets of one observation, and white noise of one sample.
+
+    The robot announces its offsets times ``announced``: less than 1 makes it noisier than it says.
+    """
 
     tilt_deg: float = 0.3
     clearance_mm: float = 1.0
     tilt_sample_deg: float = 0.05
     clearance_sample_mm: float = 0.3
     load_sample_n: float = 0.01
+    announced: float = 1.0
 
 
 NO_NOISE = NoiseLevels(

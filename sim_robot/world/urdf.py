@@ -1,8 +1,7 @@
 """The subset of URDF that a simulated body may use, as declarations.
 
-Boxes, cylinders and spheres; fixed and revolute joints. Visuals, materials and simulator hints are
-dropped; anything else unknown is refused. What PyBullet loads is written from these declarations,
-so it never sees an element that was not checked here.
+Boxes, cylinders and spheres; fixed and revolute joints; anything else unknown is refused. What an
+engine gets is written from these declarations, so it never sees an element that was not checked.
 
 Source: the URDF specification (http://wiki.ros.org/urdf/XML).
 """
@@ -10,17 +9,10 @@ Source: the URDF specification (http://wiki.ros.org/urdf/XML).
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Annotated, Literal
 
-from lxml import etree
-from pydantic import AfterValidator, ValidationError
+from pydantic import AfterValidator
 from pydantic_xml import BaseXmlModel, attr, element
-
-from sim_robot.errors import BodyError
-
-_IGNORED = ("visual", "material", "gazebo", "transmission")
-_LONGEST = 200  # characters of an attribute; PyBullet dies of a hundred thousand
 
 
 def vector(text: str) -> tuple[float, float, float]:
@@ -196,59 +188,3 @@ class Robot(_Element, tag="robot"):
     version: str | None = attr(default=None)
     links: list[Link] = element(tag="link", default_factory=list)
     joints: list[Joint] = element(tag="joint", default_factory=list)
-
-
-def read_urdf(path: Path) -> Robot:
-    """Parses a URDF file.
-
-    Raises:
-        BodyError: The file cannot be read, is no XML, or leaves the subset; names the element.
-    """
-    try:
-        parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False)
-        root = etree.fromstring(path.read_bytes(), parser)
-    except OSError as error:
-        raise BodyError(str(path), "", f"cannot be read: {error.strerror}.") from error
-    except etree.XMLSyntaxError as error:
-        raise BodyError(str(path), "", f"is not valid XML: {error.msg}.") from error
-    if root.getroottree().docinfo.internalDTD is not None:
-        raise BodyError(str(path), "<!DOCTYPE>", "is no part of URDF; leave it out, and entities.")
-    if root.tag != "robot":
-        raise BodyError(str(path), f"<{root.tag}>", "the root element must be <robot>.")
-    for item in root.iter():
-        if max((len(value) for value in item.attrib.values()), default=0) > _LONGEST:
-            reason = f"no attribute may have more than {_LONGEST} characters."
-            raise BodyError(str(path), f"<{item.tag}>", reason)
-    for ignored in [item for tag in _IGNORED for item in root.iter(tag)]:
-        parent = ignored.getparent()
-        if parent is not None:
-            parent.remove(ignored)
-    for parent in root.iter():
-        # The validator searches for elements by exchanging them with those that stand in their
-        # place, so joints between links would come out of document order.
-        parent[:] = sorted(parent, key=lambda child: child.tag in ("joint", "collision"))
-    try:
-        return Robot.from_xml_tree(root)  # type: ignore[arg-type]  # two sets of lxml types
-    except ValidationError as error:
-        first = error.errors()[0]
-        reason = (
-            first["msg"]
-            .replace("Value error, ", "")
-            .replace(
-                "Extra inputs are not permitted",
-                "is outside the subset (box, cylinder, sphere; fixed and revolute joints)",
-            )
-        )
-        raise BodyError(str(path), _where(root, first["loc"]), f"{reason}.") from error
-
-
-def _where(root: etree._Element, location: tuple[int | str, ...]) -> str:
-    """Turns a validator's location into the names that stand in the file."""
-    place = ""
-    if len(location) > 1 and location[0] in ("links", "joints") and isinstance(location[1], int):
-        tag = str(location[0])[:-1]
-        name = root.findall(tag)[location[1]].get("name", f"number {location[1] + 1}")
-        place = f"{tag} '{name}'"
-        location = location[2:]
-    inner = ".".join(str(part) for part in location if not isinstance(part, int))
-    return ": ".join(part for part in (place, inner.replace("collisions", "collision")) if part)

@@ -12,8 +12,7 @@ import pytest
 from bench.engines.__main__ import main
 from bench.engines.bodies import PROBLEMS, draw
 from bench.engines.causes import OWN, UNEXPLAINED, cause, list_causes
-from bench.engines.figures import Compared, differences, risk_coverage, share
-from bench.engines.mujoco_engine import MuJoCoPhysics
+from bench.engines.figures import Compared, risk_coverage, share
 from bench.engines.page import publish
 from bench.engines.runs import CEILINGS, RIVALS, RUNS
 from bench.statics_cost import count_operations
@@ -24,12 +23,11 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
-FINE = RUNS["mujoco"].settings
 
 
 def four_legs(length: float) -> Morphology:
     legs = [
-        Part(parent=BASE, side=leg, hinge=2, length=length, radius=0.006, motor=leg, sensor=leg)
+        Part(parent=BASE, mount=leg, hinge=2, length=length, radius=0.006, motor=leg, sensor=leg)
         for leg in range(4)
     ]
     return Morphology(base=BODY, parts=tuple(legs), density=1000.0)
@@ -41,44 +39,6 @@ def readings(tilts: list[float]) -> Readings:
     felt.tilt[:, 0] = np.radians(tilts)
     felt.valid[:] = True
     return felt
-
-
-def test_mujoco_lifts_a_body_as_geometry_says() -> None:
-    with MuJoCoPhysics(FINE) as physics:
-        felt = physics.read([(four_legs(0.15), np.radians([-30.0] * 4))])
-    lift = (0.15 - 0.006) * math.sin(math.radians(30)) + 0.006 - 0.085 / 2
-    assert felt.clearance == pytest.approx([lift], abs=3e-4)
-    assert felt.tilt == pytest.approx(np.zeros((1, 2)), abs=1e-3)
-    assert felt.valid.all()
-    assert felt.touch.all()
-
-
-def test_a_body_without_joints_lies_flat_in_mujoco() -> None:
-    with MuJoCoPhysics(replace(FINE, steps=50)) as physics:
-        felt = physics.read([(Morphology(base=BODY, parts=(), density=1.0), np.zeros(0))])
-    assert felt.clearance == pytest.approx([0.0], abs=1e-4)
-    assert felt.valid.all()
-
-
-def test_mujoco_agrees_with_statics_on_sure_trees() -> None:
-    """Trees of eight driven parts: a joint, part or sensor mistaken for another would show."""
-    pairs = [draw("topological-24", 3, number)[1] for number in range(30)]
-    with StaticsPhysics() as statics:
-        sure = [pairs[row] for row in np.argsort(-statics.path_margins(pairs))[:6]]
-        computed = statics.read(sure)
-    with MuJoCoPhysics(FINE) as physics:
-        simulated = physics.read(sure)
-    assert simulated.valid.all()
-    assert np.median(differences(computed, simulated)) < 0.1
-    assert np.mean(computed.touch == simulated.touch) > 0.9
-    assert np.ptp(computed.tilt) > math.radians(5)  # not all of them flat
-
-
-def test_a_step_too_few_for_the_slew_is_no_valid_reading() -> None:
-    with MuJoCoPhysics(replace(FINE, steps=60)) as physics:
-        felt = physics.read([(four_legs(0.1), np.radians([30.0] * 4))])
-    assert not felt.valid.any()
-    assert felt.joint_miss > math.radians(10)
 
 
 @pytest.mark.parametrize("problem", PROBLEMS)

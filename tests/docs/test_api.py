@@ -22,9 +22,9 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
     program = tmp_path / "program.py"
     with simulator("--seed", "1") as robot:
         program.write_text(
-            PROGRAM.replace("tcp://127.0.0.1:5750", robot.uri)
-            .replace("interactions=3", "interactions=2")
-            .replace("generations=20", "generations=2, population=8"),
+            PROGRAM.replace("tcp://127.0.0.1:5750", robot.uri).replace(
+                "explore=height", "explore=height, interactions=2, generations=2, population=8"
+            ),
             encoding="utf-8",
         )
         ended = subprocess.run(
@@ -41,10 +41,14 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
     result = json.loads((tmp_path / "runs" / "mine" / "result.json").read_text())
     assert result["complete"]
     assert [result[name] for name in ("physics", "objective", "explore", "search")] == [
-        "weak-servos",
-        "sum",
-        "height",
+        "__main__:WeakServos",
+        "__main__:SumOfErrors",
+        "__main__:height",
         "deterministic-crowding",
     ]
-    for definition in ("WeakServos", "SumOfErrors", "height"):
-        assert result["versions"][f"__main__:{definition}"] == "of the calling program"
+    for part in ("physics", "objective", "explore"):
+        assert result["versions"][result[part]] == "of the calling program"
+
+
+def test_the_program_has_no_more_than_25_lines() -> None:
+    assert sum(bool(line.strip()) for line in PROGRAM.splitlines()) <= 25

@@ -15,6 +15,7 @@ import pytest
 
 from protocol.transport.client import RobotClient
 from tests.processes.test_robotd import free_address
+from tests.terminal_window import TerminalWindow
 
 PAGE = (Path(__file__).parents[2] / "docs" / "drivers.md").read_text(encoding="utf-8")
 PYTHON, POINTS, TABLES = re.findall(r"```(?:python|toml)\n(.+?)```", PAGE, re.DOTALL)
@@ -66,7 +67,7 @@ class Bench:
         self._config.write_text(TABLES + REST)
         install(folder / "site", POINTS)
         (folder / "site" / "bench_drivers.py").write_text(PYTHON)
-        self._environment = os.environ | {"PYTHONPATH": str(folder / "site")}
+        self.environment = os.environ | {"PYTHONPATH": str(folder / "site")}
 
     def command(self, name: str, *options: str) -> list[str]:
         return [sys.executable, "-m", "robot", name, "--config", str(self._config), *options]
@@ -74,7 +75,7 @@ class Bench:
     def done(self, name: str, *options: str, typed: str = "") -> str:
         ended = subprocess.run(
             self.command(name, *options),
-            env=self._environment,
+            env=self.environment,
             input=typed,
             capture_output=True,
             text=True,
@@ -88,7 +89,7 @@ class Bench:
     def robotd(self, bind: str, log: Path) -> Iterator[None]:
         with log.open("w") as stderr:
             process = subprocess.Popen(
-                self.command("run", "--bind", bind), env=self._environment, stderr=stderr
+                self.command("run", "--bind", bind), env=self.environment, stderr=stderr
             )
             try:
                 yield
@@ -112,6 +113,15 @@ def test_a_robot_runs_on_drivers_from_outside(tmp_path: Path) -> None:
         "move hip",
     ):
         assert words in findings
+    window = TerminalWindow(bench.command("try"), bench.environment)
+    try:
+        shown = window.until("> hip")
+        assert "z +1.000 g" in shown
+        assert "0.0 mm below the belly" in shown
+        window.press("q")
+        assert window.ended() == 0
+    finally:
+        window.close()
     uri, log = free_address(), tmp_path / "log"
     with bench.robotd(uri, log), RobotClient(uri, timeout=20) as client:
         (joint,) = client.capabilities.joints

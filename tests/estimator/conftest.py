@@ -1,12 +1,14 @@
 """Random bodies and one engine of each kind for the estimator's tests."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Base, Morphology, Part
+from estimator.body.mounts import HINGES, BaseMount, Hinge, PartMount
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.unknowns import Predictor, Unknowns
@@ -33,11 +35,11 @@ def statics() -> Iterator[StaticsPhysics]:
 def random_quadruped() -> MakeBody:
     def make(rng: np.random.Generator) -> Morphology:
         upper = [
-            Part(parent=BASE, side=leg, hinge=2, length=length, radius=0.013, motor=leg)
+            Part(parent=BASE, mount=leg, hinge=2, length=length, radius=0.013, motor=leg)
             for leg, length in enumerate(rng.uniform(0.01, 0.2, 4).tolist())
         ]
         lower = [
-            Part(parent=leg, side=1, hinge=2, length=length, radius=0.006, sensor=leg)
+            Part(parent=leg, mount=1, hinge=2, length=length, radius=0.006, sensor=leg)
             for leg, length in enumerate(rng.uniform(0.01, 0.2, 4).tolist())
         ]
         return Morphology(base=BODY, parts=(*upper, *lower), density=DENSITY)
@@ -53,7 +55,7 @@ def random_tree() -> MakeBody:
         parts = tuple(
             Part(
                 parent=int(rng.integers(BASE, index)),
-                side=int(rng.integers(4)),
+                mount=int(rng.integers(4)),
                 hinge=int(rng.integers(6)),
                 length=float(rng.uniform(0.005, 0.2)),
                 radius=float(rng.choice([0.006, 0.013])),
@@ -63,6 +65,39 @@ def random_tree() -> MakeBody:
             for index in range(8)
         )
         return Morphology(base=BODY, parts=parts, density=DENSITY)
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def random_tree_of_own_tables(random_tree: MakeBody) -> MakeBody:
+    """The same with mounts anywhere, also off the main body's middle plane, and hinges aslant."""
+
+    def make(rng: np.random.Generator) -> Morphology:
+        tree = random_tree(rng)
+        axes = rng.normal(size=(6, 3))
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        places = zip(
+            rng.uniform(-0.1, 0.1, (4, 3)) * (1, 1, 0.2), rng.uniform(-4, 4, 4), strict=True
+        )
+        return replace(
+            tree,
+            base=replace(
+                tree.base,
+                mounts=tuple(
+                    BaseMount(name="own", at=tuple(at.tolist()), yaw=float(yaw))
+                    for at, yaw in places
+                ),
+            ),
+            part_mounts=tuple(
+                PartMount(name="own", fraction=float(fraction), yaw=float(yaw))
+                for fraction, yaw in rng.uniform((0, -4), (1, 4), (4, 2))
+            ),
+            hinges=(
+                *HINGES[:3],
+                *(Hinge(name="own", axis=tuple(axis)) for axis in axes[3:].tolist()),
+            ),
+        )
 
     return make
 

@@ -35,7 +35,7 @@ search = { population = 8, generations = 2, interactions = 2 }
 [[parts]]
 name = "{name}"
 parent = 0
-side = "{name}"
+mount = "{name}"
 hinge = "up"
 length = [0.05, 0.25]
 radius = 0.006

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from estimator import (
     Choice,
-    Genome,
     ObservedReadings,
     Operators,
     Readings,
@@ -107,15 +106,12 @@ class WrongTouches:
 
 def steepest(situation: Situation) -> Choice:
     """An exploration rule: of ten random programs, the one that tilts the models most."""
-    problem, capabilities = situation.problem, situation.capabilities
-    bodies = Genome(problem, problem.base(capabilities)).bodies(situation.models.genes)
-    programs = [problem.random_program(situation.rng, capabilities) for _ in range(10)]
+    programs = situation.random_programs(10)
     tilts = [
-        situation.models.weights @ np.abs(situation.physics.read_bodies(bodies, one).tilt).sum(1)
-        for one in programs
+        situation.models.weights @ np.abs(situation.predict(one).tilt).sum(1) for one in programs
     ]
     winner = int(np.argmax(tilts))
-    return Choice(program=tuple(programs[winner].tolist()), reason=f"tilts by {tilts[winner]:.3f}")
+    return Choice(program=programs[winner], reason=f"tilts by {tilts[winner]:.3f}")
 
 
 def page(result: Result, directory: Path) -> str:

@@ -52,7 +52,7 @@ class Half:
     """A number that a program brings."""
 
 
-def test_a_program_adds_implementations_of_its_own(
+def test_a_program_brings_implementations_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     registry: Registry[object] = Registry(
@@ -60,14 +60,20 @@ def test_a_program_adds_implementations_of_its_own(
     )
     points = "[bodyschema.numbers]\ntau = math:tau\n"
     monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
-    registry.add("half", Half)
-    registry.add("third", Half())
-    assert registry.names() == ("pi", "half", "third", "tau")
-    registry.check("half")
-    assert registry.load("half") is Half
-    assert registry.package("half") == {f"{__name__}:Half": "of the calling program"}
-    assert registry.package("third") == registry.package("half")  # an object goes by its class
-    assert registry.described("half") == f"'half' of {__name__}:Half of the calling program"
-    for taken in ("pi", "half", "tau"):
-        with pytest.raises(EstimatorError, match=f"there is a number '{taken}' already"):
-            registry.add(taken, Half)
+    name = f"{__name__}:Half"
+    with pytest.raises(
+        EstimatorError, match=f"{name}' is part of a program: let .* `estimator.resume`"
+    ):
+        registry.check(name)
+    assert registry.add(Half) == registry.add(Half) == name
+    assert registry.names() == ("pi", name, "tau")
+    registry.check(name)
+    assert registry.load(name) is Half
+    assert registry.package(name) == {name: "of the calling program"}
+
+
+@pytest.mark.parametrize("nameless", [lambda: None, Half(), 0.5])
+def test_what_nothing_could_find_again_is_refused(nameless: object) -> None:
+    registry: Registry[object] = Registry(kind="number", group="bodyschema.numbers", own={})
+    with pytest.raises(EstimatorError, match="cannot be the number, since nothing could find it"):
+        registry.add(nameless)

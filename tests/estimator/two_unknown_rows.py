@@ -25,7 +25,7 @@ search = { population = 8, generations = 2, interactions = 2 }
 [[parts]]
 name = "leg 1"
 parent = 0
-side = "unknown"
+mount = "unknown"
 hinge = "unknown"
 length = [0.02, 0.40]
 radius = 0.006
@@ -35,7 +35,7 @@ sensor = 1
 [[parts]]
 name = "leg 2"
 parent = "unknown"
-side = "unknown"
+mount = "unknown"
 hinge = "unknown"
 length = [0.02, 0.40]
 radius = 0.006
@@ -46,7 +46,7 @@ sensor = 2
 [[parts]]
 name = "leg {number}"
 parent = 0
-side = "{side}"
+mount = "{side}"
 hinge = "up"
 length = 0.2
 radius = 0.006

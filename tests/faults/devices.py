@@ -9,7 +9,7 @@ from tests.faults.matrix import AT_ONCE, DeviceRow
 CLEAR: Final = "Once it is mended, `clear` works."
 
 
-def _device(
+def device(
     fault: str,
     spec: str,
     does: str,
@@ -21,7 +21,9 @@ def _device(
     lasts: bool = True,
     mended_first: bool = False,
     sometimes: bool = False,
+    limp: bool = False,
 ) -> DeviceRow:
+    """A fault that is noticed, unless ``code`` is ``None``."""
     return DeviceRow(
         fault=fault,
         injected=spec,
@@ -34,21 +36,24 @@ def _device(
         lasts=lasts,
         mended_first=mended_first,
         sometimes=sometimes,
+        limp=limp,
     )
 
 
-def _unnoticed(
+def unnoticed(
     fault: str, spec: str, does: str, told: str, back: str, *, after: float = 0.0
 ) -> DeviceRow:
-    return _device(fault, spec, does, told, back, code=None, after=after)
+    """A fault that is not noticed."""
+    return device(fault, spec, does, told, back, code=None, after=after)
 
 
+DISTANCE: Final = "Distance sensor (VL6180X)"
 FREEZES: Final = "freezes at the last commanded counts"
 NO_READING: Final = "ends the motion without a reading; the servos hold"
 
 DEVICES: Final = {
     "Serial line and servo board": (
-        _device(
+        device(
             "serial cable unplugged while moving",
             "servo_board.unplugged",
             FREEZES + " (the board does so by itself)",
@@ -58,7 +63,7 @@ DEVICES: Final = {
             "counts that the board has.",
             after=0.4,
         ),
-        _device(
+        device(
             "serial cable unplugged and plugged in again while idle",
             "servo_board.unplugged",
             "notices before it moves, at the next request (on a real robot: within 3 s)",
@@ -67,13 +72,13 @@ DEVICES: Final = {
             lasts=False,
             mended_first=True,
         ),
-        _device(
+        device(
             "every third byte to the board lost",
             "servo_board.drop=3",
             "repeats each query twice, then " + FREEZES,
             "The servo board",
         ),
-        _device(
+        device(
             "one byte in 61 to the board lost while moving",
             "servo_board.drop=61",
             "queries are repeated; where a position was lost, the board's counts differ at the end "
@@ -85,13 +90,13 @@ DEVICES: Final = {
             lasts=False,
             sometimes=True,
         ),
-        _device(
+        device(
             "every third byte to the board corrupted",
             "servo_board.corrupt=3",
             "repeats each query twice, then " + FREEZES,
             "The servo board",
         ),
-        _device(
+        device(
             "one byte in 67 to the board corrupted while moving",
             "servo_board.corrupt=67",
             "as with lost bytes",
@@ -101,13 +106,13 @@ DEVICES: Final = {
             lasts=False,
             sometimes=True,
         ),
-        _device(
+        device(
             "the board's answers are garbage",
             "servo_board.garbage=1",
             "repeats each query twice, then " + FREEZES,
             "instead of a number 0 to 255",
         ),
-        _device(
+        device(
             "every third answer of the board is garbage",
             "servo_board.garbage=3",
             "repeats the query: nothing is lost",
@@ -115,13 +120,13 @@ DEVICES: Final = {
             "By itself.",
             code=None,
         ),
-        _device(
+        device(
             "the board answers nothing",
             "servo_board.mute",
             "repeats each query twice, then " + FREEZES,
             "did not answer",
         ),
-        _device(
+        device(
             "brown-out while moving: the board is deselected, servos jump to neutral",
             "servo_board.brown_out",
             "sees it when it has moved (to zero, or to the targets) and reads the board back. "
@@ -132,7 +137,7 @@ DEVICES: Final = {
             after=0.4,
             lasts=False,
         ),
-        _device(
+        device(
             "brown-out while idle",
             "servo_board.brown_out",
             "notices before it moves, at the next request (on a real robot: within 3 s)",
@@ -143,7 +148,7 @@ DEVICES: Final = {
         ),
     ),
     "Servos": (
-        _unnoticed(
+        unnoticed(
             "a servo is dead",
             "servos.dead=1",
             "nothing: servos report nothing, and a robot that does not know its body cannot tell "
@@ -151,7 +156,7 @@ DEVICES: Final = {
             "**not noticed** (an observation: what was commanded, and what was felt)",
             "`robotd doctor --move` and `estimator validate` show it; repair the servo.",
         ),
-        _unnoticed(
+        unnoticed(
             "a servo is jammed",
             "servos.jammed=2",
             "nothing, likewise",
@@ -159,7 +164,7 @@ DEVICES: Final = {
             "Likewise.",
             after=1.0,
         ),
-        _unnoticed(
+        unnoticed(
             "two servos have exchanged their plugs",
             "servos.swapped=1",
             "nothing, likewise",
@@ -168,12 +173,12 @@ DEVICES: Final = {
         ),
     ),
     "Analogue inputs (DMM-32)": (
-        _device("board gone", "daq.absent", NO_READING, "everything there reads 0xFF", after=0.9),
-        _device("stuck WAIT", "daq.stuck_wait", NO_READING, "settling its input (WAIT)"),
-        _device("stuck STS", "daq.stuck_busy", NO_READING, "the conversion (STS)", after=1.5),
-        _device("FIFO overflow", "daq.overflow", NO_READING, "its FIFO overflowed"),
-        _device("a sample is lost", "daq.lost_sample", NO_READING, "its FIFO held fewer samples"),
-        _device(
+        device("board gone", "daq.absent", NO_READING, "everything there reads 0xFF", after=0.9),
+        device("stuck WAIT", "daq.stuck_wait", NO_READING, "settling its input (WAIT)"),
+        device("stuck STS", "daq.stuck_busy", NO_READING, "the conversion (STS)", after=1.5),
+        device("FIFO overflow", "daq.overflow", NO_READING, "its FIFO overflowed"),
+        device("a sample is lost", "daq.lost_sample", NO_READING, "its FIFO held fewer samples"),
+        device(
             "an axis of the accelerometer is stuck",
             "daq.stuck_channel=0",
             "notices the same 16-bit code 20 scans running (live inputs dither), and gives no "
@@ -181,25 +186,25 @@ DEVICES: Final = {
             "is stuck: it gave exactly",
             CLEAR,
         ),
-        _device(
+        device(
             "a strain gauge's input is stuck",
             "daq.stuck_channel=4",
             "likewise",
             "the gauge of",
         ),
-        _device(
+        device(
             "an axis of the accelerometer is railed",
             "daq.railed_channel=1",
             NO_READING,
             "is at the end of its range",
         ),
-        _device(
+        device(
             "a strain gauge's input is railed",
             "daq.railed_channel=5",
             NO_READING,
             "is at the end of its range",
         ),
-        _unnoticed(
+        unnoticed(
             "two gauges, or the x and y axes, have exchanged their wires",
             "daq.swapped_channels=3",
             "nothing: both readings are possible. (The z axis exchanged with another shows as a "
@@ -208,12 +213,12 @@ DEVICES: Final = {
             "`robotd calibrate` asks for each gauge and axis in turn; exchange the wires.",
         ),
     ),
-    "Distance sensor (VL6180X)": (
-        _device("no acknowledge", "distance.nak", NO_READING, "Nothing acknowledges"),
-        _device("bus hangs", "distance.hang", NO_READING, "The I²C bus hangs"),
-        _device("measurement never ends", "distance.busy", NO_READING, "within 0.1 s"),
-        _device("it reports a laser failure", "distance.error=3", NO_READING, "(error 3)"),
-        _device(
+    DISTANCE: (
+        device("no acknowledge", "distance.nak", NO_READING, "Nothing acknowledges"),
+        device("bus hangs", "distance.hang", NO_READING, "The I²C bus hangs"),
+        device("measurement never ends", "distance.busy", NO_READING, "within 0.1 s"),
+        device("it reports a laser failure", "distance.error=3", NO_READING, "(error 3)"),
+        device(
             "frozen value",
             "distance.frozen",
             "notices that ten measurements counted exactly the same photons, and gives no "
@@ -221,7 +226,7 @@ DEVICES: Final = {
             "tilt: a belly that leans cannot be on the ground)",
             "is frozen",
         ),
-        _device(
+        device(
             "reset while moving: its settings are lost",
             "distance.reset",
             NO_READING,
@@ -232,7 +237,7 @@ DEVICES: Final = {
         ),
     ),
     "Robot clock": (
-        _device(
+        device(
             "jumps by +10 s while moving",
             "clock.jump=10",
             FREEZES + "; no joint leaps",
@@ -241,7 +246,7 @@ DEVICES: Final = {
             after=0.4,
             lasts=False,
         ),
-        _device(
+        device(
             "jumps by −10 s while moving",
             "clock.jump=-10",
             FREEZES + "; `robot_time` never runs backwards",
@@ -250,7 +255,7 @@ DEVICES: Final = {
             after=0.4,
             lasts=False,
         ),
-        _device(
+        device(
             "jumps by −100 s while idle",
             "clock.jump=-100",
             "nothing; `robot_time` never runs backwards",
@@ -260,4 +265,4 @@ DEVICES: Final = {
         ),
     ),
 }
-"""Faults of devices, by section."""
+"""Faults of devices, by section: ``--electronics pc104``."""

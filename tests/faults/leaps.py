@@ -6,6 +6,11 @@ set, up to three of these at once. The emulated board itself records every move 
 makes. None may be longer than one update: what a joint moves at top speed until it is its turn
 again.
 
+A robot on the chips of an I²C bus bears the same, as far as there is such a thing: a hanging bus,
+transfers that nobody acknowledges, a board that is reset or put to sleep. Every pulse must be one
+that a servo knows, 500 to 2,500 µs, and the first one after a reset counts as a move from the last
+one before.
+
 Damaged lines are counted apart: where a digit of a position is lost on its way the board moves to
 another one, and back with the next line. That was not commanded, but it leaps.
 """
@@ -17,16 +22,18 @@ import logging
 import math
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Final
+from typing import Final, cast
 
+from bench.still_pi import StillPi, still_pi
 from bench.still_robot import StillRobot, still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
+from robot.drivers.sv203 import NEUTRAL, SERVOS, SV203Settings
 from sim_robot.electronics.clock import Follower
 from sim_robot.faults.fault_panel import FaultSpec
 from tests.robot.stepped import Bench, SteppedClock, program, request
@@ -34,10 +41,12 @@ from tests.robot.stepped import Bench, SteppedClock, program, request
 LONGEST: Final = 3.0  # s; a motion of ±60° from ±60° takes 1 s to zero, 0.3 s there, and 1 s on
 REACH: Final = 60.0  # degrees
 ONE_QUERY: Final = 0.02  # s; a reset after the last one's answer left the board comes too late
-RESET: Final = "brown_out"
+RESETS: Final = ("brown_out", "reset", "sleep")
 STALL: Final = "stall"
-SOUND: Final = (RESET, STALL, "unplugged", "mute", "garbage", "jump")
+SOUND: Final = ("brown_out", STALL, "unplugged", "mute", "garbage", "jump")
 DAMAGING: Final = ("drop", "corrupt")
+ON_I2C: Final = ("reset", "sleep", STALL, "hang", "nak", "jump")
+WIDTHS: Final = (500.0, 2500.0)  # µs
 
 
 @dataclass
@@ -49,12 +58,14 @@ class Tally:
         ends: How the motions ended: error codes, or ``observation``.
         longest: The longest move that a command made, in updates.
         unnoticed: Observations of a robot whose board was reset before they were taken.
+        outside: Pulses that no servo knows.
     """
 
     faults: Counter[str] = field(default_factory=Counter)
     ends: Counter[str] = field(default_factory=Counter)
     longest: float = 0.0
     unnoticed: int = 0
+    outside: int = 0
 
     def lines(self) -> Iterator[str]:
         """The figures, for a person."""
@@ -63,6 +74,13 @@ class Tally:
         yield f"ends: {', '.join(f'{count} {end}' for end, count in self.ends.most_common())}"
         yield f"longest move: {self.longest:.2f} times what one update may move"
         yield f"resets that went unnoticed: {self.unnoticed}"
+        yield f"pulses outside 500 to 2,500 µs: {self.outside}"
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing of this must not be."""
+        leapt = self.longest > 1 + math.ulp(1) * 8
+        return not (leapt or self.unnoticed or self.outside)
 
 
 class FatefulClock(SteppedClock):
@@ -89,8 +107,8 @@ class FatefulClock(SteppedClock):
 class Study:
     """A robot, and the faults that it has to bear, one motion after another."""
 
-    def __init__(self, robot: StillRobot, clock: FatefulClock, seed: int):
-        self.bench = Bench(robot, clock)
+    def __init__(self, robot: StillRobot | StillPi, clock: FatefulClock, seed: int):
+        self.bench = Bench(cast(StillRobot, robot), clock)  # what is used here, both have
         self._robot = robot
         self._clock = clock
         self._random = random.Random(seed)
@@ -100,13 +118,31 @@ class Study:
         self._update = robot.config.speed * period
         self._longest = 0.0
         self._resets: list[float] = []
-        robot.servo_board.watch_moves(self._moved)
+        self._last: dict[int, int] = {}
+        self._outside = 0
+        servos = robot.config.servos
+        self._boards = servos.boards if isinstance(servos, SV203Settings) else ()
+        if isinstance(robot, StillPi):
+            self._board = "pwm"
+            robot.pwm.on_pulse = self._pulsed
+        else:
+            self._board = "servo_board"
+            robot.servo_board.watch_moves(self._moved)
         robot.controller.set_notify(self.bench.notify)
 
     def _moved(self, servo: int, before: int, after: int) -> None:
         scale = self._scales[servo]
         way = abs(scale.angle(after) - scale.angle(before))
         self._longest = max(self._longest, way / self._update)
+
+    def _pulsed(self, output: int, before: int, after: int) -> None:
+        """A move, unless the output was switched off; one that is switched on comes from before."""
+        robot = self._robot
+        assert isinstance(robot, StillPi)
+        if after:
+            self._outside += not WIDTHS[0] <= after * robot.pwm.tick_us <= WIDTHS[1]
+            self._moved(output, before or self._last.get(output, after), after)
+            self._last[output] = after
 
     def motion(self, tally: Tally, kinds: tuple[str, ...]) -> None:
         """One motion with one to three faults; whatever came of it is cleared and mended."""
@@ -115,10 +151,12 @@ class Study:
         self._resets.clear()
         for kind in self._pick(kinds):
             self._order(kind, tally)
-        end = self.bench.end_of(self.bench.submit(program(self._robot, **self._targets())))
+        end = self.bench.end_of(self.bench.submit(program(self.bench.robot, **self._targets())))
         if isinstance(end, ObservationReply):
             tally.ends["observation"] += 1
-            checked = self._clock.now() - ONE_QUERY
+            # One that was asked may be reset while the others still are: the reading is older.
+            others = max(0, len(self._boards) - 1) * SERVOS
+            checked = self._clock.now() - ONE_QUERY * (1 + others)
             tally.unnoticed += any(reset < checked for reset in self._resets)
         elif isinstance(end, ErrorReply):
             tally.ends[end.code] += 1
@@ -126,6 +164,8 @@ class Study:
         self._robot.panel.mend()
         self._recover()
         tally.longest = max(tally.longest, self._longest)
+        tally.outside += self._outside
+        self._outside = 0
 
     def _pick(self, kinds: tuple[str, ...]) -> list[str]:
         return self._random.choices(kinds, k=self._random.choice((1, 1, 2, 3)))
@@ -137,24 +177,38 @@ class Study:
         stall = self._random.uniform(0.05, 1.95)
         number = {
             "garbage": self._random.randint(1, 4),
+            "nak": self._random.choice((0, 2, 3, 5)),
             "jump": self._random.choice((-10, -1, 1, 10)),
             "drop": self._random.randint(5, 200),
             "corrupt": self._random.randint(5, 200),
+            "brown_out": self._random.choice((0, *self._boards)) if self._boards[1:] else 0,
         }.get(kind, 0)
-        name = f"{'clock' if kind == 'jump' else 'servo_board'}.{kind}"
+        name = f"{'clock' if kind == 'jump' else self._board}.{kind}"
 
         def begin() -> None:
             tally.faults[kind] += 1
             if kind == STALL:
                 self._clock.charge(stall)
                 return
-            if kind == RESET:
+            if kind in RESETS and self._throws(number):
                 self._resets.append(self._clock.now())
             self._robot.panel.order(FaultSpec.parse(f"{name}={number}"))
 
         self._clock.fate.append((at, begin))
-        if kind not in (STALL, RESET, "jump"):
+        if kind not in (STALL, *RESETS, "jump"):
             self._clock.fate.append((at + lasts, partial(self._robot.panel.mend, name)))
+
+    def _throws(self, number: int) -> bool:
+        """Whether the reset of a board throws servos, which it must not do unnoticed.
+
+        One of several boards whose servos all stand at neutral has nothing to throw or to notice.
+        """
+        robot = self._robot
+        if isinstance(robot, StillPi) or not self._boards[1:]:
+            return True
+        pulses = robot.servo_board.pulses()
+        hit = [row for row, board in enumerate(self._boards) if number in (0, board)]
+        return any(pulses[SERVOS * row + n] != NEUTRAL for row in hit for n in range(SERVOS))
 
     def _targets(self) -> dict[str, float]:
         names = [joint.name for joint in self._robot.config.joints]
@@ -171,34 +225,57 @@ class Study:
 
 
 @contextmanager
-def study(seed: int) -> Iterator[Study]:
-    """A robot to be tormented."""
+def study(
+    seed: int, kinds: tuple[str, ...] = SOUND, *, boards: Sequence[int] = (1,)
+) -> Iterator[Study]:
+    """A robot to be tormented, with the electronics that can fail in these ways.
+
+    Args:
+        seed: Of what happens when.
+        kinds: What happens.
+        boards: The numbers of its servo boards, eight joints each, where these are SV203.
+    """
     clock = FatefulClock()
-    with still_robot(clock, housekeeping=None, log=logging.getLogger("leaps")) as robot:
-        clock.before = Follower(robot.servo_board, robot.servos)
-        found = Study(robot, clock, seed)
-        robot.controller.start()
+    log = logging.getLogger("leaps")
+    with ExitStack() as stack:
+        if kinds == ON_I2C:
+            found = Study(
+                stack.enter_context(still_pi(clock, housekeeping=None, log=log)), clock, seed
+            )
+        else:
+            robot = stack.enter_context(
+                still_robot(clock, housekeeping=None, log=log, boards=boards)
+            )
+            clock.before = Follower(robot.servo_board, robot.servos)
+            found = Study(robot, clock, seed)
+        controller = found.bench.robot.controller
+        controller.start()
         try:
             yield found
         finally:
-            robot.controller.shut_down()
+            controller.shut_down()
 
 
 def main() -> int:
     """Prints the figures; 1 when the daemon commanded a leap or took no notice of a reset."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--faults", type=int, default=1000, help="of each of the two groups")
+    parser.add_argument("--faults", type=int, default=1000, help="of each of the four groups")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    tallies = {}
-    for title, kinds in (("sound lines", SOUND), ("damaged lines", DAMAGING)):
-        tally = tallies[title] = Tally()
-        with study(options.seed) as found:
+    sound = True
+    for title, kinds, boards in (
+        ("sound lines", SOUND, (1,)),
+        ("two boards on a sound line", SOUND, (1, 2)),
+        ("chips on I²C", ON_I2C, ()),
+        ("damaged lines", DAMAGING, (1,)),
+    ):
+        tally = Tally()
+        with study(options.seed, kinds, boards=boards) as found:
             while tally.faults.total() < options.faults:
                 found.motion(tally, kinds)
         print(f"{title}\n  " + "\n  ".join(tally.lines()), flush=True)
-    sound = tallies["sound lines"]
-    return int(sound.longest > 1 + math.ulp(1) * 8 or sound.unnoticed > 0)
+        sound = sound and (tally.sound or kinds == DAMAGING)
+    return int(not sound)
 
 
 if __name__ == "__main__":

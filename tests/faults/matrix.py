@@ -47,12 +47,14 @@ class DeviceRow(Row):
         lasts: Whether ``clear`` is refused until the fault is mended.
         mended_first: Whether the fault has been mended before anybody asks for anything.
         sometimes: Whether the observation may come through instead, being true.
+        limp: Whether the joints go limp, because the servo board lost its settings.
     """
 
     after: float = 0.0
     lasts: bool = True
     mended_first: bool = False
     sometimes: bool = False
+    limp: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

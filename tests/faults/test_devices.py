@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import pytest
@@ -13,8 +14,9 @@ from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from tests.faults.devices import DEVICES
+from tests.faults.devices import DEVICES, DISTANCE
 from tests.faults.matrix import DeviceRow
+from tests.faults.pi_devices import PI_DEVICES
 from tests.processes.simulator import simulator
 
 # Rests on three feet, the fourth in the air, and always the same: not every pose is as stable.
@@ -45,27 +47,61 @@ class Patient:
         return self.client.status().sequence
 
 
+MATRIX = {
+    "pc104": DEVICES,
+    "pi": PI_DEVICES | {DISTANCE: DEVICES[DISTANCE]},
+}
+
+
 def rows(wanted: Callable[[DeviceRow], bool]) -> list[ParameterSet]:
-    found = (row for rows in DEVICES.values() for row in rows)
-    return [pytest.param(row, id=row.injected) for row in found if wanted(row)]
+    found = (
+        (electronics, row)
+        for electronics, sections in MATRIX.items()
+        for section in sections.values()
+        for row in section
+    )
+    return [
+        pytest.param(electronics, row, id=f"{electronics}-{row.injected}")
+        for electronics, row in found
+        if wanted(row)
+    ]
+
+
+class Hospital:
+    """A robot with each set of electronics, started when it is first wanted."""
+
+    def __init__(self, stack: ExitStack):
+        self._stack = stack
+        self._patients: dict[str, Patient] = {}
+
+    def admit(self, electronics: str) -> Patient:
+        if electronics not in self._patients:
+            options = ("--noise", "none", "--control", "tcp://127.0.0.1:*")
+            process = self._stack.enter_context(simulator(*options, "--electronics", electronics))
+            client = self._stack.enter_context(RobotClient(process.uri))
+            client.acquire()
+            faults = FaultClient(process.control)
+            patient = Patient(client, faults, reference=None, pulses=[])  # type: ignore[arg-type]
+            patient.reference = patient.perform()
+            patient.pulses = faults.report()["pulses"]
+            self._patients[electronics] = patient
+        return self._patients[electronics]
 
 
 @pytest.fixture(scope="module")
-def robot() -> Iterator[Patient]:
-    with (
-        simulator("--noise", "none", "--control", "tcp://127.0.0.1:*") as process,
-        RobotClient(process.uri) as client,
-    ):
-        client.acquire()
-        faults = FaultClient(process.control)
-        patient = Patient(client, faults, reference=None, pulses=[])  # type: ignore[arg-type]
-        patient.reference = patient.perform()
-        patient.pulses = faults.report()["pulses"]
-        yield patient
+def hospital() -> Iterator[Hospital]:
+    with ExitStack() as stack:
+        yield Hospital(stack)
 
 
 @pytest.fixture
-def patient(robot: Patient) -> Iterator[Patient]:
+def electronics() -> str:
+    return "pc104"
+
+
+@pytest.fixture
+def patient(hospital: Hospital, electronics: str) -> Iterator[Patient]:
+    robot = hospital.admit(electronics)
     yield robot
     robot.faults.mend()
     if robot.client.status().state == "fault":
@@ -86,7 +122,9 @@ def refused(patient: Patient, ask: str) -> RobotError:
     return error.value
 
 
-@pytest.mark.parametrize("row", rows(lambda row: bool(row.code) and not row.sometimes))
+@pytest.mark.parametrize(
+    ("electronics", "row"), rows(lambda row: bool(row.code) and not row.sometimes)
+)
 def test_a_fault_takes_the_robot_down_until_it_is_cleared(row: DeviceRow, patient: Patient) -> None:
     before = patient.sequence()
     inject(row, patient)
@@ -101,14 +139,14 @@ def test_a_fault_takes_the_robot_down_until_it_is_cleared(row: DeviceRow, patien
     if row.lasts:
         assert refused(patient, "clear").code == "fault"
         assert patient.client.status().state == row.state
-    assert 0 not in patient.faults.report()["pulses"]  # stiff, all the time
+    assert (0 not in patient.faults.report()["pulses"]) != row.limp  # stiff, all the time
     patient.faults.mend()
     assert patient.client.clear().state == "holding"
     assert patient.client.status().reason is None
     check_health(patient, after=before)
 
 
-@pytest.mark.parametrize("row", rows(lambda row: row.sometimes))
+@pytest.mark.parametrize(("electronics", "row"), rows(lambda row: row.sometimes))
 def test_what_comes_through_is_true(row: DeviceRow, patient: Patient) -> None:
     sentences = []
     for _ in range(6):
@@ -128,7 +166,7 @@ def test_what_comes_through_is_true(row: DeviceRow, patient: Patient) -> None:
     check_health(patient, after=patient.sequence())
 
 
-@pytest.mark.parametrize("row", rows(lambda row: not row.code))
+@pytest.mark.parametrize(("electronics", "row"), rows(lambda row: not row.code))
 def test_what_is_not_noticed_is_answered_with_what_was_felt(
     row: DeviceRow, patient: Patient
 ) -> None:

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from tests.faults.leaps import SOUND, Tally, study
+import pytest
+
+from tests.faults.leaps import ON_I2C, SOUND, Tally, study
 
 
-def test_no_leap_is_commanded_whatever_fails_while_it_moves() -> None:
+@pytest.mark.parametrize(
+    ("kinds", "boards"),
+    [(SOUND, (1,)), (SOUND, (1, 2)), (ON_I2C, ())],
+    ids=["sv203", "two sv203", "pca9685"],
+)
+def test_no_leap_is_commanded_whatever_fails_while_it_moves(
+    kinds: tuple[str, ...], boards: tuple[int, ...]
+) -> None:
     tally = Tally()
-    with study(seed=1) as robot:
+    with study(1, kinds, boards=boards) as robot:
         while tally.faults.total() < 25:
-            robot.motion(tally, SOUND)
+            robot.motion(tally, kinds)
     assert 0.5 < tally.longest <= 1.0
-    assert tally.unnoticed == 0
+    assert tally.sound
     assert len(tally.ends) > 1

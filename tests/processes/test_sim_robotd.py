@@ -15,6 +15,7 @@ from bench.network_proxy import lasting_port
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply, Progress
+from sim_robot.world.engines import ENGINES
 from tests.processes.simulator import simulator
 
 
@@ -38,8 +39,11 @@ def test_the_same_seed_feels_the_same_and_another_does_not() -> None:
     assert readings[0] != readings[2]
 
 
-def test_an_observation_is_what_the_world_is_within_noise() -> None:
-    with simulator("--noise", "none") as robot, RobotClient(robot.uri) as client:
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_observation_is_what_the_world_is_within_noise(engine: str) -> None:
+    pytest.importorskip(engine)
+    options = ("--noise", "none", "--engine", engine)
+    with simulator(*options) as robot, RobotClient(robot.uri) as client:
         client.acquire()
         seen = client.perform(
             program(client, hip_left=-30, hip_front=-30, hip_right=-30, hip_back=-30)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bench.soak.__main__ import growth, soak
 from bench.soak.vitals import Sample
 
@@ -10,8 +12,9 @@ def sample(memory: float) -> Sample:
     return Sample(hours=0, memory=memory, descriptors=1, threads=1, latency=1, worst=1)
 
 
-def test_nothing_is_lost_and_nothing_repeated() -> None:
-    with soak(seed=1) as found:
+@pytest.mark.parametrize("electronics", ["pc104", "pi"])
+def test_nothing_is_lost_and_nothing_repeated(electronics: str) -> None:
+    with soak(1, electronics) as found:
         found.run(0.06, every=0.03, deaths=0, tell=lambda sample: None)
     assert found.counts["observations"] > 30
     assert found.counts["faults noticed"] > 0

@@ -105,13 +105,13 @@ class FakeRobot:
             self.begun.release()
             return
         if isinstance(request, Read):
-            self._emit(Finished(ticket=ticket, reply=self.observe(request.id)))
+            self.emit(Finished(ticket=ticket, reply=self.observe(request.id)))
             return
         abort = {"stop": "aborted_stop", "hold": "aborted_hold", "relax": "aborted_relax"}
         if request.TYPE in abort:
             self.abort(abort[request.TYPE])
         self.state = State.STOPPED if isinstance(request, Stop) else State.HOLDING
-        self._emit(Finished(ticket=ticket, reply=Ok(id=request.id, state=self.state.value)))
+        self.emit(Finished(ticket=ticket, reply=Ok(id=request.id, state=self.state.value)))
 
     def silence(self, reason: str) -> None:
         self.reason = reason
@@ -162,13 +162,13 @@ class FakeRobot:
 
     def progress(self, phase: str, fraction: float) -> None:
         for ticket in self._under_way:
-            self._emit(Progressed(ticket=ticket, phase=phase, fraction=fraction, robot_time=1.0))
+            self.emit(Progressed(ticket=ticket, phase=phase, fraction=fraction, robot_time=1.0))
 
     def complete(self) -> None:
         under_way, self._under_way = self._under_way, {}
         self.state = State.HOLDING
         for ticket, request in under_way.items():
-            self._emit(Finished(ticket=ticket, reply=self.observe(request.id)))
+            self.emit(Finished(ticket=ticket, reply=self.observe(request.id)))
 
     def abort(self, code: str) -> None:
         under_way, self._under_way = self._under_way, {}
@@ -177,9 +177,9 @@ class FakeRobot:
         for ticket, request in under_way.items():
             error = RobotError(code, "The motion ended early.")
             reply = ErrorReply.of(error, request_id=request.id)
-            self._emit(Finished(ticket=ticket, reply=reply))
+            self.emit(Finished(ticket=ticket, reply=reply))
 
-    def _emit(self, event: RobotEvent) -> None:
+    def emit(self, event: RobotEvent) -> None:
         with self._lock:
             self._events.append(event)
         self._notify()

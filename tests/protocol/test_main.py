@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+import subprocess
+import sys
+
 import pytest
 
 from protocol.__main__ import main
@@ -35,3 +39,27 @@ def test_nobody_there_is_a_sentence(
     monkeypatch.setattr("protocol.__main__.TIMEOUT", 0.5)
     assert main(["tcp://127.0.0.1:9", "status"]) == 1
     assert "127.0.0.1:9" in capsys.readouterr().err
+
+
+def test_watch_shows_what_changes_until_it_is_interrupted() -> None:
+    with simulator() as robot:
+        watch = subprocess.Popen(
+            [sys.executable, "-m", "protocol", robot.uri, "watch"],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert watch.stdout is not None
+        try:
+            assert watch.stdout.readline() == "idle\n"
+            pose = watch.stdout.readline()
+            assert "hip_left -" in pose
+            assert "controlled by nobody" in pose
+            assert main([robot.uri, "stop"]) == 0
+            assert watch.stdout.readline() == "stopped: A client sent stop.\n"
+            assert f"python -m protocol {robot.uri} clear" in watch.stdout.readline()
+            watch.send_signal(signal.SIGINT)
+            assert watch.wait(20) == 0
+        finally:
+            watch.kill()
+            watch.wait()
+            watch.stdout.close()

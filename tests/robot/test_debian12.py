@@ -1,10 +1,13 @@
 """The robot's side runs on Debian 12's own package versions: all that a 32-bit PC-104 can install.
 
-They are installed into an environment of their own; a daemon there serves a client there.
+They are installed into an environment of their own, and this project from its wheel and from its
+source distribution; a daemon there serves a client there, and the workstation's commands say what
+they lack.
 """
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -55,17 +58,43 @@ assert resources.files("robot").joinpath("systemd", "robotd.service").is_file()
 print("good")
 """
 
+BUILD = """
+from setuptools import build_meta
+build_meta.build_wheel("dist")
+build_meta.build_sdist("dist")
+"""
+
 
 @pytest.mark.timeout(180)
 def test_a_daemon_and_a_client_run_on_debian_12_versions(tmp_path: Path) -> None:
     venv.create(tmp_path / "venv", with_pip=True)
     python = tmp_path / "venv" / "bin" / "python"
     pip = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*pip, *DEBIAN_12], check=True)
+    subprocess.run([*pip, *DEBIAN_12, "setuptools>=77"], check=True)
     source = tmp_path / "source"  # building leaves files behind, which are not for the checkout
     ignored = shutil.ignore_patterns(".*", "build", "*.egg-info", "tests", "docs")
     shutil.copytree(ROOT, source, ignore=ignored)
-    subprocess.run([*pip, "--no-deps", str(source)], check=True)
+    subprocess.run([python, "-c", BUILD], cwd=source, check=True, stdout=subprocess.DEVNULL)
+    (wheel,), (sdist,) = source.glob("dist/*.whl"), source.glob("dist/*.tar.gz")
+    installed = []
+    for archive in (sdist, wheel):
+        subprocess.run(
+            [*pip, "--no-deps", "--no-build-isolation", "--force-reinstall", archive], check=True
+        )
+        record = next((tmp_path / "venv").rglob("bodyschema-*/RECORD")).read_text("utf-8")
+        files = (line.split(",")[0] for line in record.splitlines())
+        installed.append({name for name in files if not re.search(r"dist-info/|\.pyc$", name)})
+    assert installed[0] == installed[1]
+    for command, extra in (("estimator", "[estimator]"), ("sim-robotd", "[sim]"), ("robotd", "")):
+        version, usage = (
+            subprocess.run(
+                [python.with_name(command), option], capture_output=True, text=True, check=False
+            )
+            for option in ("--version", "--help")
+        )
+        assert version.stdout.startswith(f"{command} (bodyschema) ")
+        assert usage.returncode == bool(extra)
+        assert f"pip install 'bodyschema{extra}'" in usage.stderr or not extra
     # -I: nothing of this checkout or of this environment is visible, only what was installed.
     done = subprocess.run(
         [str(python), "-I", "-W", "error", "-c", SCRIPT, str(source)],

@@ -16,7 +16,7 @@ import numpy as np
 
 from protocol.wire.readings import touch_is_doubtful, touches
 from sim_robot.world.body import Body, load_body, shipped_bodies
-from sim_robot.world.simulation import World
+from sim_robot.world.engines import open_world
 
 LOADED = 0.1  # N: above it, a gauge says touch
 REACH = 30.0  # degrees
@@ -45,7 +45,7 @@ def feet(body: Body, programs: int, seed: int = 1) -> Iterator[Foot]:
     """Every foot in the resting poses of random motor programs."""
     rng = np.random.default_rng(seed)
     joints = len(body.motors)
-    with World(body, log=logging.getLogger("touch")) as world:
+    with open_world(body, log=logging.getLogger("touch")) as world:
         for _ in range(programs):
             world.set_targets([0.0] * joints)
             world.lay_down()

@@ -1,23 +1,24 @@
-"""A URDF in the words of a genome: limbs with parent, side, hinge and length.
+"""A URDF in the words of a genome: limbs with parent, mount, hinge and length.
 
 Links joined by fixed joints, and by revolute ones that nobody asks for, are one limb. A limb's
-side is the one whose place of attachment is nearest to its joint, its hinge the one whose axis is
-nearest, its length the distance from joint to far end. Where that is only the nearest and not what
-the body is, no genome can be right, and the limb says so.
+mount is the one nearest to its joint, its hinge the one whose axis is nearest, its length the
+distance from joint to far end. Where that is only the nearest and not what the body is, no genome
+can be right, and the limb says so.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from estimator.body.limbs import Limb
-from estimator.body.morphology import BASE, HINGE_AXES, SIDE_YAWS, SIDES, Array, rotation
+from estimator.body.morphology import BASE, Array, rotation
+from estimator.body.mounts import BaseMount, heading
 from estimator.errors import TruthError
 from estimator.evaluation.truth.urdf import (
     Box,
@@ -28,6 +29,7 @@ from estimator.evaluation.truth.urdf import (
     numbers,
     read_urdf,
 )
+from estimator.problem.attachment_tables import PAPERS_TABLES, AttachmentTables
 
 PLACE_TOLERANCE: Final = 5e-3  # m
 ANGLE_TOLERANCE: Final = math.radians(5.0)
@@ -40,12 +42,16 @@ class TrueLimb:
     Attributes:
         name: Name of its joint.
         limb: The nearest that a genome can say; its sensors are unknown.
-        not_representable: For each trait (``side``, ``hinge``) that no genome has right, a sentence
-            that says why.
+        mount: Number of its mount among those of the main body, or of parts.
+        hinge: Number of its hinge.
+        not_representable: For each trait (``mount``, ``hinge``) that no genome has right, a
+            sentence that says why.
     """
 
     name: str
     limb: Limb
+    mount: int
+    hinge: int
     not_representable: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -64,13 +70,16 @@ class _Pose:
         return _Pose(outer.turn.T @ self.turn, outer.turn.T @ (self.place - outer.place))
 
 
-def true_limbs(path: Path, motors: Mapping[str, int]) -> tuple[TrueLimb, ...]:
+def true_limbs(
+    path: Path, motors: Mapping[str, int], tables: AttachmentTables = PAPERS_TABLES
+) -> tuple[TrueLimb, ...]:
     """Reads a URDF as limbs in motor order.
 
     Args:
         path: The URDF file.
         motors: Names of the joints that carry a limb, with the numbers by which the limbs are
             known: the motors, or any other way of counting.
+        tables: The mounts and hinges that a genome can name.
 
     Raises:
         TruthError: The file is no URDF of the supported subset, or lacks one of the joints.
@@ -83,14 +92,15 @@ def true_limbs(path: Path, motors: Mapping[str, int]) -> tuple[TrueLimb, ...]:
             f"{path} has no revolute joint named {', '.join(missing)}: give the URDF of the robot "
             "that the run talked to."
         )
-    return _Reader(urdf, motors).limbs()
+    return _Reader(urdf, motors, tables).limbs()
 
 
 class _Reader:
     """Walks the tree once: poses of links in the planar pose, and which limb each belongs to."""
 
-    def __init__(self, urdf: Urdf, motors: Mapping[str, int]):
+    def __init__(self, urdf: Urdf, motors: Mapping[str, int], tables: AttachmentTables):
         self._motors = motors
+        self._tables = tables
         self._links = {link.name: link for link in urdf.links}
         self._poses = {urdf.root: _Pose(np.eye(3), np.zeros(3))}
         self._limb_of = {urdf.root: BASE}
@@ -108,35 +118,63 @@ class _Reader:
         frames = {BASE: self._poses[self._root]}  # parents come first in document order
         lengths: dict[int, float] = {}
         by_motor: dict[int, TrueLimb] = {}
+        axes = np.array([hinge.axis for hinge in self._tables.hinges])
         for joint in self._driven:
             motor = self._motors[joint.name]
             parent = self._limb_of[joint.parent.link]
             pose = self._poses[joint.child.link]
             inside = pose.into(frames[parent])
-            yaw, length, slant = self._direction(motor, pose.place, frames[parent])
-            side, offset = self._side(parent, inside.place, yaw, lengths)
+            places = self._places(parent, lengths)
+            pointing, length, slant = self._direction(motor, pose.place, frames[parent], places)
+            mount, offset = _nearest_mount(inside.place, places, pointing)
             frames[motor] = _Pose(
-                frames[parent].turn @ rotation((0.0, 0.0, 1.0), SIDE_YAWS[yaw]), pose.place
+                frames[parent].turn @ rotation((0.0, 0.0, 1.0), places[pointing].yaw), pose.place
             )
             axis = frames[motor].turn.T @ pose.turn @ _unit(numbers(joint.axis.xyz))
-            hinge, twist = _nearest(axis, np.array(HINGE_AXES))
+            hinge, twist = _nearest(axis, axes)
             lengths[motor] = length
-            limb = Limb(motor=motor, parent=parent, side=side, hinge=hinge, length=length)
+            limb = Limb(
+                motor=motor,
+                parent=parent,
+                mount=places[mount].name,
+                hinge=self._tables.hinges[hinge].name,
+                length=length,
+            )
+            turn = abs(_wrapped(places[pointing].yaw - places[mount].yaw))
             by_motor[motor] = TrueLimb(
                 name=joint.name,
                 limb=limb,
+                mount=mount,
+                hinge=hinge,
                 not_representable=_misfits(
-                    limb, joint.name, offset=offset, yaw=yaw, slant=slant, twist=twist
+                    limb,
+                    joint.name,
+                    offset=offset,
+                    turn=turn,
+                    pointing=places[pointing].name,
+                    slant=slant,
+                    twist=twist,
                 ),
             )
         return tuple(by_motor[motor] for motor in sorted(by_motor))
 
-    def _direction(self, motor: int, start: Array, parent: _Pose) -> tuple[int, float, float]:
-        """The side towards which a limb points, how far it reaches there, and its slant from it.
+    def _places(self, parent: int, lengths: Mapping[int, float]) -> Sequence[BaseMount]:
+        """Mounts on a parent, all in its frame."""
+        if parent == BASE:
+            return self._tables.base_mounts(self._base_size())
+        return [
+            BaseMount(name=mount.name, at=(mount.fraction * lengths[parent], 0, 0), yaw=mount.yaw)
+            for mount in self._tables.part_mounts
+        ]
+
+    def _direction(
+        self, motor: int, start: Array, parent: _Pose, places: Sequence[BaseMount]
+    ) -> tuple[int, float, float]:
+        """The mount as which a limb points, how far it reaches there, and its slant from it.
 
         It points to the middle of its furthest shape, so that a wide foot does not turn a leg.
         """
-        ways = np.array([parent.turn @ (math.cos(yaw), math.sin(yaw), 0.0) for yaw in SIDE_YAWS])
+        ways = np.array([parent.turn @ (*heading(place.yaw), 0.0) for place in places])
         shapes = [
             (self._poses[name] @ _pose(collision.origin), collision)
             for name, link in self._links.items()
@@ -149,50 +187,58 @@ class _Reader:
         far = max((pose.place - start for pose, _ in shapes), key=lambda offset: offset @ offset)
         distance = float(np.linalg.norm(far))
         if distance <= PLACE_TOLERANCE:
-            yaw, slant = int(np.argmax(reach)), 0.0
+            pointing, slant = int(np.argmax(reach)), 0.0
         else:
-            yaw, slant = _nearest(far / distance, ways)
-        return yaw, max(0.0, reach[yaw]), slant
+            pointing, slant = _nearest(far / distance, ways)
+        return pointing, max(0.0, reach[pointing]), slant
 
-    def _side(
-        self, parent: int, place: Array, yaw: int, lengths: Mapping[int, float]
-    ) -> tuple[int, float]:
-        """The side whose place of attachment is nearest, and how far off it is, m."""
-        if parent == BASE:
-            x, y, _ = self._base_half()
-            places = np.array([(0.0, y, 0.0), (x, 0.0, 0.0), (0.0, -y, 0.0), (-x, 0.0, 0.0)])
-        else:
-            along = lengths[parent] * np.array([0.5, 1.0, 0.5, 0.0])
-            places = np.column_stack([along, np.zeros((4, 2))])
-        distances = np.linalg.norm(places - place, axis=1)
-        nearest = np.flatnonzero(distances <= distances.min() + 1e-9)
-        side = yaw if yaw in nearest else int(nearest[0])  # left and right share one place
-        return side, float(distances[side])
-
-    def _base_half(self) -> Array:
+    def _base_size(self) -> tuple[float, float, float]:
         for collision in self._links[self._root].collisions:
             if isinstance(collision.geometry.shape, Box):
-                return np.array(numbers(collision.geometry.shape.size)) / 2
+                return numbers(collision.geometry.shape.size)
         raise TruthError(f"link {self._root}: the main body must have a box.")
 
 
+def _nearest_mount(place: Array, places: Sequence[BaseMount], pointing: int) -> tuple[int, float]:
+    """The nearest mount and how far off it is, m; of several in one place the one that fits best.
+
+    Args:
+        place: Of the joint.
+        places: The mounts.
+        pointing: One with the limb's direction.
+    """
+    distances = np.linalg.norm(np.array([mount.at for mount in places]) - place, axis=1)
+    yaws = np.array([mount.yaw for mount in places])
+    turns = np.abs(_wrapped(yaws - yaws[pointing]))
+    nearest = np.flatnonzero(distances <= distances.min() + 1e-9)
+    mount = int(nearest[np.argmin(turns[nearest])])
+    return mount, float(distances[mount])
+
+
 def _misfits(
-    limb: Limb, name: str, *, offset: float, yaw: int, slant: float, twist: float
+    limb: Limb,
+    name: str,
+    *,
+    offset: float,
+    turn: float,
+    pointing: str,
+    slant: float,
+    twist: float,
 ) -> dict[str, str]:
     misfits = {}
     if offset > PLACE_TOLERANCE:
-        misfits["side"] = (
+        misfits["mount"] = (
             f"{name} sits {offset * 1000:.0f} mm from the nearest place that a genome can name, "
-            f"{limb.side_name}"
+            f"{limb.mount}"
         )
     elif slant > ANGLE_TOLERANCE:
-        misfits["side"] = f"{name} points {math.degrees(slant):.0f} degrees away from {SIDES[yaw]}"
-    elif yaw != limb.side:
-        misfits["side"] = f"{name} sits on the {limb.side_name} but points {SIDES[yaw]}"
+        misfits["mount"] = f"{name} points {math.degrees(slant):.0f} degrees away from {pointing}"
+    elif turn > ANGLE_TOLERANCE:
+        misfits["mount"] = f"{name} sits on the {limb.mount} but points {pointing}"
     if twist > ANGLE_TOLERANCE:
         misfits["hinge"] = (
             f"{name} has its axis {math.degrees(twist):.0f} degrees from that of the nearest "
-            f"hinge, {limb.hinge_name}"
+            f"hinge, {limb.hinge}"
         )
     return misfits
 
@@ -224,6 +270,11 @@ def _nearest(direction: Array, choices: Array) -> tuple[int, float]:
     """The choice that is nearest in direction, and the angle between, rad."""
     index = int(np.argmax(choices @ direction))
     return index, _angle(choices[index], direction)
+
+
+def _wrapped(angle: Any) -> Any:
+    """Angles, or one, within ±π."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
 def _angle(one: Array, other: Array) -> float:

@@ -5,17 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
+from estimator.body import accelerometer
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.physics.kernel.contact import depth
 from estimator.physics.kernel.links import STEPS, assemble
-from estimator.physics.kernel.path import gap, margin, settle, undecided, work_space
+from estimator.physics.kernel.path import gap, margin, right_itself, settle, undecided, work_space
 from protocol.wire import readings as definitions
 
-_SOURCES: Final = stamp(Path(__file__).parent, Path(definitions.__file__))
+_SOURCES: Final = stamp(
+    Path(__file__).parent, Path(definitions.__file__), Path(accelerometer.__file__)
+)
 
+_up_as_felt: Final = compiled(accelerometer.up_as_felt)
 _tilt_of: Final = compiled(definitions.tilt_of)
 _belly_ray: Final = compiled(definitions.belly_ray)
 _clearance_of: Final = compiled(definitions.clearance_of)
@@ -30,14 +34,18 @@ def _make_rest(sources: int) -> Any:
         end: int,
         count: Integers,
         parent: Integers,
-        side: Integers,
+        mount: Integers,
         hinge: Integers,
         motor: Integers,
         sensor: Integers,
         length: Array,
         radius: Array,
         base: Array,
+        base_mounts: Array,
+        part_mounts: Array,
+        hinges: Array,
         programs: Array,
+        leans: Array,
         pace: float,
         reach: float,
         cosines: Array,
@@ -57,7 +65,7 @@ def _make_rest(sources: int) -> Any:
     ) -> int:
         """Fills rows ``start`` to ``end`` of the readings.
 
-        ``programs`` has one row for all bodies or one for each.
+        ``programs`` and ``leans`` have one row for all bodies or one for each.
 
         Returns:
             How many steps that took.
@@ -69,12 +77,15 @@ def _make_rest(sources: int) -> Any:
             program = programs[row if len(programs) > 1 else 0]
             links, points = assemble(
                 parent[row, :parts],
-                side[row],
+                mount[row],
                 hinge[row],
                 motor[row],
                 length[row],
                 radius[row],
                 own,
+                base_mounts,
+                part_mounts,
+                hinges,
                 program,
                 reach,
                 pace,
@@ -84,15 +95,19 @@ def _make_rest(sources: int) -> Any:
                 work.place,
                 work.at,
             )
-            rested = settle(work, links, points, own, cosines, sines, pace, 0.0, 0.0)
+            lean = leans[row if len(leans) > 1 else 0]
+            rested = settle(work, links, points, own, cosines, sines, pace, lean[0], lean[1])
+            if lean[0] != 0 or lean[1] != 0:
+                rested = right_itself(work, links, points) and rested
             balances[row] = undecided(work, links, points)
             deep = depth(work.points, points, work.up[0], work.up[1], work.up[2])
-            tilt[row, 0], tilt[row, 1] = _tilt_of(work.up)
+            felt = _up_as_felt(work.up, own[8], own[9])
+            tilt[row, 0], tilt[row, 1] = _tilt_of(felt)
             ray = _belly_ray(deep - 0.5 * own[2] * work.up[2], work.up)
             clearance[row], saturated[row] = _clearance_of(ray, cap)
             largest, longest = 0.0, 0
             for part in range(parts):
-                link = work.place[part, 0]
+                link = work.place[part]
                 longest = max(longest, work.tree[link, STEPS])
                 if motor[row, part] >= 0:
                     largest = max(largest, abs(program[motor[row, part]]) - reach)
@@ -115,12 +130,15 @@ def _make_margins(sources: int) -> Any:
         end: int,
         count: Integers,
         parent: Integers,
-        side: Integers,
+        mount: Integers,
         hinge: Integers,
         motor: Integers,
         length: Array,
         radius: Array,
         base: Array,
+        base_mounts: Array,
+        part_mounts: Array,
+        hinges: Array,
         programs: Array,
         pace: float,
         reach: float,
@@ -135,12 +153,15 @@ def _make_margins(sources: int) -> Any:
             program = programs[row if len(programs) > 1 else 0]
             links, points = assemble(
                 parent[row, :parts],
-                side[row],
+                mount[row],
                 hinge[row],
                 motor[row],
                 length[row],
                 radius[row],
                 own,
+                base_mounts,
+                part_mounts,
+                hinges,
                 program,
                 reach,
                 pace,

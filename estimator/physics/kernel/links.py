@@ -1,21 +1,22 @@
 """A tree of parts as rigid links, and where their points are at each step of the slew.
 
 Parts joined by locked hinges move as one link, so a link is what one touch sensor feels. Link 0 is
-the main body; every other has its frame where its first part has it. Locked parts point along one
-of the link's four directions in its own plane z = 0, so each of its points is two numbers.
+the main body; every other has its frame where its first part has it. Locked parts lie in the link's
+own plane z = 0, so each of its points is two numbers.
 
 A capsule on a plane is its two end spheres. A sphere inside the cone between two others of its
 link never touches first and is left out: so a straight leg of two parts has three.
 
 Arrays, for at most n parts:
 
-* ``tree`` (n + 1, 7), integers, and ``joint`` (n + 1, 9), one row per link; columns below.
+* ``tree`` (n + 1, 6), integers, and ``joint`` (n + 1, 15), one row per link; columns below.
 * ``frame`` (n + 1, 15): origin, then the x, y and z axes, in the body frame; then mass times
   centre of mass.
 * ``points`` (6, 8 + 2 n): x, y, z in the body frame, radius, then the two numbers within the link.
   The first eight are the main body's corners.
-* ``place`` (n, 2), integers: link of each part and its quarter turns in it; ``at`` (n, 2): where
-  in the link's plane it begins.
+* ``place`` (n,), integers: link of each part; ``at`` (n, 4): where in the link's plane it begins,
+  then cosine and sine of its direction there.
+* ``base_mounts``, ``part_mounts`` and ``hinges``: see ``Bodies``.
 """
 
 from __future__ import annotations
@@ -23,51 +24,55 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled
 
 PARENT: Final = 0  # link it sits on
-TURNS: Final = 1  # quarter turns to the left, seen from its parent
-HINGE: Final = 2
-FIRST: Final = 3  # its points, from here
-END: Final = 4  # to before here
-OWN_STEPS: Final = 5  # steps until its own hinge has reached its target
-STEPS: Final = 6  # steps until it moves no more
-TREE_COLUMNS: Final = 7
+TURN: Final = 1  # about which axis it turns: one of the four below
+FIRST: Final = 2  # its points, from here
+END: Final = 3  # to before here
+OWN_STEPS: Final = 4  # steps until its own hinge has reached its target
+STEPS: Final = 5  # steps until it moves no more
+TREE_COLUMNS: Final = 6
 
-X: Final = 0  # where in its parent's plane it sits, m
+YAW: Final = 0
+PITCH: Final = 1
+ROLL: Final = 2
+FREE: Final = 3  # about any axis, on a mount at any height
+
+X: Final = 0  # where in its parent's frame it sits, m
 Y: Final = 1
-SIGN: Final = 2  # of its hinge's target
-ANGLE: Final = 3  # size of its hinge's target, rad
-COSINE: Final = 4
-SINE: Final = 5
-MASS: Final = 6  # kg
-MOMENT_X: Final = 7  # mass times centre of mass within the link, kg·m
-MOMENT_Y: Final = 8
-JOINT_COLUMNS: Final = 9
+Z: Final = 2
+EAST: Final = 3  # cosine and sine of its direction there
+NORTH: Final = 4
+SIGN: Final = 5  # of its turn
+ANGLE: Final = 6  # size of its hinge's target, rad
+COSINE: Final = 7
+SINE: Final = 8
+MASS: Final = 9  # kg
+MOMENT_X: Final = 10  # mass times centre of mass within the link, kg·m
+MOMENT_Y: Final = 11
+AXIS: Final = 12  # of its hinge; x, y, z
+JOINT_COLUMNS: Final = 15
 
 FRAME_COLUMNS: Final = 15
 POINT_ROWS: Final = 6
 CORNERS: Final = 8
 
-_TURNS = np.array([1, 0, 3, 2])  # by side: left, front, right, back
-_ALONG = np.array([0.5, 1.0, 0.5, 0.0])  # of the parent's length, by side
-_EAST = np.array([1.0, 0.0, -1.0, 0.0])  # x of the direction after so many quarter turns
-_NORTH = np.array([0.0, 1.0, 0.0, -1.0])
-
 
 @compiled
 def assemble(
     parent: Integers,
-    side: Integers,
+    mount: Integers,
     hinge: Integers,
     motor: Integers,
     length: Array,
     radius: Array,
     base: Array,
+    base_mounts: Array,
+    part_mounts: Array,
+    hinges: Array,
     program: Array,
     reach: float,
     pace: float,
@@ -81,7 +86,7 @@ def assemble(
 
     Args:
         parent: Of each part, and so on; see ``Bodies``.
-        base: Extent along x, y, z, mass, density of the parts.
+        base: See ``Bodies``.
         program: Angle of each motor, rad.
         reach: How far a joint can turn, rad.
         pace: How far it turns in one step, rad.
@@ -93,39 +98,46 @@ def assemble(
     tree[0, STEPS] = 0
     joint[0, MASS] = base[3]
     for part in range(len(parent)):
-        on, facing = parent[part], side[part]
+        on, where = parent[part], mount[part]
         if on < 0:
-            carrier, turns = 0, _TURNS[facing]
-            x, y = 0.5 * base[0] * _EAST[turns], 0.5 * base[1] * _NORTH[turns]
+            carrier, z = 0, base_mounts[where, 2]
+            x, y = base_mounts[where, 0], base_mounts[where, 1]
+            east, north = base_mounts[where, 3], base_mounts[where, 4]
         else:
-            carrier, heading = place[on, 0], place[on, 1]
-            along = _ALONG[facing] * length[on]
-            x, y = at[on, 0] + along * _EAST[heading], at[on, 1] + along * _NORTH[heading]
-            turns = (heading + _TURNS[facing]) & 3
+            carrier, z = place[on], 0.0
+            ahead, left = at[on, 2], at[on, 3]
+            along = part_mounts[where, 0] * length[on]
+            x, y = at[on, 0] + along * ahead, at[on, 1] + along * left
+            cosine, sine = part_mounts[where, 1], part_mounts[where, 2]
+            east, north = ahead * cosine - left * sine, left * cosine + ahead * sine
         link = carrier
         if on < 0 or motor[part] >= 0:
             link = links
             links += 1
             target = program[motor[part]] if motor[part] >= 0 else 0.0
             angle = min(abs(target), reach)
-            tree[link, PARENT], tree[link, TURNS], tree[link, HINGE] = carrier, turns, hinge[part]
-            tree[link, END] = 0
+            tree[link, PARENT], tree[link, END] = carrier, 0
             tree[link, OWN_STEPS] = math.ceil(angle / pace - 1e-9)
             tree[link, STEPS] = max(tree[link, OWN_STEPS], tree[carrier, STEPS])
-            joint[link, X], joint[link, Y] = x, y
-            joint[link, SIGN], joint[link, ANGLE] = -1.0 if target < 0 else 1.0, angle
+            joint[link, X], joint[link, Y], joint[link, Z] = x, y, z
+            joint[link, EAST], joint[link, NORTH] = east, north
+            how = hinge[part]
+            tree[link, TURN], sign = _turn(hinges[how, 0], hinges[how, 1], hinges[how, 2], z)
+            joint[link, AXIS], joint[link, AXIS + 1] = hinges[how, 0], hinges[how, 1]
+            joint[link, AXIS + 2] = hinges[how, 2]
+            joint[link, SIGN], joint[link, ANGLE] = -sign if target < 0 else sign, angle
             joint[link, COSINE], joint[link, SINE] = math.cos(angle), math.sin(angle)
             joint[link, MASS] = joint[link, MOMENT_X] = joint[link, MOMENT_Y] = 0.0
-            x, y, turns = 0.0, 0.0, 0
-        place[part, 0], place[part, 1] = link, turns
-        at[part, 0], at[part, 1] = x, y
+            x, y, east, north = 0.0, 0.0, 1.0, 0.0
+        place[part] = link
+        at[part, 0], at[part, 1], at[part, 2], at[part, 3] = x, y, east, north
         far = length[part] - radius[part]
         near = min(0.0, far)
         size = math.pi * radius[part] ** 2 * (far - near + 4 / 3 * radius[part])
         mass, middle = base[4] * size, 0.5 * (near + far)
         joint[link, MASS] += mass
-        joint[link, MOMENT_X] += mass * (x + middle * _EAST[turns])
-        joint[link, MOMENT_Y] += mass * (y + middle * _NORTH[turns])
+        joint[link, MOMENT_X] += mass * (x + middle * east)
+        joint[link, MOMENT_Y] += mass * (y + middle * north)
         tree[link, END] += 1  # for now, how many parts
     for link in range(1, links):
         tree[link, FIRST] = ends
@@ -137,19 +149,21 @@ def assemble(
         points[2, corner] = base[2] * (0.5 if corner & 4 else -0.5)
         points[3, corner] = 0.0
     for part in range(len(parent)):
-        link, turns = place[part, 0], place[part, 1]
+        link, where = place[part], mount[part]
         thick, far = radius[part], length[part] - radius[part]
         end, on = tree[link, END], parent[part]
         near = far > 0.0
-        if near and on >= 0 and motor[part] < 0 and side[part] == 1 and length[on] >= radius[on]:
+        straight = on >= 0 and motor[part] < 0  # and, from the carrier's far end, onward
+        straight = straight and part_mounts[where, 0] == 1.0 and part_mounts[where, 1] == 1.0
+        if near and straight and length[on] >= radius[on]:
             share = radius[on] / (radius[on] + far)  # of the way from the parent's far end
             near = thick > radius[on] + (thick - radius[on]) * share
         if near:
             points[3, end], points[4, end], points[5, end] = thick, at[part, 0], at[part, 1]
             end += 1
         points[3, end] = thick
-        points[4, end] = at[part, 0] + far * _EAST[turns]
-        points[5, end] = at[part, 1] + far * _NORTH[turns]
+        points[4, end] = at[part, 0] + far * at[part, 2]
+        points[5, end] = at[part, 1] + far * at[part, 3]
         tree[link, END] = end + 1
     count = CORNERS
     for link in range(1, links):
@@ -161,6 +175,57 @@ def assemble(
             count += 1
         tree[link, END] = count
     return links, count
+
+
+@compiled
+def _turn(x: float, y: float, z: float, height: float) -> tuple[int, float]:
+    """About which axis of its frame a hinge turns, and the sign of the turn there.
+
+    Args:
+        x: Of its axis; likewise y and z.
+        height: Of its mount over the middle of the main body.
+    """
+    if height == 0.0:
+        if abs(z) == 1.0:
+            return YAW, z
+        if abs(y) == 1.0:
+            return PITCH, -y
+        if abs(x) == 1.0:
+            return ROLL, -x
+    return FREE, 1.0
+
+
+@compiled
+def _move_freely(
+    link: int,
+    cosine: float,
+    sine: float,
+    tree: Integers,
+    joint: Array,
+    frame: Array,
+    points: Array,
+) -> None:
+    """Turns one link about any axis, on a mount at any height (Rodrigues); see ``move``."""
+    on = tree[link, PARENT]
+    east, north = joint[link, EAST], joint[link, NORTH]
+    axis_x, axis_y, axis_z = joint[link, AXIS], joint[link, AXIS + 1], joint[link, AXIS + 2]
+    for row in range(3):
+        origin = frame[on, row] + joint[link, X] * frame[on, 3 + row]
+        origin += joint[link, Y] * frame[on, 6 + row] + joint[link, Z] * frame[on, 9 + row]
+        x = east * frame[on, 3 + row] + north * frame[on, 6 + row]
+        y = east * frame[on, 6 + row] - north * frame[on, 3 + row]
+        z = frame[on, 9 + row]
+        along = (1 - cosine) * (axis_x * x + axis_y * y + axis_z * z)
+        ahead = cosine * x + sine * (axis_z * y - axis_y * z) + along * axis_x
+        left = cosine * y + sine * (axis_x * z - axis_z * x) + along * axis_y
+        frame[link, row] = origin
+        frame[link, 3 + row] = ahead
+        frame[link, 6 + row] = left
+        frame[link, 9 + row] = cosine * z + sine * (axis_y * x - axis_x * y) + along * axis_z
+        frame[link, 12 + row] = joint[link, MASS] * origin
+        frame[link, 12 + row] += joint[link, MOMENT_X] * ahead + joint[link, MOMENT_Y] * left
+        for point in range(tree[link, FIRST], tree[link, END]):
+            points[row, point] = origin + points[4, point] * ahead + points[5, point] * left
 
 
 @compiled
@@ -182,27 +247,29 @@ def move(
     Returns:
         Mass times centre of mass, in the body frame, kg·m.
     """
-    total_x = total_y = total_z = 0.0
+    total_x, total_y, total_z = frame[0, 12], frame[0, 13], frame[0, 14]
     for link in range(1, links):
         if step <= tree[link, STEPS]:
-            on, turns, hinge = tree[link, PARENT], tree[link, TURNS], tree[link, HINGE]
-            x, y, mass = joint[link, X], joint[link, Y], joint[link, MASS]
+            on, turn, turned = tree[link, PARENT], tree[link, TURN], 0
+            x, y = joint[link, X], joint[link, Y]
+            mass = joint[link, MASS]
             moment_x, moment_y = joint[link, MOMENT_X], joint[link, MOMENT_Y]
-            east, north = _EAST[turns], _NORTH[turns]
+            east, north = joint[link, EAST], joint[link, NORTH]
             if step < tree[link, OWN_STEPS]:
                 cosine, sine = cosines[step], sines[step] * joint[link, SIGN]
             else:
                 cosine, sine = joint[link, COSINE], joint[link, SINE] * joint[link, SIGN]
-            if hinge & 1:  # the second of each pair turns the other way
-                sine = -sine
-            for row in range(3):
+            if turn == FREE:
+                _move_freely(link, cosine, sine, tree, joint, frame, points)
+                turned = 3
+            for row in range(turned, 3):
                 origin = frame[on, row] + x * frame[on, 3 + row] + y * frame[on, 6 + row]
                 ahead = east * frame[on, 3 + row] + north * frame[on, 6 + row]
                 left = east * frame[on, 6 + row] - north * frame[on, 3 + row]
                 over = frame[on, 9 + row]
-                if hinge < 2:  # yaw
+                if turn == YAW:
                     ahead, left = cosine * ahead + sine * left, cosine * left - sine * ahead
-                elif hinge < 4:  # pitch
+                elif turn == PITCH:
                     ahead, over = cosine * ahead + sine * over, cosine * over - sine * ahead
                 else:  # roll
                     left, over = cosine * left - sine * over, cosine * over + sine * left

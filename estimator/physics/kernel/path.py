@@ -64,8 +64,8 @@ def work_space(parts: int) -> Work:
         np.zeros((parts + 1, JOINT_COLUMNS)),
         np.zeros((parts + 1, FRAME_COLUMNS)),
         np.zeros((POINT_ROWS, points)),
-        np.zeros((parts, 2), np.int64),
-        np.zeros((parts, 2)),
+        np.zeros(parts, np.int64),
+        np.zeros((parts, 4)),
         np.zeros(points, np.int64),
         np.zeros((2, points)),
         np.zeros(3),
@@ -103,6 +103,8 @@ def settle(
         steps = max(steps, tree[link, STEPS])
     for column in range(FRAME_COLUMNS):
         frame[0, column] = 1.0 if column in (3, 7, 11) else 0.0
+    for axis in range(3):
+        frame[0, 12 + axis] = base[3] * base[5 + axis]
     up[0] = up[1] = 0.0
     up[2] = 1.0
     stance[0], stance[1], stance[2] = 0, 1, 2
@@ -140,15 +142,33 @@ def _lies(points: Array, count: int, base: Array, x: float, y: float) -> bool:
 
 
 @compiled
-def undecided(work: Work, links: int, count: int) -> bool:
-    """Whether the body that was just settled is balanced on the rim of its support."""
-    points, up, stance = work.points, work.up, work.stance
+def _centre_of_mass(work: Work, links: int) -> tuple[float, float, float]:
+    """Of the body that was just settled, in the body frame, m."""
     mass = x = y = z = 0.0
     for link in range(links):
         mass += work.joint[link, MASS]
         x, y = x + work.frame[link, 12], y + work.frame[link, 13]
         z += work.frame[link, 14]
-    x, y, z = x / mass, y / mass, z / mass
+    return x / mass, y / mass, z / mass
+
+
+@compiled
+def right_itself(work: Work, links: int, count: int) -> bool:
+    """Brings a body that was settled under an inclined gravity to rest under a plumb one.
+
+    Returns:
+        Whether it came to rest.
+    """
+    x, y, z = _centre_of_mass(work, links)
+    rested: bool = roll(work.points, count, x, y, z, work.up, work.stance, work.touch, work.flat)
+    return rested
+
+
+@compiled
+def undecided(work: Work, links: int, count: int) -> bool:
+    """Whether the body that was just settled is balanced on the rim of its support."""
+    points, up, stance = work.points, work.up, work.stance
+    x, y, z = _centre_of_mass(work, links)
     if stance[2] >= 0:
         least = math.inf
         for side in range(3):

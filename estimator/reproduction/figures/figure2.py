@@ -45,7 +45,7 @@ def make(finished_runs: FinishedRuns, budget: Budget) -> DrawnFigure:
             run.genome,
             run.score.joints,
             targets=run.score.true_lengths_m,
-            sides=run.true_sides,
+            mounts=run.true_mounts,
         )
         for panel, column in zip(panels, axes[line], strict=True):
             what = ", ".join(run.planned.variant.modalities)

@@ -30,7 +30,7 @@ CAPTION: Final = (
     "joint J of each leg; beside it, the same for each generation. Dotted vertical lines: an "
     "iteration ends."
 )
-_LETTERS: Final = {"parent": "P", "side": "O", "hinge": "J"}
+_LETTERS: Final = {"parent": "P", "mount": "O", "hinge": "J"}
 
 
 def choose(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> PlannedRun | None:
@@ -59,7 +59,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
         run.genome,
         run.score.joints,
         targets=run.score.true_lengths_m,
-        sides=run.true_sides,
+        mounts=run.true_mounts,
     )
     _draw_ends(axes[1, 0], run, right, names)
     _draw_generations(axes[1, 1], run, right, names)

@@ -17,20 +17,20 @@ from estimator.evaluation.truth.urdf import read_urdf
 from estimator.physics.backends import in_this_process
 from estimator.physics.base import Readings
 from estimator.readings.observation import Observation
-from estimator.report.plots import COLOURS
-from estimator.reproduction.figures.camera import reach, take_picture
-from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
-from estimator.reproduction.figures.figure4 import choose
-from estimator.reproduction.figures.scene import (
+from estimator.report.bodies.camera import reach, take_picture
+from estimator.report.bodies.scene import (
     Attitude,
     Solid,
     at_rest,
     model_solids,
     robot_solids,
 )
+from estimator.report.evaluation_files import TRUTH
+from estimator.report.leg_styles import leg_colour
+from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
+from estimator.reproduction.figures.figure4 import choose
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns, observed
 from estimator.reproduction.runs.plan import Budget
-from estimator.reproduction.runs.single_run import TRUTH
 
 NAME: Final = "fig5"
 CAPTION: Final = (
@@ -38,7 +38,7 @@ CAPTION: Final = (
     "the last iteration. All in the first motor program, which the models were fitted to (above), "
     "and in a fresh one, which they never saw (below), from the same camera; lines on the ground "
     "are 10 cm apart. Each body is turned as its readings say, the robot's measured, the models' "
-    "simulated in PyBullet; the heading is not measured and is the same for all. Colours: the "
+    "simulated; the heading is not measured and is the same for all. Colours: the "
     "motor that moves a part."
 )
 HEADER: Final = (
@@ -81,8 +81,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
                 column.set_title(f"{panel}   {item.name}", loc="left")
         axes[line, 0].set_ylabel(f"{name}\n{_angles(run, pose)}")
     patches = [
-        Patch(color=COLOURS[leg % len(COLOURS)], label=joint)
-        for leg, joint in enumerate(run.score.joints)
+        Patch(color=leg_colour(leg), label=joint) for leg, joint in enumerate(run.score.joints)
     ]
     picture.legend(handles=patches, loc="outside lower center", ncols=len(patches), frameon=False)
     rows = [
@@ -101,7 +100,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
 
 def _robot(run: FinishedRun, finished_runs: FinishedRuns, pose: Observation) -> _Subject:
     joints = [joint["name"] for joint in run.result.robot["joints"]]
-    driven = {joints[motor]: motor for motor in run.problem.motors.driven}
+    driven = {joints[motor]: leg for leg, motor in enumerate(sorted(run.problem.motors.driven))}
     angles = dict(zip(joints, pose.angles, strict=True))
     left, ahead = pose.tilt
     attitude = Attitude(
@@ -120,7 +119,7 @@ def _models(run: FinishedRun, pose: Observation) -> list[_Subject]:
     chosen = sorted({0, (len(ends) - 1) // 2, len(ends) - 1})
     bodies = [run.best(ends[index]) for index in chosen]
     angles = np.array(pose.angles)
-    with closing(in_this_process("pybullet", run.world)) as physics:
+    with closing(in_this_process(run.result.reference, run.world)) as physics:
         readings = physics.read([(body, angles) for body in bodies])
     return [
         _model(f"model after iteration {index + 1}", body, angles, readings, row)

@@ -19,9 +19,10 @@ from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
+from estimator.report.evaluation_files import TRUTH
 from estimator.report.result import Result
 from estimator.reproduction.runs.plan import PlannedRun
-from estimator.reproduction.runs.single_run import TRUTH, documents, is_finished
+from estimator.reproduction.runs.single_run import documents, is_finished
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 
@@ -90,9 +91,9 @@ class FinishedRun:
         return np.array(self.score.true_lengths_m)
 
     @property
-    def true_sides(self) -> tuple[str, ...]:
+    def true_mounts(self) -> tuple[str, ...]:
         """Where each leg of the robot sits."""
-        return tuple(leg.limb.side_name for leg in self.truth.legs.values())
+        return tuple(leg.limb.mount for leg in self.truth.legs.values())
 
     def best(self, generation: Generation) -> Morphology:
         """The best model of a generation."""

@@ -15,6 +15,7 @@ from typing import Final
 from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.identification.run import Order
+from estimator.physics.backends import REFERENCE
 from estimator.problem.problem import Problem
 from estimator.reproduction.runs.variants import ALL_MODALITIES, TOUCH_AND_TILT, VARIANTS, Variant
 
@@ -42,7 +43,7 @@ class Budget(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    physics: str = "pybullet"
+    physics: str = REFERENCE
     interactions: int | None = Field(default=None, ge=1)
     population: int | None = Field(default=None, ge=2)
     generations: int | None = Field(default=None, ge=1)

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final, Self
@@ -39,6 +40,7 @@ class RobotProcess:
 
     Args:
         seed: Of the sensors' noise.
+        options: More of the command's.
 
     Attributes:
         uri: Where it takes requests.
@@ -48,9 +50,9 @@ class RobotProcess:
         InteractionError: It did not start.
     """
 
-    def __init__(self, seed: int):
+    def __init__(self, seed: int, options: Sequence[str] = ()):
         self._process = subprocess.Popen(
-            [_command(), "--bind", "tcp://127.0.0.1:*", "--seed", str(seed)],
+            [_command(), "--bind", "tcp://127.0.0.1:*", "--seed", str(seed), *options],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

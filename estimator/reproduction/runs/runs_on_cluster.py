@@ -19,16 +19,10 @@ from typing import Final, Self
 from estimator.errors import WorkerError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster, Future, still_wanted
+from estimator.report.evaluation_files import SCORE, TRUTH
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.run_processes import FAILURES, Ended, News, Said, Worked
-from estimator.reproduction.runs.single_run import (
-    SCORE,
-    TRUTH,
-    complete_run,
-    has_begun,
-    is_finished,
-    work_done,
-)
+from estimator.reproduction.runs.single_run import complete_run, has_begun, is_finished, work_done
 from estimator.storage.database import DATABASE
 from estimator.storage.store import LOCK, RunStore
 from protocol.system.replace_file import replace_file

@@ -11,19 +11,25 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, TypeVar
-
-from pydantic import BaseModel, ValidationError
+from typing import Final
 
 from estimator.errors import InteractionError, RunDirectoryError
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import Validation, compare, validate
 from estimator.identification.listener import Listener
 from estimator.identification.run import identify, problem_of, reconnect, resume, world_of
-from estimator.physics.backends import REFERENCE, in_this_process
+from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
+from estimator.report.evaluation_files import (
+    SCORE,
+    TRUTH,
+    VALIDATION,
+    read_document,
+    read_score,
+    read_validation,
+)
 from estimator.report.result import Result
-from estimator.report.run_files import RESULT, VALIDATION, write_report
+from estimator.report.run_files import RESULT, write_report
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
 from estimator.storage.database import holds_run
@@ -31,10 +37,7 @@ from estimator.storage.store import RunStore
 from protocol.errors import RobotUnreachableError
 from protocol.system.replace_file import replace_text
 
-SCORE: Final = "score.json"
-TRUTH: Final = "truth.urdf"
 _ATTEMPTS: Final = 3
-_Document = TypeVar("_Document", bound=BaseModel)
 
 _write = partial(write_report, plots=False)
 
@@ -57,8 +60,8 @@ class Documents:
 def documents(run: PlannedRun, root: Path) -> Documents | None:
     """Reads a run's result files; ``None`` where it is not finished."""
     directory = run.directory(root)
-    result, score = _read(directory / RESULT, Result), _read(directory / SCORE, Score)
-    validation = _read(directory / VALIDATION, Validation)
+    result, score = read_document(directory / RESULT, Result), read_score(directory)
+    validation = read_validation(directory)
     if result is None or score is None or (run.predicts and validation is None):
         return None
     return Documents(result=result, score=score, validation=validation)
@@ -122,7 +125,7 @@ def _search_and_validate(run: PlannedRun, root: Path, uri: str, listener: Listen
         resume(directory, in_this_process, quietly, robot=uri, report=_write)
     else:
         identify(directory, run.order(uri), in_this_process, quietly, report=_write)
-    if run.predicts and _read(directory / VALIDATION, Validation) is None:
+    if run.predicts and read_validation(directory) is None:
         _validate(run, directory, uri, listener)
 
 
@@ -173,15 +176,7 @@ def _score(run: PlannedRun, root: Path) -> None:
         world = world_of(store, problem)
         with (
             StaticsPhysics(world) as physics,
-            closing(in_this_process(REFERENCE, world)) as reference,
+            closing(in_this_process(store.settings.reference, world)) as reference,
         ):
             run_score = score(store, problem, root / TRUTH, physics, reference)
     replace_text(directory / SCORE, run_score.model_dump_json(indent=2) + "\n")
-
-
-def _read(file: Path, kind: type[_Document]) -> _Document | None:
-    """A document; ``None`` where there is none, or one that is damaged or of another version."""
-    try:
-        return kind.model_validate_json(file.read_bytes())
-    except (FileNotFoundError, ValidationError):
-        return None

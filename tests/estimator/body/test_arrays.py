@@ -17,8 +17,8 @@ BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 SMALL = Morphology(
     base=BODY,
     parts=(
-        Part(parent=BASE, side=1, hinge=2, length=0.1, radius=0.01, motor=0),
-        Part(parent=0, side=1, hinge=4, length=0.2, radius=0.02, sensor=0),
+        Part(parent=BASE, mount=1, hinge=2, length=0.1, radius=0.01, motor=0),
+        Part(parent=0, mount=1, hinge=4, length=0.2, radius=0.02, sensor=0),
     ),
     density=1000.0,
 )
@@ -85,12 +85,13 @@ def test_bodies_of_different_sizes_share_arrays() -> None:
     ("name", "value", "sentence"),
     [
         ("parent", 1, "body 1, part 2: its parent cannot be 1"),
-        ("side", 4, "side cannot be 4"),
+        ("mount", 4, "mount cannot be 4"),
         ("hinge", -1, "hinge cannot be -1"),
         ("motor", -2, "motor cannot be -2"),
         ("length", np.nan, "length cannot be nan"),
         ("length", 1e7, "length cannot be"),
         ("radius", 0.0, "radius cannot be 0.0"),
+        ("zero", np.nan, "zero cannot be nan"),
     ],
 )
 def test_impossible_bodies_are_refused(name: str, value: float, sentence: str) -> None:
@@ -106,8 +107,10 @@ def test_impossible_arrays_are_refused() -> None:
     with pytest.raises(MorphologyError, match="number of parts cannot be 3"):
         replace(whole, count=np.array([3]))
     with pytest.raises(MorphologyError, match="main body or density cannot be inf"):
-        replace(whole, base=np.full((1, 5), np.inf))
+        replace(whole, base=np.full((1, 10), np.inf))
+    with pytest.raises(MorphologyError, match="body 1: its centre of mass or accelerometer"):
+        replace(whole, base=np.where(np.arange(10) < 5, whole.base, np.nan))
     with pytest.raises(MorphologyError, match=r"length of 1 bodies of 2 parts must be float64"):
         replace(whole, length=np.zeros((1, 3)))
-    with pytest.raises(MorphologyError, match="side of 1 bodies"):
-        replace(whole, side=whole.side.astype(np.int32))
+    with pytest.raises(MorphologyError, match="mount of 1 bodies"):
+        replace(whole, mount=whole.mount.astype(np.int32))

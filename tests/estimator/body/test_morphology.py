@@ -13,7 +13,7 @@ from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames,
 from estimator.errors import MorphologyError
 
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
-LEG = Part(parent=BASE, side=1, hinge=2, length=0.1, radius=0.006, motor=0)
+LEG = Part(parent=BASE, mount=1, hinge=2, length=0.1, radius=0.006, motor=0)
 
 
 def body(*parts: Part) -> Morphology:
@@ -22,7 +22,7 @@ def body(*parts: Part) -> Morphology:
 
 def table_1() -> Morphology:
     """The paper's robot: upper legs of 95 mm and lower legs of 125 mm on a body of 140 mm."""
-    upper = [replace(LEG, side=leg, motor=leg, length=0.095, radius=0.013) for leg in range(4)]
+    upper = [replace(LEG, mount=leg, motor=leg, length=0.095, radius=0.013) for leg in range(4)]
     lower = [replace(LEG, parent=leg, motor=None, sensor=leg, length=0.125) for leg in range(4)]
     return body(*upper, *lower)
 
@@ -37,7 +37,7 @@ def test_mass_and_reach() -> None:
     robot = table_1()
     assert robot.reach == pytest.approx(0.070 + 0.095 + 0.125)
     assert robot.mass == pytest.approx(BODY.mass + robot.masses.sum())
-    twig = replace(LEG, parent=0, side=0, motor=None, length=0.3)  # on the leg's middle
+    twig = replace(LEG, parent=0, mount=0, motor=None, length=0.3)  # on the leg's middle
     assert body(LEG, twig).reach == pytest.approx(0.070 + 0.050 + 0.3)
     assert body(replace(LEG, length=0.01), replace(LEG, motor=1)).reach == pytest.approx(0.17)
     assert body().reach == 0.07
@@ -67,19 +67,19 @@ def test_a_right_angle_turns_the_front_leg(hinge: int, moved: tuple[int, int, in
 
 @pytest.mark.parametrize(("hinge", "up"), [(4, -1), (5, 1)])
 def test_rolling_turns_what_sits_on_the_side(hinge: int, up: int) -> None:
-    twig = Part(parent=0, side=0, hinge=2, length=0.08, radius=0.006)
+    twig = Part(parent=0, mount=0, hinge=2, length=0.08, radius=0.006)
     tip = tips(body(replace(LEG, hinge=hinge), twig), [math.pi / 2])[1]
     assert tip == pytest.approx([0.070 + 0.05, 0, up * 0.08], abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("side", "start", "towards"),
+    ("mount", "start", "towards"),
     [(0, 0.05, (0, 1, 0)), (1, 0.1, (1, 0, 0)), (2, 0.05, (0, -1, 0)), (3, 0.0, (-1, 0, 0))],
 )
 def test_parts_sit_on_their_parents_axis(
-    side: int, start: float, towards: tuple[int, int, int]
+    mount: int, start: float, towards: tuple[int, int, int]
 ) -> None:
-    child = Part(parent=0, side=side, hinge=0, length=0.05, radius=0.006)
+    child = Part(parent=0, mount=mount, hinge=0, length=0.05, radius=0.006)
     origins, rotations = part_frames(body(LEG, child), [0.0])
     assert origins[1] == pytest.approx([0.070 + start, 0, 0], abs=1e-12)
     assert rotations[1][:, 0] == pytest.approx(towards, abs=1e-12)
@@ -111,12 +111,12 @@ def test_a_touch_sensor_feels_what_is_rigidly_joined_to_its_part() -> None:
     assert bent.sensor_parts(2) == (6,)
 
 
-LEG_7 = Part(parent=3, side=1, hinge=2, length=0.125, radius=0.006, sensor=3)
+LEG_7 = Part(parent=3, mount=1, hinge=2, length=0.125, radius=0.006, sensor=3)
 
 
 def test_the_main_body_joins_nothing() -> None:
     locked = replace(LEG, motor=None, sensor=0)
-    assert body(locked, replace(locked, side=3, sensor=1)).sensor_parts(0) == (0,)
+    assert body(locked, replace(locked, mount=3, sensor=1)).sensor_parts(0) == (0,)
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_the_main_body_joins_nothing() -> None:
     [
         ({"parent": 0}, "part 1: its parent must be the main body or an earlier part"),
         ({"parent": -2}, "its parent"),
-        ({"side": 4}, "side must be 0 to 3"),
+        ({"mount": 4}, "mount must be 0 to 3"),
         ({"hinge": 6}, "hinge must be 0 to 5"),
         ({"length": -0.01}, "length must be at least 0"),
         ({"length": math.nan}, "length"),

@@ -11,18 +11,18 @@ import pytest
 
 from estimator.body.morphology import (
     BASE,
-    HINGES,
-    SIDES,
     Array,
     Base,
     Morphology,
     Part,
     part_frames,
 )
+from estimator.body.mounts import HINGES, SIDES
 from estimator.evaluation.truth.body import true_limbs
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from tests.estimator.physics.four_legs import assert_links_where_kinematics_says
 from tests.estimator.urdf_bodies import write_urdf
 
 BODY = Base(size=(0.16, 0.12, 0.06), mass=1.0)
@@ -39,7 +39,7 @@ def chain(rng: np.random.Generator) -> Morphology:
     parts = [
         Part(
             parent=row - 1,
-            side=int(rng.integers(len(SIDES))),
+            mount=int(rng.integers(len(SIDES))),
             hinge=int(rng.integers(len(HINGES))),
             length=float(rng.uniform(0.02, 0.2)),
             radius=0.006,
@@ -55,7 +55,7 @@ def all_hinges(rng: np.random.Generator) -> Morphology:
     parts = [
         Part(
             parent=BASE if row < 2 else row % 2,
-            side=int(rng.integers(len(SIDES))),
+            mount=int(rng.integers(len(SIDES))),
             hinge=row % len(HINGES),
             length=float(rng.uniform(0.02, 0.2)),
             radius=0.013,
@@ -87,23 +87,9 @@ def own() -> Iterator[PyBulletPhysics]:
 def test_pybullet_puts_every_part_where_our_kinematics_do(
     own: PyBulletPhysics, make: Callable[[np.random.Generator], Morphology]
 ) -> None:
-    engine, client = own._engine, own._client
     rng = np.random.default_rng(11)
     for _ in range(25):
-        body = make(rng)
-        angles = rng.uniform(-np.pi, np.pi, 8)
-        number = own._build(body, body.part_angles(angles))
-        for link, angle in enumerate(body.part_angles(angles)):
-            engine.resetJointState(number, link, angle, physicsClientId=client)
-        base, _ = engine.getBasePositionAndOrientation(number, physicsClientId=client)
-        states = engine.getLinkStates(
-            number, range(len(body.parts)), computeForwardKinematics=True, physicsClientId=client
-        )
-        origins, rotations = part_frames(body, angles)
-        for link, state in enumerate(states):
-            matrix = np.reshape(engine.getMatrixFromQuaternion(state[5]), (3, 3))
-            assert np.array(state[4]) - base == pytest.approx(origins[link], abs=1e-5)
-            assert matrix == pytest.approx(rotations[link], abs=1e-5)
+        assert_links_where_kinematics_says(own, make(rng), rng.uniform(-np.pi, np.pi, 8))
 
 
 @KINDS
@@ -120,7 +106,7 @@ def test_a_urdf_of_the_same_tree_moves_the_same_and_reads_back(
         limbs = true_limbs(path, {name: row for row, name in enumerate(NAMES[:rows])})
         for part, read_back in zip(body.parts, limbs, strict=True):
             assert read_back.limb.parent == part.parent
-            assert (read_back.limb.side, read_back.limb.hinge) == (part.side, part.hinge)
+            assert (read_back.mount, read_back.hinge) == (part.mount, part.hinge)
             assert read_back.limb.length == pytest.approx(part.length)
             assert not read_back.not_representable
 
@@ -154,7 +140,7 @@ def standing(problem: str) -> tuple[Genome, Array]:
         if gene.trait == "parent":
             choice = 0 if row < lower else row - lower + 1
             genes[index] = (choice + 0.5) / gene.choices
-        elif gene.trait == "side":
+        elif gene.trait == "mount":
             genes[index] = ((row if row < lower else 1) + 0.5) / gene.choices
         elif gene.trait == "hinge":
             genes[index] = 2.5 / gene.choices

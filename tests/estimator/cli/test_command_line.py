@@ -89,7 +89,7 @@ def test_show_says_how_far_a_run_has_come(run: Path) -> None:
     assert ended.exit_code == 0
     assert "Problem legs, seed 1" in ended.stdout
     assert "complete" in ended.stdout
-    assert "spread (mm)" in ended.stdout
+    assert "in the population (mm)" in ended.stdout
 
 
 def test_score_as_json_is_nothing_but_json(tmp_path: Path) -> None:
@@ -296,21 +296,33 @@ def unwritable(folder: Path) -> Iterator[None]:
             place.chmod(0o755)
 
 
-def test_show_and_score_need_no_writable_directory() -> None:
-    with TemporaryDirectory() as name:  # pytest's own is closed to others
+def test_show_score_report_and_compare_need_no_writable_directory() -> None:
+    with TemporaryDirectory() as name, TemporaryDirectory() as open_to_all:  # pytest's is closed
         folder = Path(name)
         folder.chmod(0o755)
         store, _ = make_run(folder, (0.17, 0.15, 0.2, 0.16))
         store.close()
         truth = write_truth(folder / "t.urdf", lengths=(0.16,) * 4)
-        commands = (("show", folder / "run"), ("score", folder / "run", "--truth", truth))
+        elsewhere, run = Path(open_to_all), folder / "run"
+        elsewhere.chmod(0o777)
+        commands = (
+            ("show", run),
+            ("score", run, "--truth", truth),
+            ("report", run, "--out", elsewhere / "report.html"),
+            ("compare", run, run, "--out", elsewhere / "comparison.png"),
+        )
         for command in commands:  # with what libraries load late
             assert estimator(*command).exit_code == 0
         before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
         with unwritable(folder):
             ended = [estimator(*command) for command in commands]
+            refused = estimator("report", run)
+        assert len(list(elsewhere.iterdir())) == 2
         assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
-    for item, words in zip(ended, ("not finished", "The run is not finished"), strict=True):
+    for item in ended:
         assert item.exit_code == 0, item.output
+        assert "not finished" in item.stdout
+    for item in ended[:2]:
         assert "cannot be written (Permission denied): its files are as they were" in item.stderr
-        assert words in item.stdout
+    assert refused.exit_code == 1
+    assert "say where the report is to go, with --out FILE" in refused.stderr

@@ -49,7 +49,7 @@ def numbered(count: int) -> tuple[str, ...]:
 def tree(*parts: tuple[int, int, int]) -> tuple[Part, ...]:
     """Parts of 16 cm: parent, side and hinge of each."""
     return tuple(
-        Part(parent=parent, side=side, hinge=hinge, length=0.16, radius=0.006, motor=row)
+        Part(parent=parent, mount=side, hinge=hinge, length=0.16, radius=0.006, motor=row)
         for row, (parent, side, hinge) in enumerate(parts)
     )
 
@@ -144,10 +144,10 @@ def test_a_tree_is_right_beside_itself_and_wrong_by_what_is_changed(
     assert not wrong(case.compare(parts).configurations())
     row = int(rng.integers(1, 6))
     moved = (parts[row].parent + 2) % (row + 1) - 1
-    other = replace(parts[row], parent=moved, side=(parts[row].side + 1) % 4)
+    other = replace(parts[row], parent=moved, mount=(parts[row].mount + 1) % 4)
     changed = (*parts[:row], other, *parts[row + 1 :])
     name = f"leg {row + 1}"
-    assert wrong(case.compare(changed).configurations()) == [(name, "parent"), (name, "side")]
+    assert wrong(case.compare(changed).configurations()) == [(name, "parent"), (name, "mount")]
 
 
 def test_three_legs_have_nine_configurations(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_leg_on_a_leg_carries_the_sensors_of_the_true_body(tmp_path: Path) -> 
     case = Case(tmp_path, truth, touch=3)
     comparison = case.compare(tree(*QUAD))
     cells = comparison.configurations()
-    assert wrong(cells) == [("leg 4", "parent"), ("leg 4", "side")]
+    assert wrong(cells) == [("leg 4", "parent"), ("leg 4", "mount")]
     assert [item.true for item in cells[9:11]] == ["leg 2", "left"]
     assert [part.sensor for part in comparison.true_body.parts] == [0, None, 1, 2]
 
@@ -195,7 +195,7 @@ def test_parts_that_nobody_names_keep_their_share_of_the_true_length() -> None:
 def test_a_twisted_hinge_is_nobodys_fault_but_wrong(tmp_path: Path) -> None:
     case = Case(tmp_path, tree(*QUAD))
     path = tmp_path / "truth.urdf"
-    text = path.read_text().replace('<axis xyz="0.0 -1.0 0.0"/>', '<axis xyz="0 -1 0.5"/>', 1)
+    text = path.read_text().replace('<axis xyz="0.0 -1.0 0.0" />', '<axis xyz="0 -1 0.5"/>', 1)
     path.write_text(text)
     case.truth = Truth.read(path, case.problem, case.capabilities)
     comparison = case.compare(tree(*QUAD))
@@ -256,7 +256,7 @@ def only(truth: Morphology, *allowed: tuple[int, str]) -> Alike:
         return all(
             getattr(a, trait) == getattr(b, trait) or (row, trait) in allowed
             for row, (a, b) in enumerate(zip(truth.parts, starts[0].parts, strict=True))
-            for trait in ("parent", "side", "hinge")
+            for trait in ("parent", "mount", "hinge")
         )
 
     return alike
@@ -269,11 +269,11 @@ def test_single_cells_are_excused_one_by_one(tmp_path: Path) -> None:
     cells = comparison.configurations(only(comparison.true_body, (1, "hinge"), (3, "parent")))
     assert wrong(cells) == [
         ("leg 1", "hinge"),
-        ("leg 2", "side"),
+        ("leg 2", "mount"),
         ("leg 2", "hinge"),
         ("leg 4", "parent"),
     ]
-    assert wrong_up_to_equivalence(cells) == [("leg 1", "hinge"), ("leg 2", "side")]
+    assert wrong_up_to_equivalence(cells) == [("leg 1", "hinge"), ("leg 2", "mount")]
 
 
 def test_cells_that_are_only_right_each_alone_are_not_both_excused(tmp_path: Path) -> None:
@@ -315,7 +315,7 @@ def with_knees(case: Case, *parts: tuple[int, int, int], **lengths: float) -> tu
         replace(
             part,
             parent=parent,
-            side=side,
+            mount=side,
             hinge=hinge,
             length=lengths.get(f"part_{row}", 0.1 if row <= 4 else 0.08),
         )

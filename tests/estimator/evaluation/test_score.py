@@ -96,7 +96,7 @@ def test_a_wrong_hinge_counts_as_one_wrong_configuration(
 def test_what_cannot_be_felt_is_right_up_to_equivalence(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    up, roll = (f'side = "front"\nhinge = "{kind}"' for kind in ("up", "roll_left"))
+    up, roll = (f'mount = "front"\nhinge = "{kind}"' for kind in ("up", "roll_left"))
     rolling = PROBLEM.replace(up, roll)
     store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16), rolling)
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="1 0 0")

@@ -7,6 +7,7 @@ import pytest
 
 from estimator.exploration.disagreement import most_disputed_program
 from estimator.exploration.situation import Models, Situation
+from estimator.identification.objectives import LargestError
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES
@@ -25,6 +26,7 @@ def situation(modalities: tuple[str, ...], *, alike: bool = False) -> Situation:
         modalities=modalities,
         observations=(),
         models=Models.equally_likely(genes),
+        objective=LargestError(capabilities),
         physics=StaticsPhysics(problem.settings(capabilities)),
         clearance_cap=0.2,
         rng=np.random.default_rng(3),

@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.identification.objectives import OBJECTIVES, LargestError, Objective, RobustMeanError
-from estimator.physics.base import Readings
+from estimator.body.morphology import Array
+from estimator.exploration.situation import Objective
+from estimator.identification.objectives import OBJECTIVES, LargestError, RobustMeanError
+from estimator.physics.base import Flags, Readings
 from estimator.readings.observation import Observation
 from tests.estimator.model_robot import make_capabilities
 
@@ -22,8 +24,18 @@ def readings(count: int = 3) -> Readings:
     return made
 
 
-@pytest.fixture(params=sorted(OBJECTIVES.own))
+class SummedError(LargestError):
+    """One that says only what the total is."""
+
+    def total(self, terms: Array, undecided: Flags) -> Array:
+        total: Array = terms.sum(axis=0)
+        return total
+
+
+@pytest.fixture(params=[*sorted(OBJECTIVES.own), SummedError])
 def objective(request: pytest.FixtureRequest) -> Objective:
+    if request.param is SummedError:
+        return SummedError(make_capabilities())
     return OBJECTIVES.load(request.param)(make_capabilities())
 
 

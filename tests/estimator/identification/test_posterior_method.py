@@ -17,7 +17,7 @@ from estimator.posterior.sampler import Effort
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
-from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, make_order, serving
+from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, ModelRobot, make_order, serving
 
 SMALL = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
 
@@ -106,6 +106,23 @@ def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
     uninterrupted: tuple[Result, Path], tmp_path: Path, after: int
 ) -> None:
     assert outcome(whole(tmp_path, after)) == outcome(uninterrupted[0])
+
+
+def test_what_is_left_open_comes_with_the_movement_that_would_decide(tmp_path: Path) -> None:
+    with serving(ModelRobot()) as uri:
+        asked = replace(order(tmp_path, uri), interactions=1)
+        path = tmp_path / "legs.toml"
+        path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"'))
+        result = identify(
+            tmp_path / "run", asked, in_this_process, Interrupting(), report=write_report
+        )
+    assert result.posterior is not None
+    assert any(not rival.alike for rival in result.posterior.rivals)
+    movement = result.posterior.decides
+    assert movement is not None
+    assert movement.bits > 0.5
+    assert movement.reason.startswith("tells apart: ")
+    assert all(abs(angle) <= np.radians(30) for angle in movement.program)
 
 
 def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:

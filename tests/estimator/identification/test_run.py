@@ -10,15 +10,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
-from estimator.physics.backends import on_this_computer
+from estimator.physics.backends import in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.report.terminal_tables import print_result
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
@@ -118,6 +120,33 @@ def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Res
         report=write_report,
     )
     assert outcome(again) == outcome(result)
+
+
+def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
+    tmp_path: Path,
+    uninterrupted: tuple[Result, Path],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    opened: list[str] = []
+
+    def opening(name: str, settings: WorldSettings) -> Physics:
+        opened.append(name)
+        return in_this_process(name, settings)
+
+    monkeypatch.setattr("estimator.identification.run.REFERENCE", "mujoco")
+    order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
+    order = changed(order, physics="statics")
+    result = identify(tmp_path / "run", order, opening, Witness(), report=write_report)
+    assert opened == ["statics", "mujoco"]
+    assert result.reference == "mujoco"
+    assert result.finish is not None
+    print_result(Console(width=200), result)
+    assert "mujoco had the last word" in capsys.readouterr().out
+    monkeypatch.undo()
+    opened.clear()
+    resume(tmp_path / "run", opening, Witness(), report=write_report)
+    assert "pybullet" not in opened
 
 
 def test_its_own_readings_serve_as_readings_by_hand(

@@ -30,11 +30,12 @@ from estimator.parallel.cluster import Cluster
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.dask import DaskPhysics
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.report.evaluation_files import TRUTH
 from estimator.reproduction.runs.plan import Budget, PlannedRun, typical_runs
 from estimator.reproduction.runs.robot_process import print_body
 from estimator.reproduction.runs.run_processes import Ended, Worked
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
-from estimator.reproduction.runs.single_run import TRUTH, complete_run
+from estimator.reproduction.runs.single_run import complete_run
 from estimator.storage.store import RunStore
 from tests.estimator.dask_cluster import (
     ROOT,

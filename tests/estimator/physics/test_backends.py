@@ -22,6 +22,7 @@ from estimator.physics.backends import (
     on_this_computer,
 )
 from estimator.physics.base import Abilities, WorldSettings, takes_arrays
+from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
@@ -54,6 +55,8 @@ def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
         assert not takes_arrays(simulated)
     with closing(in_this_process("pybullet", WORLD)) as engine:
         assert type(engine) is PyBulletPhysics
+    with closing(in_this_process("mujoco", WORLD)) as engine:
+        assert type(engine) is MuJoCoPhysics
     assert foresight_of("statics", WORLD) is None
     assert isinstance(foresight_of("pybullet", WORLD), StaticsPhysics)
 
@@ -87,7 +90,7 @@ def test_a_run_with_the_physics_of_another_package(
     with RunStore.open(run, to_write=False) as store:
         assert store.settings.plugins == {"bodyschema-thumb": "0.3"}
 
-    with pytest.raises(EstimatorError, match="no physics 'thumb': choose pybullet, statics"):
+    with pytest.raises(EstimatorError, match="no physics 'thumb': choose pybullet, mujoco"):
         resume(run, in_this_process, Listener(), report=write_report)
     said: list[str] = []
     monkeypatch.setattr(Listener, "say", lambda self, sentence: said.append(sentence))
@@ -138,7 +141,7 @@ def test_a_package_that_cannot_be_used_is_named(
 ) -> None:
     monkeypatch.syspath_prepend(str(install(tmp_path, entry_points, code=code)))
     monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
-    assert BACKENDS.names() == ("pybullet", "statics", "thumb")
+    assert BACKENDS.names() == ("pybullet", "mujoco", "statics", "thumb")
     assert abilities_of("pybullet") == Abilities()  # others are not concerned
     name = "statics" if "statics =" in entry_points else "thumb"
     with pytest.raises(EstimatorError, match=sentence):
@@ -159,7 +162,7 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
 
 
 def test_nothing_is_sought_under_a_wrong_name() -> None:
-    with pytest.raises(EstimatorError, match="no physics 'mujoco': choose pybullet, statics"):
-        in_this_process("mujoco", WORLD)
+    with pytest.raises(EstimatorError, match="no physics 'bullet': choose pybullet"):
+        in_this_process("bullet", WORLD)
     with pytest.raises(PhysicsError, match="at least one thread, not 0"):
         on_this_computer(0)("statics", WORLD)

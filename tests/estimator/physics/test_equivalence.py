@@ -14,10 +14,10 @@ BODY = Morphology(
     base=Base(size=(0.14, 0.14, 0.03), mass=0.3),
     parts=(
         *(
-            Part(parent=BASE, side=leg, hinge=2, length=0.16, radius=0.006, motor=leg, sensor=leg)
+            Part(parent=BASE, mount=leg, hinge=2, length=0.16, radius=0.006, motor=leg, sensor=leg)
             for leg in range(4)
         ),
-        Part(parent=0, side=1, hinge=2, length=0.05, radius=0.006),
+        Part(parent=0, mount=1, hinge=2, length=0.05, radius=0.006),
     ),
     density=1000.0,
 )
@@ -39,7 +39,7 @@ def test_the_hinge_of_a_locked_part_cannot_be_felt(reference: Reference) -> None
     assert reference.is_like(changed(4, hinge=5))
 
 
-@pytest.mark.parametrize("change", [{"hinge": 3}, {"hinge": 0}, {"side": 0}, {"length": 0.12}])
+@pytest.mark.parametrize("change", [{"hinge": 3}, {"hinge": 0}, {"mount": 0}, {"length": 0.12}])
 def test_what_moves_can_be_felt(reference: Reference, change: dict[str, int | float]) -> None:
     assert not reference.is_like(changed(1, **change))
 

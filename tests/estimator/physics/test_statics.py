@@ -4,7 +4,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -14,11 +14,11 @@ import pytest
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, PhysicsError
-from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.base import Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from tests.estimator.physics.four_legs import MakeBody, random_pairs
 
-MakeBody = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 BELLY = 0.085 / 2
 SURE = math.radians(8)
@@ -37,7 +37,7 @@ def legs(
     upper = [
         Part(
             parent=BASE,
-            side=leg,
+            mount=leg,
             hinge=2,
             length=length / pieces,
             radius=radius,
@@ -47,7 +47,7 @@ def legs(
         for leg, length in enumerate(lengths)
     ]
     lower = [
-        replace(part, parent=part.side, side=1, motor=None, sensor=part.side) for part in upper
+        replace(part, parent=part.mount, mount=1, motor=None, sensor=part.mount) for part in upper
     ]
     parts = tuple(upper) if pieces == 1 else (*upper, *lower)
     return Morphology(base=BODY, parts=parts, density=density)
@@ -55,16 +55,6 @@ def legs(
 
 def read_one(physics: StaticsPhysics, body: Morphology, *degrees: float) -> Readings:
     return physics.read([(body, np.radians(degrees))])
-
-
-def random_pairs(make: MakeBody, count: int, seed: int, motors: int = 8) -> list[Pair]:
-    rng = np.random.default_rng(seed)
-    pairs = []
-    for _ in range(count):
-        program = np.zeros(8)
-        program[:motors] = np.radians(rng.uniform(-30, 30, motors))
-        pairs.append((make(rng), program))
-    return pairs
 
 
 def assert_same(one: Readings, two: Readings) -> None:
@@ -118,7 +108,7 @@ def test_gaps_decide_touch_and_doubt(statics: StaticsPhysics) -> None:
     """Three legs stand; the fourth is shorter by a gap that a real gauge may or may not feel."""
     for gap, touch, doubtful in ((0.0004, True, True), (0.0015, False, True), (0.01, False, False)):
         body = legs(0.1 - gap, 0.1, 0.1, 0.1)
-        heavy_right = Part(parent=BASE, side=2, hinge=2, length=0.05, radius=0.02)
+        heavy_right = Part(parent=BASE, mount=2, hinge=2, length=0.05, radius=0.02)
         felt = read_one(statics, replace(body, parts=(*body.parts, heavy_right)), *[-90.0] * 4)
         assert felt.touch[0].tolist() == [touch, True, True, True]
         assert felt.touch_doubtful[0].tolist() == [doubtful, False, False, False]
@@ -139,7 +129,7 @@ def test_a_body_may_start_above_its_belly(statics: StaticsPhysics) -> None:
 
 def test_a_body_that_topples_comes_to_lie_on_its_side(statics: StaticsPhysics) -> None:
     """A heavy part high up, then carried beyond the edge: the tall body falls over that edge."""
-    mast = Part(parent=BASE, side=0, hinge=2, length=0.35, radius=0.02, motor=0)
+    mast = Part(parent=BASE, mount=0, hinge=2, length=0.35, radius=0.02, motor=0)
     tall = Morphology(base=Base(size=(0.1, 0.1, 0.4), mass=0.2), parts=(mast,), density=5000.0)
     felt = read_one(statics, tall, 0)
     assert felt.tilt[0, 0] == pytest.approx(-math.atan2(0.2, 0.3 + 0.05), abs=0.15)
@@ -187,7 +177,7 @@ def mirrored(body: Morphology) -> Morphology:
     return replace(
         body,
         parts=tuple(
-            replace(part, side=(2, 1, 0, 3)[part.side], hinge=(1, 0, 2, 3, 5, 4)[part.hinge])
+            replace(part, mount=(2, 1, 0, 3)[part.mount], hinge=(1, 0, 2, 3, 5, 4)[part.hinge])
             for part in body.parts
         ),
     )
@@ -198,7 +188,7 @@ def turned(body: Morphology) -> Morphology:
     return replace(
         body,
         parts=tuple(
-            replace(part, side=(part.side + 1) % 4) if part.parent == BASE else part
+            replace(part, mount=(part.mount + 1) % 4) if part.parent == BASE else part
             for part in body.parts
         ),
     )

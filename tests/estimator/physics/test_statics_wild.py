@@ -27,7 +27,7 @@ def wild_pairs(draw: st.DrawFn) -> Pair:
     parts = tuple(
         Part(
             parent=draw(st.integers(BASE, index - 1)),
-            side=draw(st.integers(0, 3)),
+            mount=draw(st.integers(0, 3)),
             hinge=draw(st.integers(0, 5)),
             length=draw(st.sampled_from(LENGTHS) | st.floats(0, 1)),
             radius=draw(st.sampled_from(RADII)),
@@ -107,7 +107,7 @@ def test_ordinary_bodies_are_never_given_up() -> None:
         parts = tuple(
             Part(
                 parent=int(rng.integers(BASE, index)),
-                side=int(rng.integers(4)),
+                mount=int(rng.integers(4)),
                 hinge=int(rng.integers(6)),
                 length=float(rng.uniform(0, 0.4)),
                 radius=float(rng.choice([0.006, 0.013])),
@@ -126,7 +126,7 @@ def test_ordinary_bodies_are_never_given_up() -> None:
 @pytest.mark.parametrize("density", [1e-6, 1e6])
 def test_all_the_mass_may_be_in_one_part(density: float) -> None:
     """A body of feathers with a heavy main body, and a feather with one heavy leg."""
-    leg = Part(parent=BASE, side=1, hinge=2, length=0.4, radius=0.01, motor=0, sensor=0)
+    leg = Part(parent=BASE, mount=1, hinge=2, length=0.4, radius=0.01, motor=0, sensor=0)
     body = Morphology(base=BODY, parts=(leg,), density=density)
     for degrees in (-180, -90, -20, 0, 20, 90, 180):
         program = np.radians([float(degrees)])
@@ -144,7 +144,7 @@ def test_hundreds_of_parts() -> None:
     chain = tuple(
         Part(
             parent=index - 1,
-            side=1,
+            mount=1,
             hinge=int(rng.integers(6)),
             length=0.02,
             radius=0.004,
@@ -154,7 +154,7 @@ def test_hundreds_of_parts() -> None:
         for index in range(300)
     )
     bush = tuple(
-        replace(part, parent=int(rng.integers(BASE, index)), side=int(rng.integers(4)))
+        replace(part, parent=int(rng.integers(BASE, index)), mount=int(rng.integers(4)))
         for index, part in enumerate(chain)
     )
     program = rng.uniform(-0.5, 0.5, 300)
@@ -173,7 +173,7 @@ def test_hundreds_of_parts() -> None:
 
 def test_coincident_parts_are_one() -> None:
     """Ten parts in one place touch in one point, and stand like one."""
-    leg = Part(parent=BASE, side=3, hinge=2, length=0.2, radius=0.006, motor=0, sensor=0)
+    leg = Part(parent=BASE, mount=3, hinge=2, length=0.2, radius=0.006, motor=0, sensor=0)
     one = Morphology(base=BODY, parts=(leg,), density=1e-6)
     many = replace(one, parts=tuple(replace(leg, motor=index, sensor=index) for index in range(10)))
     program = np.radians([-40.0] * 10)

@@ -37,7 +37,7 @@ def enumerated(
         values: Array = np.zeros((len(lengths), unknowns.size))
         values[:, unknowns.choices] = (np.array(key) + 0.5) / np.array(counts)
         values[:, unknowns.continuous] = lengths
-        misfits = data.misfits_of(predictor, values)
+        misfits = likelihood.misfits_of(predictor, values)
         width = np.ones(len(values))
         terms = [
             likelihood.of(misfits, width, np.tile(factor, (len(values), 1))).sum(axis=1) + weight

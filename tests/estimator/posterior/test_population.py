@@ -67,7 +67,7 @@ def start_exactly(
     counts = np.array((4, 6, 2, 4, 6))
     keys = np.array(list(np.ndindex(*counts)))
     every = (keys + 0.5) / counts
-    misfits = data.misfits_of(predictor, every)
+    misfits = Likelihood(data, NOISE).misfits_of(predictor, every, surely=True)
     likelihood = Likelihood(data, NOISE)
     widths = np.repeat(HOTTEST ** np.linspace(0, 1, population.levels), population.width)
     for chain in range(1, len(population.values)):

@@ -51,5 +51,5 @@ class _Swapped(StaticsPhysics):
 
 def _swapped(body: Morphology) -> Morphology:
     first, *others = body.parts
-    side = {0: 3, 3: 0}.get(first.side, first.side)
-    return replace(body, parts=(replace(first, side=side), *others))
+    side = {0: 3, 3: 0}.get(first.mount, first.mount)
+    return replace(body, parts=(replace(first, mount=side), *others))

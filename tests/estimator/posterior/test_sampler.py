@@ -60,7 +60,7 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     grid = (np.arange(20) + 0.5) / 20
     points = np.repeat(POINT[None], 400, axis=0)
     points[:, narrow.unknowns.continuous] = np.array(np.meshgrid(grid, grid)).reshape(2, -1).T
-    misfits = data.misfits_of(narrow, points)
+    misfits = likelihood.misfits_of(narrow, points)
     nodes, weights = np.polynomial.hermite_e.hermegauss(9)
     total = 0.0
     for one, share in zip(nodes, weights, strict=True):

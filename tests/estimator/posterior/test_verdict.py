@@ -53,10 +53,33 @@ def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
     assert verdict.explained
 
 
+def test_where_every_interaction_is_an_outlier_no_touch_sensor_is_blamed(
+    predictor: Predictor,
+) -> None:
+    data = draw(predictor, POINT, MOVED[:1], np.random.default_rng(11), outlier=0.0)
+    data.felt["tilt"].values[0] += 0.3
+    assert judge(certain(), predictor, data, NOISE).contradicting == ()
+
+
 def test_a_sensor_that_is_surely_noisier_than_announced_is_named(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     verdict = judge(certain(scale=1.0), predictor, data, NOISE)
     assert verdict.noisy == ("tilt", "clearance")
+    assert not verdict.explained
+
+
+def test_a_touch_sensor_that_contradicts_the_body_again_and_again_is_named(
+    predictor: Predictor,
+) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    felt = predictor.read_all(POINT[None], MOVED).touch[:, 1]
+    data.felt["touch"].values[:, 1] = felt
+    for turn in (0, 3):
+        data.felt["touch"].values[turn, 1] = not felt[turn]
+    assert judge(certain(), predictor, data, NOISE).explained
+    data.felt["touch"].values[5, 1] = not felt[5]
+    verdict = judge(certain(), predictor, data, NOISE)
+    assert verdict.contradicting == (1,)
     assert not verdict.explained
 
 

@@ -16,7 +16,7 @@ _PART = """
 [[parts]]
 name = "{name}"
 parent = {parent}
-side = {side}
+mount = {side}
 hinge = {hinge}
 length = {length}
 radius = 0.006
@@ -59,7 +59,7 @@ def test_parametric_genes_are_lengths_from_1_to_20_cm() -> None:
     assert [part.length for part in shortest.parts] == pytest.approx([0.01] * 8)
     assert [part.length for part in longest.parts] == pytest.approx([0.20] * 8)
     assert [part.parent for part in longest.parts] == [BASE] * 4 + [0, 1, 2, 3]
-    assert [part.side for part in longest.parts] == [0, 1, 2, 3, 1, 1, 1, 1]
+    assert [part.mount for part in longest.parts] == [0, 1, 2, 3, 1, 1, 1, 1]
     assert longest.base is BODY
 
 
@@ -68,7 +68,7 @@ def test_genes_follow_the_papers_rows() -> None:
         "hinge of b",
         "length of b",
         "parent of c",
-        "side of c",
+        "mount of c",
         "hinge of c",
         "length of c",
     )
@@ -85,7 +85,7 @@ def test_choices_are_equally_likely() -> None:
     rng = np.random.default_rng(0)
     bodies = MIXED.decode_all(rng.random((2400, 6)))
     hinges = np.bincount([body.parts[2].hinge for body in bodies])
-    sides = np.bincount([body.parts[2].side for body in bodies])
+    sides = np.bincount([body.parts[2].mount for body in bodies])
     assert len(hinges) == 6
     assert hinges == pytest.approx(np.full(6, 400), abs=80)
     assert sides == pytest.approx(np.full(4, 600), abs=100)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +65,7 @@ def test_what_ships_is_the_papers(
     assert problem.sensors == 4
     genome = Genome(problem, problem.base(robot(8, 4)))
     assert genome.size == genes
-    assert [gene.trait for gene in genome.genes[:4]] == ["parent", "side", "hinge", "length"]
+    assert [gene.trait for gene in genome.genes[:4]] == ["parent", "mount", "hinge", "length"]
     assert [gene.choices for gene in genome.genes[4:8]] == [2, 4, 6, 0]
     body = genome.decode(np.full(genes, 1.0))
     assert [part.parent for part in body.parts] == [row - 1 for row in range(parts)]
@@ -152,12 +154,24 @@ def test_a_table_without_the_robot_at_hand_is_refused() -> None:
         (DRIVEN, "driven = { 8 = [] }", "motors.driven"),
         (DRIVEN, "driven = { 8 = [9.5] }", r"motors.driven\[1\]: must be an integer"),
         (DRIVEN, "driven = [1, 1]", "exactly one part"),
-        ('each = "driven"', 'each = "joint"', r"parts\[1\].each: must be \"driven\", not 'joint'"),
-        ('each = "driven"', 'each = "driven"\nmotor = 1', r"parts\[1\].motor: follows from"),
+        (
+            'each = "driven"',
+            'each = "joint"',
+            r"parts\[1\].each .*: must be \"driven\", not 'joint'",
+        ),
+        ('each = "driven"', 'each = "driven"\nmotor = 1', r"parts\[1\].motor .*: follows from"),
         ('each = "driven"', 'each = "driven"\nsensor = 1', 'say touch = "outermost"'),
         ('touch = "outermost"', 'touch = "feet"', "touch: .*'outermost'"),
-        ("length = [0.02, 0.40]", "length = [0.40, 0.02]", r"parts\[1\].length: the lowest must"),
-        ("radius = 0.006", "radius = 0.5", r"parts\[1\]: radius 0.5 m must lie below the length"),
+        (
+            "length = [0.02, 0.40]",
+            "length = [0.40, 0.02]",
+            r"parts\[1\].length .*: the lowest must",
+        ),
+        (
+            "radius = 0.006",
+            "radius = 0.5",
+            r"parts\[1\] .*: radius 0.5 m must lie below the length",
+        ),
         ("[-30.0, 30.0]", "[-300.0, 30.0]", "motors.range_deg: must lie within -180 to 180"),
         ("population = 300", "population = 301", "population: must be even, not 301"),
         ('parent = "unknown"', "parent = 1", r"\(leg 1\): its parent 1 is no earlier part"),
@@ -182,7 +196,7 @@ LITERAL = Problem.load("topological-20").source
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("locked = 5", "locked = 5\nmotor = 5", r"parts\[5\]: a joint is either driven"),
+        ("locked = 5", "locked = 5\nmotor = 5", r"parts\[5\] .*: a joint is either driven"),
         ("locked = 5", "locked = 1", r"each joint carries one part, but \[1, 2, 3, 4\] are"),
         ("locked = 5", "locked = 6", "each joint carries one part"),
         ("[1, 2, 3, 4]", "[1, 2, 3, 4, 5, 6, 7, 8, 9]", "must move exactly one part"),
@@ -207,7 +221,7 @@ def test_some_attachments_may_be_known() -> None:
     """Lower parts that are known to be the uppers' ends."""
     text = LITERAL
     for number in range(1, 5):
-        table = f'name = "part {number + 4}"\nparent = "unknown"\nside = "unknown"'
+        table = f'name = "part {number + 4}"\nparent = "unknown"\nmount = "unknown"'
         assert table in text
         text = text.replace(
             table, table.replace('"unknown"', str(number), 1).replace('"unknown"', '"front"', 1)
@@ -272,8 +286,41 @@ def test_the_manual_tells_the_truth() -> None:
         with pytest.raises(ProblemError) as caught:
             Problem.parse(example.replace(old, new, 1), "mine.toml")
         assert f"estimator: {caught.value}\n" in manual
-    for name in ("parametric", "topological", "topological-20", "topological-24"):
-        assert f"| `{name}` |" in manual
+    library = resources.files("estimator") / "problem" / "library"
+    for file in library.iterdir():
+        assert f"`{file.name.removesuffix('.toml')}`" in manual.split("## A complete example")[0]
+
+
+def test_the_manual_tells_of_mounts_and_hinges() -> None:
+    manual = Path("docs/problems.md").read_text("utf-8")
+    example, tables, tail = (block.split("```")[0] for block in manual.split("```toml\n")[1:4])
+    head, _, rest = example.partition("[motors]")
+    text = f"{head}{tables}\n[motors]{rest}"
+    alone = text.partition("[[parts]]")[0].replace("[1, 2, 3]", "[1]") + tail
+    problem = Problem.parse(alone, "mine.toml")
+    body = Genome(problem, problem.base(robot(3, 3))).decode(np.zeros(1))
+    assert body.place(0) == (-0.07, 0.02, 0.0)
+    known = text.replace('hinge = "up"', 'hinge = "aslant"')
+    doubled = re.sub(r'mount = "(left|front|back)"', 'mount = "left front"', known)
+    zero = text.replace("axis = [0.0, -1.0, 1.0]", "axis = [0, 0, 0]")
+    for wrong in (text, doubled, zero):
+        with pytest.raises(ProblemError) as caught:
+            Problem.parse(wrong, "mine.toml")
+        assert f"estimator: {caught.value}\n" in manual
+
+
+@pytest.mark.parametrize("joints", [1, 5, 18, 24])
+def test_all_joints_of_any_robot_may_be_driven(joints: int) -> None:
+    problem = Problem.load("topological").for_robot(robot(joints, min(joints, 6)))
+    assert problem.motors.driven == tuple(range(joints))
+    assert len(problem.parts) == joints
+    assert problem.program_range(robot(joints, 6)).shape == (joints, 2)
+    fixed = Problem.load("hexapod-18")
+    if joints != 18:
+        with pytest.raises(
+            ProblemError, match=r"^hexapod-18: .*each driven joint must move exactly"
+        ):
+            fixed.for_robot(robot(joints, 6))
 
 
 def here(name: str, settings: WorldSettings) -> Physics:

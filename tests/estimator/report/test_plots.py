@@ -1,6 +1,5 @@
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +8,8 @@ from matplotlib.figure import Figure
 
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.plots import MARKERS, draw_lengths, plot_errors, plot_lengths
+from estimator.report.leg_styles import MARKERS
+from estimator.report.plots import as_png, as_svg, draw_lengths, plot_errors, plot_lengths
 from estimator.storage.records import Counters, Generation
 from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities, make_problem
 
@@ -33,31 +33,15 @@ def history(*errors: Sequence[float]) -> list[Generation]:
 GENERATIONS = history((3.0, float("inf"), 5.0), (2.0, 3.0, 4.0), (2.5, 3.0, 3.5), (1.0, 1.0, 2.0))
 
 
-@pytest.fixture
-def drawn(monkeypatch: pytest.MonkeyPatch) -> list[Axes]:
-    """The axes of every figure that is saved."""
-    every_axes: list[Axes] = []
-    save = Figure.savefig
-
-    def keep(self: Figure, *args: object, **kwargs: object) -> None:
-        every_axes.extend(self.axes)
-        save(self, *args, **kwargs)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(Figure, "savefig", keep)
-    return every_axes
-
-
 def ends_of_iterations(axes: Axes) -> list[float]:
     lines = [line for line in axes.lines if line.get_linestyle() == ":"]
     return [float(np.asarray(line.get_xdata(), dtype=float)[0]) for line in lines]
 
 
-def test_every_models_error_is_drawn_and_iterations_are_parted(
-    tmp_path: Path, drawn: list[Axes]
-) -> None:
-    plot_errors(tmp_path / "plots" / "errors.png", GENERATIONS)
-    assert (tmp_path / "plots" / "errors.png").read_bytes().startswith(PNG)
-    (axes,) = drawn
+def test_every_models_error_is_drawn_and_iterations_are_parted() -> None:
+    figure = plot_errors(GENERATIONS)
+    assert as_png(figure).startswith(PNG)
+    (axes,) = figure.axes
     dots = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines[:4]]
     assert [sorted(row.tolist()) for row in dots] == [
         [3.0, 5.0],
@@ -69,22 +53,16 @@ def test_every_models_error_is_drawn_and_iterations_are_parted(
     assert ends_of_iterations(axes) == [1.5, 3.5]
 
 
-def test_a_perfect_model_is_drawn(tmp_path: Path, drawn: list[Axes]) -> None:
-    plot_errors(tmp_path / "errors.png", history((0.0, 2.0), (0.0, 1.0)))
-    (axes,) = drawn
-    assert axes.get_yscale() == "linear"  # a logarithmic one leaves it out
-    drawn.clear()
-    plot_errors(tmp_path / "errors.png", GENERATIONS)
-    assert drawn[0].get_yscale() == "log"
+def test_a_perfect_model_is_drawn() -> None:
+    perfect = plot_errors(history((0.0, 2.0), (0.0, 1.0)))
+    assert perfect.axes[0].get_yscale() == "linear"  # a logarithmic one leaves it out
+    assert plot_errors(GENERATIONS).axes[0].get_yscale() == "log"
 
 
-def test_legs_are_drawn_with_the_papers_arrows_in_centimetres(
-    tmp_path: Path, drawn: list[Axes]
-) -> None:
+def test_legs_are_drawn_with_the_papers_arrows_in_centimetres() -> None:
     problem = make_problem()
     genome = Genome(problem, problem.base(make_capabilities()))
-    plot_lengths(tmp_path / "l.png", GENERATIONS, genome, JOINTS, targets=(0.1, 0.2, 0.3, 0.4))
-    (axes,) = drawn
+    (axes,) = plot_lengths(GENERATIONS, genome, JOINTS, targets=(0.1, 0.2, 0.3, 0.4)).axes
     lines = {line.get_label(): line for line in axes.lines}
     assert MARKERS == {"left": "<", "front": "^", "right": ">", "back": "v"}
     assert [lines[name].get_marker() for name in JOINTS] == ["<", "^", ">", "v"]
@@ -100,17 +78,17 @@ def test_arrows_show_where_legs_really_are_if_that_is_known() -> None:
     problem = make_problem()
     genome = Genome(problem, problem.base(make_capabilities()))
     axes = Figure().add_subplot()
-    draw_lengths(axes, GENERATIONS, genome, JOINTS, sides=("back", "left", "left", "front"))
+    draw_lengths(axes, GENERATIONS, genome, JOINTS, mounts=("back", "left", "left", "front"))
     assert [line.get_marker() for line in axes.lines[:4]] == ["v", "<", "s", "^"]
 
 
-def test_eight_legs_have_eight_colours_and_eight_markers(drawn: list[Axes], tmp_path: Path) -> None:
+def test_eight_legs_have_eight_colours_and_eight_markers() -> None:
     parts = "".join(
         f"""
 [[parts]]
 name = "leg {number}"
 parent = 0
-side = "left"
+mount = "left"
 hinge = "up"
 length = [0.05, 0.25]
 radius = 0.006
@@ -122,14 +100,19 @@ motor = {number}
     genome = Genome(Problem.parse(head + parts, "test"), make_problem().base(make_capabilities()))
     names = ["$\\frac{", "_hidden", "a\x1b[31m", *"defgh"]
     generations = [replace(item, best=(0.5,) * 8) for item in GENERATIONS]
-    plot_lengths(tmp_path / "l.png", generations, genome, names)
-    (axes,) = drawn
+    (axes,) = plot_lengths(generations, genome, names).axes
     lines = axes.lines[:8]
     assert [line.get_label() for line in lines] == ["$\\frac{", " _hidden", r"a\x1b[31m", *"defgh"]
     assert len({line.get_color() for line in lines}) == 8
     assert len({line.get_marker() for line in lines}) == 8
 
 
-def test_all_models_invalid_is_still_a_plot(tmp_path: Path) -> None:
-    plot_errors(tmp_path / "e.png", history((float("inf"),), (float("inf"),)))
-    assert (tmp_path / "e.png").read_bytes().startswith(PNG)
+def test_all_models_invalid_is_still_a_plot() -> None:
+    assert as_png(plot_errors(history((float("inf"),), (float("inf"),)))).startswith(PNG)
+
+
+def test_a_drawing_for_a_page_has_its_text_and_is_the_same_each_time() -> None:
+    one, two = (as_svg(plot_errors(GENERATIONS)) for _ in range(2))
+    assert one == two
+    assert one.startswith("<svg")
+    assert ">subjective error of each model</text>" in one

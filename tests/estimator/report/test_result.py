@@ -7,7 +7,7 @@ from estimator.readings.observation import Observation
 from estimator.report.result import Result, summarise
 from estimator.report.run_files import write_report
 from tests.estimator.evaluation.test_score import make_run
-from tests.estimator.model_robot import JOINTS
+from tests.estimator.model_robot import JOINTS, PROBLEM
 
 
 def test_a_run_in_numbers(tmp_path: Path) -> None:
@@ -25,11 +25,11 @@ def test_a_run_in_numbers(tmp_path: Path) -> None:
     assert best.leg_lengths_m == pytest.approx((0.17, 0.15, 0.18, 0.16))
     assert other.leg_lengths_m == pytest.approx((0.05,) * 4)
     part = best.parts[1]
-    assert (part.name, part.parent, part.side, part.hinge) == ("front", "main body", "front", "up")
+    assert (part.name, part.parent, part.mount, part.hinge) == ("front", "main body", "front", "up")
     assert part.joint == "front"
     left = result.legs[0]
     assert left.length_m == pytest.approx(0.17)
-    assert left.spread_m == pytest.approx(0.06)  # of 0.17 and 0.05
+    assert left.population_m == pytest.approx((0.05, 0.17))
 
 
 def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
@@ -39,7 +39,17 @@ def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
     assert [leg.touched for leg in result.legs] == [True, True, False, True]
     (warning,) = result.warnings
     assert warning.startswith("The leg at right never touched the ground")
-    assert "180 mm" in warning
+
+
+def test_a_radius_other_than_the_robots_is_warned_about(tmp_path: Path) -> None:
+    thick = PROBLEM.replace("radius = 0.006", "radius = 0.009", 1)
+    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16), thick)
+    with store:
+        warning = summarise(store, problem).warnings[0]
+    assert warning == (
+        "Part left has a radius of 6.0 mm according to the robot, of 9.0 mm according to the "
+        "problem: lengths will be biased."
+    )
 
 
 def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:

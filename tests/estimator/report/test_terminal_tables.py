@@ -71,10 +71,10 @@ def test_each_configuration_is_marked_right_excused_or_wrong() -> None:
         make_score(
             (
                 configuration("leg 1", "parent", "main body", right=True, excused=False),
-                configuration("leg 1", "side", "front", right=False, excused=False),
+                configuration("leg 1", "mount", "front", right=False, excused=False),
                 configuration("leg 1", "hinge", "roll_left", right=False, excused=True),
                 configuration("foot", "parent", "leg 1", right=True, excused=False),
-                configuration("foot", "side", "left", right=True, excused=False),
+                configuration("foot", "mount", "left", right=True, excused=False),
             )
         )
     )
@@ -100,7 +100,7 @@ def test_what_the_problem_gives_is_not_listed() -> None:
 
 def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_path: Path) -> None:
     known, problem = make_run(tmp_path / "known", (0.1,) * 4)
-    unknown = PROBLEM.replace('parent = 0\nside = "back"', 'parent = "unknown"\nside = "unknown"')
+    unknown = PROBLEM.replace('parent = 0\nmount = "back"', 'parent = "unknown"\nmount = "unknown"')
     assert unknown != PROBLEM
     store, open_problem = make_run(tmp_path / "unknown", (0.1,) * 4, unknown, more=(0.99, 0.3))
     texts = []
@@ -112,4 +112,4 @@ def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_p
             texts.append(console.file.getvalue())
     assert "sits on" not in texts[0]
     lines = [line for line in texts[1].splitlines() if line.startswith("back ")]
-    assert lines[-1].split() == ["back", "right", "front", "up", "100.0", "50"]
+    assert lines[-1].split() == ["back", "right", "front", "up", "100.0"]

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from estimator.cli.command_line import app
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
+from estimator.report.evaluation_files import SCORE
 from estimator.reproduction.reproduce import (
     ReproductionRequest,
     ReproductionResult,
@@ -29,7 +30,6 @@ from estimator.reproduction.reproduce import (
 )
 from estimator.reproduction.runs.plan import FIGURES, PlannedRun, planned_runs, typical_runs
 from estimator.reproduction.runs.run_processes import Ended, Worked, Workers
-from estimator.reproduction.runs.single_run import SCORE
 from estimator.storage.database import DATABASE
 from tests.estimator.reproduction.conftest import TINY
 

@@ -58,10 +58,11 @@ def test_without_move_it_never_moves(calm: Controller) -> None:
     assert set(seen) == {"read", "stop", "clear"}
 
 
-def test_the_simulated_robot_as_a_user_runs_it() -> None:
-    with simulator() as robot:
+@pytest.mark.parametrize(("electronics", "options"), [("pc104", ()), ("pi", ("--move",))])
+def test_the_simulated_robot_as_a_user_runs_it(electronics: str, options: tuple[str, ...]) -> None:
+    with simulator("--electronics", electronics) as robot:
         done = subprocess.run(
-            [sys.executable, "-m", "protocol.conformance", robot.uri],
+            [sys.executable, "-m", "protocol.conformance", robot.uri, *options],
             capture_output=True,
             text=True,
             timeout=55,

@@ -14,12 +14,14 @@ import pytest
 import zmq
 
 from protocol.errors import EndpointError, RobotError, RobotUnreachableError
+from protocol.rules.robot_interface import Finished, Progressed
 from protocol.sockets.endpoints import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.transport.publisher import TOPIC
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, decode, encode
+from protocol.wire.messages import Ok
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, HandClock, Serve
@@ -294,6 +296,17 @@ def test_a_bug_of_the_robot_is_answered_and_logged(
         robot.broken = False
         assert client.read().sequence == 1
     assert "a bug" in caplog.text
+
+
+def test_news_of_a_request_that_is_not_under_way_ends_nothing(
+    serve: Serve, robot: FakeRobot, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = serve(robot)
+    with RobotClient(server.endpoint) as client:
+        robot.emit(Finished(ticket=99, reply=Ok(id=1, state="idle")))
+        robot.emit(Progressed(ticket=99, phase="moving", fraction=0.5, robot_time=1.0))
+        assert client.read().sequence == 1
+    assert caplog.text.count("is not under way") == 2
 
 
 def test_run_after_close_returns_at_once(robot: FakeRobot) -> None:

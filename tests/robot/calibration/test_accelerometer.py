@@ -15,7 +15,7 @@ from robot.errors import AbandonedError
 from tests.robot.calibration.desk import Answer, Inputs, Script
 from tests.robot.clocks import InstantClock
 
-BELIEVED = AnalogueAxes(channels=(1, 2, 3), zero=(2.5, 2.5, 2.5), volts_per_g=(1.0, 1.0, 1.0))
+BELIEVED = AnalogueAxes(channels=(1, 2, 3), zero=(2.5, 2.5, 2.5), per_g=(1.0, 1.0, 1.0))
 ZERO, GAIN = (2.3, 2.6, 2.5), (-0.9, 1.2, 0.8)
 
 
@@ -43,7 +43,11 @@ class Body:
 
 def run(body: Body, script: Script) -> AxesCalibration | None:
     return AccelerometerSession(
-        BELIEVED, body.inputs, rate=50, clock=InstantClock(), dialogue=Questions(script)
+        BELIEVED,
+        lambda: body.inputs.scan(1, 3),
+        rate=50,
+        clock=InstantClock(),
+        dialogue=Questions(script),
     ).run()
 
 
@@ -52,7 +56,7 @@ def test_six_positions_find_zero_gain_and_sign() -> None:
     calibration = run(body, Script("six", *body.six()))
     assert calibration is not None
     assert calibration.zero == pytest.approx(ZERO, abs=1e-3)
-    assert calibration.volts_per_g == pytest.approx(GAIN, abs=1e-3)
+    assert calibration.per_g == pytest.approx(GAIN, abs=1e-3)
 
 
 def test_leaning_by_3_degrees_costs_little() -> None:
@@ -60,7 +64,7 @@ def test_leaning_by_3_degrees_costs_little() -> None:
     calibration = run(body, Script("six", *body.six(lean=math.tan(math.radians(3)))))
     assert calibration is not None
     # cos 3° twice (two axes lean): 0.3 % of the gain, 0.1° at 30°.
-    assert calibration.volts_per_g == pytest.approx(GAIN, rel=4e-3)
+    assert calibration.per_g == pytest.approx(GAIN, rel=4e-3)
 
 
 def test_a_position_that_leans_too_much_is_asked_for_again() -> None:
@@ -72,7 +76,7 @@ def test_a_position_that_leans_too_much_is_asked_for_again() -> None:
     assert script.heard("'left side up'")
     assert script.prompts[-1].startswith("left side up")
     assert calibration is not None
-    assert calibration.volts_per_g == pytest.approx(GAIN, abs=1e-3)
+    assert calibration.per_g == pytest.approx(GAIN, abs=1e-3)
 
 
 def test_swapped_wires_are_named() -> None:
@@ -112,7 +116,7 @@ def test_level_finds_the_zeros_whatever_the_table_leans() -> None:
     calibration = run(body, Script("level", *quarters))
     assert calibration is not None
     assert calibration.zero[:2] == pytest.approx(ZERO[:2], abs=1e-3)
-    assert calibration.volts_per_g == BELIEVED.volts_per_g
+    assert calibration.per_g == BELIEVED.per_g
 
 
 def test_level_refuses_what_it_cannot_know() -> None:

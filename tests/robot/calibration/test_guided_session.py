@@ -227,3 +227,19 @@ def test_what_could_not_be_read_again_is_not_taken(desk: Desk) -> None:
     assert desk.measured(before, script, "lower_left") is before
     assert script.heard("lower_left is not taken")
     assert script.heard("volts_per_newton")
+
+
+def test_a_cable_that_comes_back_goes_on_with_the_part(desk: Desk) -> None:
+    board = desk.robot.servo_board
+
+    def pull() -> None:
+        desk.pulses()
+        board.unplug()
+
+    script = Script(
+        "", "-20", "u 20", (pull, "u 20"), (board.replug, ""), "4", "done", "0", "yes"
+    )  # fmt: skip
+    calibration = desk.measured(Calibration(robot="quadruped"), script, "hip_left")
+    assert script.heard("Check that the adapter is plugged in")
+    assert script.left == 0
+    assert calibration.joints["hip_left"].scale.count(0.0) == 161

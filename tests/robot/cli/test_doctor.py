@@ -61,7 +61,7 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
             )
             for joint in config.joints
         },
-        accelerometer=AxesCalibration(zero=(2.5,) * 3, volts_per_g=(1.0,) * 3),
+        accelerometer=AxesCalibration(unit="V", zero=(2.5,) * 3, per_g=(1.0,) * 3),
         gauges={
             name: GaugeCalibration(tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05)
             for name in config.gauges

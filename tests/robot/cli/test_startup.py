@@ -13,6 +13,7 @@ import pytest
 from robot.cli.command_line import main as robotd
 from sim_robot.cli.command_line import main as sim_robotd
 
+pytestmark = pytest.mark.every_python
 PROGRAM = "import sys; from robot.cli.startup import start; sys.exit(start('crawl', 'command'))"
 PRESS = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
 
@@ -62,7 +63,9 @@ def test_what_is_not_installed_is_named(tmp_path: Path, when: str) -> None:
         ("sim_robot", "sim", "pydantic_xml"),
     ],
 )
-def test_help_on_the_base_install_names_the_extra(module: str, extra: str, library: str) -> None:
+def test_the_base_install_names_the_extra_and_its_version(
+    module: str, extra: str, library: str
+) -> None:
     code = f"""
 import sys
 class BaseInstall:
@@ -71,16 +74,24 @@ class BaseInstall:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, BaseInstall())
 from {module}.__main__ import main
-sys.argv = [{module!r}, "--help"]
 sys.exit(main())
 """
-    ended = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+
+    def run(option: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [sys.executable, "-c", code, option],
+            cwd=Path(__file__).parents[3],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    ended = run("--version")
+    command = module.replace("sim_robot", "sim-robotd")
+    version = metadata.version("bodyschema")
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout == f"{command} (bodyschema) {version}\n"
+    ended = run("--help")
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.endswith(
         f": needs {library}, which is not installed: pip install 'bodyschema[{extra}]'\n"

@@ -6,6 +6,7 @@ import errno
 import math
 import os
 import stat
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 
@@ -39,7 +40,7 @@ WHOLE = Calibration(
     revision=3,
     made="2026-11-20T03:57:20Z",
     joints={"hip_left": HIP},
-    accelerometer=AxesCalibration(zero=(2.4, 2.5, 2.6), volts_per_g=(-1.0, 1.1, 0.9)),
+    accelerometer=AxesCalibration(unit="V", zero=(2.4, 2.5, 2.6), per_g=(-1.0, 1.1, 0.9)),
     gauges={
         "lower_left": GaugeCalibration(tare=-0.1, volts_per_newton=-0.3, on=0.12, off=0.06),
     },
@@ -66,7 +67,7 @@ def test_its_values_take_the_place_of_those_in_robot_toml(tmp_path: Path) -> Non
     )
     assert after.axes is not None
     assert after.axes.zero == (2.4, 2.5, 2.6)
-    assert after.axes.channels == before.accelerometer.channels
+    assert after.accelerometer.channels == before.accelerometer.channels
     assert (after.gauges["lower_left"].tare, after.touch[0].on) == (-0.1, 0.12)
     assert after.touch[0].debounce == before.touch[0].debounce
     assert after.distance is not None
@@ -110,8 +111,9 @@ calibrations = st.builds(
     accelerometer=st.none()
     | st.builds(
         AxesCalibration,
+        unit=st.just("V"),
         zero=st.tuples(numbers, numbers, numbers),
-        volts_per_g=st.tuples(gains, gains, gains),
+        per_g=st.tuples(gains, gains, gains),
     ),
     gauges=st.dictionaries(
         names,
@@ -181,6 +183,16 @@ def test_a_wrong_value_is_named(tmp_path: Path, old: str, new: str, words: list[
     sentence = str(caught.value)
     assert str(tmp_path / "calibration.toml") in sentence
     assert all(word in sentence for word in words), sentence
+
+
+def test_a_file_made_for_other_counts_is_refused(tmp_path: Path) -> None:
+    """The joints of a PCA9685 turn further per count at another update rate."""
+    path = tmp_path / "calibration.toml"
+    joint = replace(HIP, scale=JointScale(((120, -1.4), (500, 1.4)), range(103, 513)))
+    path.write_text(to_toml(replace(WHOLE, joints={"hip_left": joint})), encoding="utf-8")
+    assert read_calibration(path, range(103, 513)).has("hip_left")
+    with pytest.raises(ConfigError, match=r"counts: says .* counts 103 to 512, and .* 85 to 427"):
+        read_calibration(path, range(85, 428))
 
 
 def test_a_truncated_file_is_refused_wherever_it_was_cut(tmp_path: Path) -> None:

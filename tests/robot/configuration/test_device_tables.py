@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from robot.configuration import device_tables
-from robot.drivers.analogue_sensors import read_axes, read_bridge
+from robot.drivers.analogue_sensors import read_bridge
+from robot.drivers.axes import read_axes
 from robot.drivers.sv203 import COUNTS
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml
@@ -40,7 +41,7 @@ def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> N
     [
         (device_tables.read_limits, "limits_deg = [5, 5]", "part.limits_deg: must rise"),
         (
-            read_axes,
+            partial(read_axes, unit="V"),
             "zero_v = [1, 2, 3]\nvolts_per_g = [1, 0, 1]",
             "0.02 to 5 volts, not 0",
         ),

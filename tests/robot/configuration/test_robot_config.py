@@ -97,10 +97,17 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         ("[noise]", "[nois]", ["noise", "missing"]),
         ("address = 0x29", "address = 0x80", ["distance.address", "from 8 to 119"]),
         ("board = 1 ", "board = 256", ["servos.board", "from 0 to 255"]),
+        ("board = 1 ", "board = [1, 1]", ["servos.board", "different ones", "[1, 1]"]),
+        ("board = 1 ", "board = []", ["servos.board", "[]"]),
+        ("board = 1 ", "board = [0, 1]", ["servos.board", "0 addresses every board"]),
         ("range_mm = 200", "range_mm = 300", ["distance.range_mm", "from 20 to 255"]),
         ("[daq]", "[dac]", ["daq", "missing", "connected to its inputs"]),
-        ('driver = "sv203"', 'driver = "sv204"', ["servos.driver", "one of sv203", "'sv204'"]),
-        ("output = 2", "output = 9", ["joint 2 (hip_front).output", "from 1 to 8"]),
+        (
+            'driver = "sv203"',
+            'driver = "sv204"',
+            ["servos.driver", "one of pca9685, sv203", "'sv204'"],
+        ),
+        ("output = 2", "output = 9", ["joint 2 (hip_front).output", "is 9", "1 to 8"]),
         ("base = 0x300", 'device = "/dev/comedi0"', ["daq.device", "not a known key"]),
         ("[motion]", "[motion", ["TOML"]),
     ],
@@ -186,3 +193,19 @@ def test_the_hash_changes_with_the_calibration(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", ["[" * 5000, "9" * 400, "9" * 5000, "0x" + "f" * 5000])
 def test_what_no_parser_should_meet_is_a_sentence(tmp_path: Path, value: str) -> None:
     assert "is not valid TOML" in refused(tmp_path, f"name = {value}")
+
+
+def test_25_joints_on_16_outputs_are_refused_by_file_key_and_name(tmp_path: Path) -> None:
+    text = EXAMPLE.read_text(encoding="utf-8").replace("board = 1 ", "board = [1, 2] ")
+    file = tmp_path / "robot.toml"
+    joints = "".join(
+        f"[[joint]]\nname = 'j{n}'\noutput = {n}\nlimits_deg = [-80, 80]\npart_radius_mm = 6\n"
+        "calibration = [[3, -96], [253, 74]]\n"
+        for n in range(9, 26)
+    )
+    file.write_text(text.replace("joints = 8 ", "joints = 25 ") + joints, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    sentence = str(caught.value)
+    for words in (str(file), "joint 17 (j17).output", "boards 1 and 2", "outputs 1 to 16"):
+        assert words in sentence

@@ -61,7 +61,7 @@ def test_servos_that_cannot_be_read_back_are_worth_a_look(clinic: Clinic) -> Non
         reads_back = False
 
     (finding,), counts = check_board(
-        Board(), Mute(port="", baud=9600, board=1, line_gap=0.003), [1], clinic.clock
+        Board(), Mute(port="", baud=9600, boards=(1,), line_gap=0.003), [1], clinic.clock
     )
     assert finding.verdict is Severity.LOOK
     assert "cannot be read back" in finding.text

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot.drivers.serial_line import open_serial
-from robot.drivers.sv203 import OUTPUTS, SV203
+from robot.drivers.sv203 import SV203
 from robot.errors import CommandError, DeviceDataError
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
@@ -23,7 +23,7 @@ COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
 def written_by(board: int, act: Callable[[SV203], object]) -> list[bytes]:
     """The lines that follow the first query."""
     line = Line(lambda: b"128\r")
-    driver = SV203(lambda: cast(serial.Serial, line), board=board, clock=InstantClock())
+    driver = SV203(lambda: cast(serial.Serial, line), boards=[board], clock=InstantClock())
     driver.read_counts([1])
     act(driver)
     assert len(line.written) == driver.bytes_written
@@ -39,7 +39,7 @@ def test_a_line_selects_the_servo_never_the_board_and_carries_two_servos() -> No
 
 def test_no_line_exceeds_15_characters() -> None:
     def act(driver: SV203) -> None:
-        driver.set_counts(dict.fromkeys(OUTPUTS, 255))
+        driver.set_counts(dict.fromkeys(range(1, 9), 255))
         driver.release()
 
     lines = written_by(255, act)
@@ -141,7 +141,7 @@ def test_a_board_that_was_reset_ignores_moves_and_is_found_out(
         servos.verify({2: 128})  # where it is by chance
     with pytest.raises(CommandError, match="read the servo board's counts"):
         servos.set_counts(pose)
-    assert servos.read_counts() == dict.fromkeys(OUTPUTS, 128)
+    assert servos.read_counts() == dict.fromkeys(range(1, 9), 128)
     servos.set_counts(pose)
     assert servos.verify(pose) == []
 
@@ -159,7 +159,7 @@ def test_a_board_that_was_reset_is_released_all_the_same(
 def test_bytes_lost_on_the_line_are_found_and_mended(
     servos: SV203, servo_board: SV203Emulator
 ) -> None:
-    pose = {n: 40 + n for n in OUTPUTS}
+    pose = {n: 40 + n for n in range(1, 9)}
     servos.read_counts()
     servo_board.inject("drop", 10)
     servos.set_counts(pose)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.drivers.serial_line import open_serial
-from robot.drivers.sv203 import OUTPUTS, SV203
+from robot.drivers.sv203 import SV203
 from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
@@ -22,7 +22,7 @@ from tests.robot.drivers.lines import Line, Wire, on_line
 
 def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emulator) -> None:
     servo_board.inject("garbage", 2)
-    assert servos.read_counts() == dict.fromkeys(OUTPUTS, 128)
+    assert servos.read_counts() == dict.fromkeys(range(1, 9), 128)
 
 
 def test_an_answer_that_waited_for_the_processor_is_not_late(
@@ -40,7 +40,7 @@ def test_an_answer_that_waited_for_the_processor_is_not_late(
     monkeypatch.setattr(
         serial.serialutil.Timeout, "TIME", staticmethod(lambda: time.monotonic() + lost[0])
     )
-    assert driver.read_counts() == dict.fromkeys(OUTPUTS, 128)
+    assert driver.read_counts() == dict.fromkeys(range(1, 9), 128)
     assert driver.repeats == 0
     driver.close()
 
@@ -71,7 +71,7 @@ def test_another_board_number_gets_no_answer(
     servo_board: SV203Emulator, clock: InstantClock
 ) -> None:
     driver = SV203(
-        lambda: open_serial(servo_board.port, 9600), board=2, clock=clock, reply_timeout=0.02
+        lambda: open_serial(servo_board.port, 9600), boards=[2], clock=clock, reply_timeout=0.02
     )
     with pytest.raises(DeviceTimeoutError, match="board number"):
         driver.read_counts([1])

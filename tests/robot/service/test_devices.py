@@ -42,7 +42,7 @@ class Servos(Board):
 
 def config(*, reads_back: bool = True) -> RobotConfig:
     settings = SV203Settings if reads_back else Unreadable
-    servos = settings(port="", baud=9600, board=1, line_gap=0.003)
+    servos = settings(port="", baud=9600, boards=(1,), line_gap=0.003)
     return replace(example_config(""), servos=servos)
 
 

@@ -9,26 +9,33 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from _pytest.mark import ParameterSet
 
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.drivers.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
 from sim_robot.cli.calibrate import calibrate_simulated
-from sim_robot.simulator.daemon import simulated_robot
+from sim_robot.cli.command_line import _parser
+from sim_robot.simulator import pc104_set, pi_set
+from sim_robot.simulator.daemon import SETS, simulated_robot
 from sim_robot.simulator.miscalibration import miscalibrated
-from sim_robot.simulator.wiring import configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 
 SEEDS = range(1000, 1010)
+AT_EACH_CHANGE = range(1000, 1003)  # of those on a Raspberry Pi's chips, which is the same code
 BODY = load_body(default_body_path())
-BELIEVED = configure(BODY, port="nowhere", levels=NoiseLevels())
+BELIEVED = {
+    "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
+    "pi": pi_set.configure(BODY, NoiseLevels()),
+}
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,7 @@ def errors(config: RobotConfig, truth: RobotConfig) -> Errors:
     joint = max(
         abs(ours.scale.angle(count) - true.scale.angle(count))
         for ours, true in pairs
-        for count in range(1, 256)
+        for count in true.scale.counts
         if true.lower_limit <= true.scale.angle(count) <= true.upper_limit
     )
     sensor, real = config.distance.sensor, truth.distance.sensor
@@ -78,31 +85,44 @@ def _tilt_error(config: RobotConfig, truth: RobotConfig, across: float, along: f
     assert config.axes is not None
     assert truth.axes is not None
     up = (x, y, math.sqrt(1 - x * x - y * y))
-    axes = zip(truth.axes.zero, truth.axes.volts_per_g, up, strict=True)
-    volts = [zero + gain * value for zero, gain, value in axes]
-    tilt = tilt_at_rest(config.axes.acceleration(volts))
+    axes = zip(truth.axes.zero, truth.axes.per_g, up, strict=True)
+    raw = [zero + gain * value for zero, gain, value in axes]
+    tilt = tilt_at_rest(config.axes.acceleration(raw))
     return max(abs(a - b) for a, b in zip(tilt, (across, along), strict=True))
 
 
-def calibrated(seed: int, file: Path, shown: list[str]) -> RobotConfig:
+def calibrated(seed: int, file: Path, shown: list[str], electronics: str = "pc104") -> RobotConfig:
     calibrate_simulated(
         BODY,
         seed=seed,
         levels=NoiseLevels(),
+        electronics=electronics,
         wrong=seed,
         file=file,
         echo=shown.append,
         log=logging.getLogger("test"),
     )
-    return apply_calibration(BELIEVED, read_calibration(file, COUNTS), file=str(file))
+    believed = BELIEVED[electronics]
+    read = read_calibration(file, believed.servos.counts)
+    return apply_calibration(believed, read, file=str(file))
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_wrong_calibration_is_put_right(seed: int, tmp_path: Path) -> None:
-    truth = miscalibrated(BELIEVED, seed)
-    before = errors(BELIEVED, truth)
+def on_pi(seed: int) -> ParameterSet:
+    wanted = seed in AT_EACH_CHANGE or "ALL_SEEDS" in os.environ
+    return pytest.param(
+        seed, "pi", marks=pytest.mark.skipif(not wanted, reason="make calibration has all seeds")
+    )
+
+
+@pytest.mark.parametrize(
+    ("seed", "electronics"), [*((seed, "pc104") for seed in SEEDS), *map(on_pi, SEEDS)]
+)
+def test_a_wrong_calibration_is_put_right(seed: int, electronics: str, tmp_path: Path) -> None:
+    believed = BELIEVED[electronics]
+    truth = miscalibrated(believed, seed)
+    before = errors(believed, truth)
     assert before.joint > 10  # degrees: there is something to put right
-    after = errors(calibrated(seed, tmp_path / "calibration.toml", []), truth)
+    after = errors(calibrated(seed, tmp_path / "calibration.toml", [], electronics), truth)
     assert after.joint < 1
     assert after.tilt < 1
     assert after.clearance < 1
@@ -146,3 +166,9 @@ def test_the_robot_lies_flat_with_its_calibration_and_not_without(file: Path) ->
             misses.append(max(abs(math.degrees(angle)) for angle in robot.world.angles()))
     assert misses[0] > 3
     assert misses[1] < 1
+
+
+def test_every_set_of_electronics_is_calibrated_and_can_be_chosen() -> None:
+    assert list(BELIEVED) == list(SETS)
+    for name in SETS:
+        assert _parser().parse_args(["--electronics", name]).electronics == name

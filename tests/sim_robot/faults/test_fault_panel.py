@@ -20,7 +20,16 @@ from sim_robot.errors import FaultError
 from sim_robot.faults.control_socket import FaultClient, FaultSocket, main
 from sim_robot.faults.fault_panel import KNOWN, FaultPanel, FaultSpec
 
-ONCE = ("servo_board.brown_out", "distance.reset", "clock.jump")
+ONCE = (
+    "servo_board.brown_out",
+    "pwm.reset",
+    "pwm.sleep",
+    "adc.reset",
+    "accelerometer.reset",
+    "accelerometer.sleep",
+    "distance.reset",
+    "clock.jump",
+)
 SPANS = st.tuples(st.floats(0, 1e6, allow_nan=False), st.sampled_from("si")).map(
     lambda span: f"{span[0]:.3f}{span[1]}"
 )

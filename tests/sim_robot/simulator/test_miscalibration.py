@@ -8,7 +8,7 @@ import pytest
 
 from robot.configuration.joint_calibration import DrivenJoint
 from sim_robot.simulator.miscalibration import miscalibrated
-from sim_robot.simulator.wiring import configure
+from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
@@ -33,7 +33,7 @@ def test_signs_offsets_and_gains_are_wrong_somewhere() -> None:
             shifted += abs(ours.scale.count(0.0) - true.scale.count(0.0)) > 5
             stretched += abs(abs(slope(true) / slope(ours)) - 1) > 0.05
         assert truth.axes is not None
-        upside_down += sum(gain < 0 for gain in truth.axes.volts_per_g)
+        upside_down += sum(gain < 0 for gain in truth.axes.per_g)
         pulled += sum(gauge.volts_per_newton < 0 for gauge in truth.gauges.values())
         assert BELIEVED.distance is not None
         assert truth.distance is not None
@@ -52,5 +52,5 @@ def test_every_joint_can_still_lie_flat_and_volts_stay_within_the_range(seed: in
     for joint in truth.joints:
         joint.check_zero()
     assert truth.axes is not None
-    axes = zip(truth.axes.zero, truth.axes.volts_per_g, strict=True)
+    axes = zip(truth.axes.zero, truth.axes.per_g, strict=True)
     assert all(abs(zero) + abs(gain) < 5 for zero, gain in axes)

@@ -28,7 +28,13 @@ def parts() -> Iterator[Emulation]:
 @pytest.fixture
 def person(parts: Emulation) -> SimulatedPerson:
     return SimulatedPerson(
-        BODY, parts.world, parts.noise, parts.clock, seed=1, echo=lambda text: None
+        BODY,
+        parts.world,
+        parts.noise,
+        parts.clock,
+        counts=parts.config.servos.counts,
+        seed=1,
+        echo=lambda text: None,
     )
 
 

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from sim_robot.simulator.wiring import VOLTS_PER_NEWTON, configure
+from sim_robot.simulator.electronics_set import VOLTS_PER_NEWTON
+from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 

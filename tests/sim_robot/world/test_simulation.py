@@ -16,14 +16,21 @@ import pytest
 
 from protocol.wire.readings import touches
 from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.engines import ENGINES, open_world
 from sim_robot.world.simulation import World
 
 LOG = logging.getLogger("world")
 
 
+@pytest.fixture(params=ENGINES)
+def engine(request: pytest.FixtureRequest) -> str:
+    pytest.importorskip(request.param)
+    return str(request.param)
+
+
 @pytest.fixture
-def world() -> Iterator[World]:
-    with World(load_body(default_body_path()), log=LOG) as default:
+def world(engine: str) -> Iterator[World]:
+    with open_world(load_body(default_body_path()), log=LOG, engine=engine) as default:
         yield default
 
 
@@ -40,7 +47,7 @@ def rest(world: World, degrees: list[float], seconds: float = 3.0) -> None:
 def test_the_default_body_holds_every_pose(world: World) -> None:
     corners = [list(corner) + [0.0] * 4 for corner in itertools.product((-30.0, 30.0), repeat=4)]
     rng = np.random.default_rng(7)
-    inside = [[*rng.uniform(-30, 30, 4), 0.0, 0.0, 0.0, 0.0] for _ in range(64)]
+    inside = [[*rng.uniform(-30, 30, 4), 0.0, 0.0, 0.0, 0.0] for _ in range(32)]
     for degrees in corners + inside:
         rest(world, degrees)
         assert math.degrees(world.largest_miss()) < 0.1, degrees
@@ -62,10 +69,10 @@ def enlarged(path: Path, scale: float, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("scale", [0.5, 3.0])
-def test_a_body_of_any_size_holds_its_poses(tmp_path: Path, scale: float) -> None:
+def test_a_body_of_any_size_holds_its_poses(tmp_path: Path, engine: str, scale: float) -> None:
     body = load_body(enlarged(default_body_path(), scale, tmp_path))
     rng = np.random.default_rng(8)
-    with World(body, log=LOG) as world:
+    with open_world(body, log=LOG, engine=engine) as world:
         for degrees in rng.uniform(-30, 30, (24, 4)):
             rest(world, [*degrees, 0.0, 0.0, 0.0, 0.0], seconds=4.0)
             assert math.degrees(world.largest_miss()) < 0.1, degrees
@@ -90,14 +97,15 @@ def test_laying_it_down_again_and_again_costs_no_memory(world: World) -> None:
 
 
 def test_no_file_is_left_even_by_one_that_is_killed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    with World(load_body(default_body_path()), log=LOG) as world:
+    with open_world(load_body(default_body_path()), log=LOG, engine=engine) as world:
         world.lay_down()
         assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.every_python
 def test_a_pose_does_not_depend_on_the_one_before(world: World) -> None:
     pose = [-25.0, 5.0, -12.0, 8.0, 0.0, 0.0, 0.0, 0.0]
     rest(world, pose)
@@ -107,6 +115,7 @@ def test_a_pose_does_not_depend_on_the_one_before(world: World) -> None:
     assert (world.up(), world.belly_ray(), world.loads()) == first
 
 
+@pytest.mark.every_python
 def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
     down = 30.0
     rest(world, [-down] * 4 + [0.0] * 4)
@@ -119,6 +128,7 @@ def test_standing_on_four_legs_is_what_trigonometry_says(world: World) -> None:
     assert all(map(touches, world.gaps()))
 
 
+@pytest.mark.every_python
 def test_tilt_signs(world: World) -> None:
     rest(world, [-30.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # pushes the left side up
     assert math.degrees(math.asin(world.up()[1])) > 3
@@ -132,15 +142,19 @@ def test_a_servo_moves_at_60_degrees_a_second(world: World) -> None:
     assert math.degrees(world.largest_miss()) == pytest.approx(15, abs=1)
 
 
-def test_a_weak_servo_is_reported(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+@pytest.mark.every_python
+def test_a_weak_servo_is_reported(
+    tmp_path: Path, engine: str, caplog: pytest.LogCaptureFixture
+) -> None:
     file = tmp_path / "weak.urdf"
     text = default_body_path().read_text(encoding="utf-8")
     file.write_text(text.replace('effort="1.412"', 'effort="0.2"'), encoding="utf-8")
-    with World(load_body(file), log=LOG) as world:
+    with open_world(load_body(file), log=LOG, engine=engine) as world:
         rest(world, [-30.0] * 4 + [0.0] * 4)
     assert "too weak" in caplog.text
 
 
+@pytest.mark.every_python
 @pytest.mark.parametrize(
     "up", [(0, 0, 1), (0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0.6, 0, 0.8)]
 )
@@ -177,6 +191,7 @@ def test_a_body_held_upright_is_as_high_as_said_and_falls_when_laid_down(world: 
     assert world.belly_ray() == pytest.approx(0, abs=1e-3)
 
 
+@pytest.mark.every_python
 def test_a_pressed_sensor_feels_it_besides_the_ground(world: World) -> None:
     rest(world, [-30.0] * 4 + [0.0] * 4)
     before = world.loads()

@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from estimator.body.morphology import BASE, HINGES, SIDES
+from estimator.body.morphology import BASE
+from estimator.body.mounts import SIDES
 from estimator.errors import TruthError
 from estimator.evaluation.truth.body import TrueLimb, true_limbs
 
@@ -35,12 +36,12 @@ def test_a_foot_that_is_fixed_belongs_to_the_leg(tmp_path: Path) -> None:
     assert leg.name == "hip"
     assert leg.limb.length == pytest.approx(0.09)
     assert leg.limb.parent == BASE
-    assert (SIDES[leg.limb.side], HINGES[leg.limb.hinge]) == ("front", "up")
+    assert (leg.limb.mount, leg.limb.hinge) == ("front", "up")
     assert not leg.not_representable
 
 
 @pytest.mark.parametrize(
-    ("origin", "side"),
+    ("origin", "mount"),
     [
         ('xyz="0 0.05 0" rpy="0 0 1.5708"', "left"),
         ('xyz="0.1 0 0" rpy="0 0 0"', "front"),
@@ -50,10 +51,10 @@ def test_a_foot_that_is_fixed_belongs_to_the_leg(tmp_path: Path) -> None:
     ],
 )
 def test_the_side_does_not_depend_on_how_the_frames_are_turned(
-    tmp_path: Path, origin: str, side: str
+    tmp_path: Path, origin: str, mount: str
 ) -> None:
     leg = make(tmp_path, origin=origin)
-    assert leg.limb.side_name == side
+    assert leg.limb.mount == mount
     assert leg.limb.length == pytest.approx(0.09, abs=1e-5)
 
 
@@ -71,16 +72,16 @@ def test_the_side_does_not_depend_on_how_the_frames_are_turned(
 def test_each_hinge_is_recognised_on_every_side(tmp_path: Path, axis: str, hinge: str) -> None:
     for place, yaw in (("0 0.05 0", 1.5708), ("0.1 0 0", 0.0), ("-0.1 0 0", 3.14159)):
         leg = make(tmp_path, origin=f'xyz="{place}" rpy="0 0 {yaw}"', axis=axis)
-        assert leg.limb.hinge_name == hinge
+        assert leg.limb.hinge == hinge
         assert not leg.not_representable
 
 
 @pytest.mark.parametrize(
     ("origin", "axis", "trait", "sentence"),
     [
-        ('xyz="0.1 0.03 0"', "0 -1 0", "side", "sits 30 mm from the nearest place"),
-        ('xyz="0.1 0 0" rpy="0 0 0.3"', "0 -1 0", "side", "points 17 degrees away from front"),
-        ('xyz="0 0.05 0"', "0 -1 0", "side", "sits on the left but points front"),
+        ('xyz="0.1 0.03 0"', "0 -1 0", "mount", "sits 30 mm from the nearest place"),
+        ('xyz="0.1 0 0" rpy="0 0 0.3"', "0 -1 0", "mount", "points 17 degrees away from front"),
+        ('xyz="0 0.05 0"', "0 -1 0", "mount", "sits on the left but points front"),
         ('xyz="0.1 0 0"', "0 -1 0.5", "hinge", "axis 27 degrees from .* up"),
     ],
 )
@@ -102,8 +103,8 @@ def test_undriven_knees_lengthen_the_legs_and_driven_ones_are_limbs() -> None:
     every = true_limbs(path, hips | knees)
     assert [limb.limb.length for limb in every] == pytest.approx([0.095] * 4 + [0.125] * 4)
     assert [limb.limb.parent for limb in every] == [BASE] * 4 + [0, 1, 2, 3]
-    assert [limb.limb.side_name for limb in every] == [*SIDES, *["front"] * 4]
-    assert {limb.limb.hinge_name for limb in every} == {"up"}
+    assert [limb.limb.mount for limb in every] == [*SIDES, *["front"] * 4]
+    assert {limb.limb.hinge for limb in every} == {"up"}
     assert not any(limb.not_representable for limb in every)
 
 
@@ -111,7 +112,7 @@ def test_a_wide_box_is_as_long_as_it_reaches_away_from_the_body(tmp_path: Path) 
     # Turned about y, its z side of 0.12 m points away; its y side is wider than it is long.
     box = LEG.replace('<cylinder radius="0.005" length="0.08"/>', '<box size="0.02 0.4 0.12"/>')
     leg = make(tmp_path, origin='xyz="0.1 0 0"', leg=box)
-    assert leg.limb.side_name == "front"
+    assert leg.limb.mount == "front"
     assert leg.limb.length == pytest.approx(0.04 + 0.06)
     assert not leg.not_representable
 

@@ -10,19 +10,13 @@ import pytest
 from estimator.errors import RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.readings.observation import Observation
+from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION
 from estimator.report.result import Result
-from estimator.report.run_files import RESULT, VALIDATION
-from estimator.reproduction.runs import single_run
+from estimator.report.run_files import RESULT
 from estimator.reproduction.runs.finished_run import FinishedRun
 from estimator.reproduction.runs.plan import PlannedRun, work_of
 from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
-from estimator.reproduction.runs.single_run import (
-    SCORE,
-    complete_run,
-    has_begun,
-    is_finished,
-    work_done,
-)
+from estimator.reproduction.runs.single_run import complete_run, has_begun, is_finished, work_done
 from estimator.storage.database import DATABASE
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
@@ -69,7 +63,7 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
 ) -> None:
     monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
     whole = tmp_path_factory.mktemp("whole")
-    (whole / single_run.TRUTH).write_text(body)
+    (whole / TRUTH).write_text(body)
     counting = Breaking()
     complete_run(topological, whole, counting)
     assert counting.work == work_of(topological)
@@ -95,27 +89,20 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
     assert len(finished.configurations_right(finished.generations[-1])) == 12
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        (SCORE, b'{"of": "another version"}'),
-        (RESULT, b"{}"),
-        (VALIDATION, b"\xff damaged"),
-    ],
-)
 def test_what_is_damaged_or_of_another_version_is_written_again(
-    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch, name: str, text: bytes
+    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
     complete_run(topological, root, Breaking())
     assert is_finished(topological, root)
     before = history(topological, root)
-    file = topological.directory(root) / name
-    file.write_bytes(text)
-    assert not is_finished(topological, root)
-    complete_run(topological, root, Breaking())
-    assert is_finished(topological, root)
-    assert history(topological, root) == before
+    damages = {SCORE: b'{"of": "another version"}', RESULT: b"{}", VALIDATION: b"\xff damaged"}
+    for name, text in damages.items():
+        (topological.directory(root) / name).write_bytes(text)
+        assert not is_finished(topological, root), name
+        complete_run(topological, root, Breaking())
+        assert is_finished(topological, root), name
+        assert history(topological, root) == before
 
 
 def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: Path) -> None:

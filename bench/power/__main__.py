@@ -1,0 +1,97 @@
+"""Does what is left to do of the study, and writes its page: ``python -m bench.power --help``."""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Final
+
+from bench.power.robots import BODIES, Robot, from_prior, shipped
+from bench.power.study import SEEDS, study
+from bench.power.tables import page
+from bench.power.trial import Figures, Trial, figures_of
+from sim_robot.world.body import DEFAULT
+
+PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
+BY_HAND: Final = "by hand"
+
+
+def main() -> None:
+    """Goes on where it stopped; a run that was broken off begins anew."""
+    options = _parser().parse_args()
+    if options.problem is None:
+        groups = study(SEEDS[options.seeds])
+        known = set(groups) if options.only is None else set(options.only)
+        groups = {name: trials for name, trials in groups.items() if name in known}
+    else:
+        groups = {BY_HAND: (_by_hand(options),)}
+    done: dict[str, list[tuple[Trial, list[Figures]]]] = {}
+    with ProcessPoolExecutor(options.jobs) as workers:
+        waiting = [
+            (group, trial, [workers.submit(figures_of, trial, seed, root) for seed in trial.seeds])
+            for group, trials in groups.items()
+            for root in [options.out / options.seeds / group.replace(" ", "-")]
+            for trial in trials
+            if options.trial in trial.name
+        ]
+        for group, trial, futures in waiting:
+            runs: list[Figures] = []
+            done.setdefault(group, []).append((trial, runs))
+            for future in futures:
+                runs.append(future.result())
+                print(f"{group}: {trial.name}, {_said(runs[-1])}", flush=True)
+    text = page(done)
+    print(text)
+    if options.page:
+        PAGE.write_text(text, encoding="utf-8")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", choices=SEEDS, default="reported")
+    parser.add_argument("--only", nargs="*", metavar="GROUP", help="default: all groups")
+    parser.add_argument("--trial", default="", help="only trials whose name contains this")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("runs/power"))
+    parser.add_argument("--page", action="store_true", help=f"write {PAGE.name}")
+    hand = parser.add_argument_group("a trial that is not of the study")
+    hand.add_argument("--problem", help="name, or file")
+    hand.add_argument("--method", choices=("posterior", "paper"), default="posterior")
+    hand.add_argument("--explore")
+    hand.add_argument("--body", default=DEFAULT, help=f"name, file, prior, or {', '.join(BODIES)}")
+    hand.add_argument("--interactions", type=int, default=6)
+    hand.add_argument("--first", type=int, default=30, help="only so many of the seeds")
+    return parser
+
+
+def _by_hand(options: argparse.Namespace) -> Trial:
+    problem, name = options.problem, options.body
+    body = from_prior(problem) if name == "prior" else BODIES.get(name) or shipped(name)
+    text = Path(problem).read_text("utf-8") if problem.endswith(".toml") else problem
+    return Trial(
+        name=f"{problem} {options.method} {options.explore or ''} {name} {options.interactions}",
+        seeds=SEEDS[options.seeds][: options.first],
+        problem=text,
+        interactions=options.interactions,
+        method=options.method,
+        explore=options.explore,
+        robot=Robot(body=body),
+    )
+
+
+def _said(one: Figures) -> str:
+    if not one.steps:
+        return f"seed {one.seed}: {one.verdict}"
+    last = one.steps[-1]
+    stated = "" if last.probability is None else f", stated {last.probability:.2f}"
+    errors = " ".join(f"{error:+.1f}" for error in last.leg_errors_mm)
+    return (
+        f"seed {one.seed}: {last.cells} of {one.cells}{stated}, legs {errors} mm, "
+        f"{one.cpu_seconds:.0f} s of CPU. {'CERTAIN AND WRONG. ' * one.certain_and_wrong}"
+        f"{one.verdict}"
+    )
+
+
+if __name__ == "__main__":
+    main()

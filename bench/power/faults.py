@@ -1,0 +1,122 @@
+"""Robots that are not as their problem says: what an estimator must not be taken in by."""
+
+from __future__ import annotations
+
+import re
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from bench.power.robots import (
+    Robot,
+    exchanged,
+    shipped,
+    turned_joint,
+    with_leg_mass,
+)
+from bench.power.trial import Trial
+from estimator.problem.problem import Problem
+from robot.configuration.calibration_file import (
+    AxesCalibration,
+    Calibration,
+    GaugeCalibration,
+    to_toml,
+)
+from sim_robot.simulator.electronics_set import TARE_VOLTS, VOLTS_PER_NEWTON
+from sim_robot.simulator.pc104_set import VOLTS_PER_G, ZERO_VOLTS
+from sim_robot.world.body import DEFAULT
+
+_DOCS: Final = Path(__file__).parents[2] / "docs" / "problems.md"
+_ROLL: Final = {"xyz": "1 0 0"}
+
+
+def fault_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
+    """Each fault with sides unknown and, where that differs, with sides known."""
+    both = (("sides unknown", "topological", 6), ("sides known", "parametric", 4))
+    trials = [
+        Trial(
+            name="the docs' tripod, another robot",
+            seeds=seeds,
+            problem=_tripod(),
+            robot=_THREE_LEGS,
+        ),
+        Trial(name="lengths in millimetres", seeds=seeds[:1], problem=_in_millimetres()),
+    ]
+    for sides, problem, interactions in both:
+        make = partial(Trial, seeds=seeds, interactions=interactions)
+        trials.append(make(name=f"another radius; {sides}", problem=_with_radius(problem)))
+        trials += [
+            make(name=f"{fault}; {sides}", problem=problem, robot=robot)
+            for fault, robot in FAULTS.items()
+        ]
+    return tuple(trials)
+
+
+def _tripod() -> str:
+    """The example of the documentation."""
+    (text,) = re.findall(r"```toml\n(name = \"tripod\".*?)```", _DOCS.read_text("utf-8"), re.DOTALL)
+    return str(text)
+
+
+def _with_radius(problem: str) -> str:
+    """A problem whose outermost parts are 13 mm thick instead of 6."""
+    return Problem.load(problem).source.replace("radius = 0.006", "radius = 0.013")
+
+
+def _in_millimetres() -> str:
+    """A problem whose lengths somebody wrote in millimetres."""
+    return (
+        Problem.load("topological")
+        .source.replace("0.02, 0.40", "20, 400")
+        .replace("0.006 ", "6.0 ")
+    )
+
+
+def _reversed_tilt(axis: int) -> Robot:
+    """A robot whose accelerometer has a sign reversed."""
+    gains = [VOLTS_PER_G] * 3
+    gains[axis] = -VOLTS_PER_G
+    axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(gains))
+    opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
+    return Robot(
+        body=shipped(DEFAULT),
+        truth=partial(exchanged, *opposite),
+        options=("--calibration", "{folder}/calibration.toml"),
+        files={
+            "calibration.toml": to_toml(Calibration(robot=DEFAULT, revision=1, accelerometer=axes))
+        },
+    )
+
+
+_DULL: Final = {
+    "lower_left": GaugeCalibration(
+        tare=TARE_VOLTS, volts_per_newton=VOLTS_PER_NEWTON, on=40.0, off=30.0
+    )
+}
+_THREE_LEGS: Final = Robot(body=shipped("three_legs"))
+FAULTS: Final = {
+    "dead servo": Robot(body=shipped(DEFAULT), options=("--fault", "servos.dead=1")),
+    "servo jammed at 0": Robot(
+        body=shipped(DEFAULT),
+        truth=partial(turned_joint, "hip_left", {"axis": _ROLL}),
+        options=("--fault", "servos.jammed=1"),
+    ),
+    "swapped servos": Robot(
+        body=shipped(DEFAULT),
+        truth=partial(exchanged, "hip_left", "hip_front"),
+        options=("--fault", "servos.swapped=1"),
+    ),
+    "left/right tilt reversed": _reversed_tilt(1),
+    "gauge torn off": Robot(body=shipped(DEFAULT), options=("--fault", "daq.stuck_channel=3")),
+    "gauge that hardly feels": Robot(
+        body=shipped(DEFAULT),
+        options=("--calibration", "{folder}/calibration.toml"),
+        files={"calibration.toml": to_toml(Calibration(robot=DEFAULT, revision=1, gauges=_DULL))},
+    ),
+    "servos too weak": Robot(body=with_leg_mass(DEFAULT, 0.2 / 0.09)),
+    "noise three times as announced": Robot(
+        body=shipped(DEFAULT),
+        options=("--noise", "{folder}/noise.toml"),
+        files={"noise.toml": f"tilt_deg = 0.9\nclearance_mm = 3.0\nannounced = {1 / 3!r}\n"},
+    ),
+}

@@ -1,0 +1,116 @@
+"""Bodies to start simulated robots with, and what counts as the truth about them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Final
+from xml.etree import ElementTree
+
+from bench.prior_bodies import drawn_body
+from sim_robot.world.body import DEFAULT, body_path
+
+BodyOf = Callable[[int], str]
+"""URDF of the body of a seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """A simulated robot.
+
+    Attributes:
+        body: Its body.
+        truth: The body that its readings speak of, given the URDF of its body: a mirrored one, for
+            instance, where a tilt has its sign reversed.
+        options: Of ``sim-robotd``; ``{folder}`` stands for the folder of ``files``.
+        files: Content by name.
+    """
+
+    body: BodyOf
+    truth: Callable[[str], str] = str
+    options: tuple[str, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+def shipped(name: str) -> BodyOf:
+    """A body that comes with the simulator, by name, or one of a file."""
+    return partial(_read, name)
+
+
+def from_prior(problem: str) -> BodyOf:
+    """A body drawn from a problem's prior."""
+    return partial(drawn_body, problem)
+
+
+def with_leg_mass(name: str, factor: float) -> BodyOf:
+    """A body that ships, with every link but the main body so many times as heavy."""
+    return partial(_heavier, name, factor)
+
+
+def _read(name: str, seed: int) -> str:
+    del seed  # it is always the same
+    return body_path(name).read_text(encoding="utf-8")
+
+
+def _heavier(name: str, factor: float, seed: int) -> str:
+    root = ElementTree.fromstring(_read(name, seed))
+    for link in root.findall("link")[1:]:
+        for element in link.findall("inertial/*"):
+            if element.tag in ("mass", "inertia"):
+                for key, value in element.attrib.items():
+                    element.set(key, repr(factor * float(value)))
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: str) -> str:
+    """A body whose joint has other attributes, by element: its place, or its axis."""
+    root = ElementTree.fromstring(urdf)
+    found = root.find(f"joint[@name='{joint}']")
+    assert found is not None
+    for tag, attributes in elements.items():
+        element = found.find(tag)
+        assert element is not None
+        element.attrib.update(attributes)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def exchanged(one: str, other: str, urdf: str) -> str:
+    """A body with two legs in each other's place."""
+    root = ElementTree.fromstring(urdf)
+    places = [root.find(f"joint[@name='{name}']/origin") for name in (one, other)]
+    first, second = (dict(place.attrib) for place in places if place is not None)
+    for place, attributes in zip(places, (second, first), strict=True):
+        assert place is not None
+        place.attrib.update(attributes)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def two_on_one_side(seed: int) -> str:
+    """Four legs of 200 mm: two on the left, on the same hip, one at the front, one at the back.
+
+    The second one on the left is hinged so that it swings to the side.
+    """
+    root = ElementTree.fromstring(_read("leg_on_leg", seed))
+    for element in root.findall("*"):
+        if element.get("name") in ("branch", "hip_branch"):
+            root.remove(element)
+    root.set("name", "two_on_one_side")
+    left = {"xyz": "0 0.07 0", "rpy": f"0 0 {math.pi / 2!r}"}
+    return turned_joint(
+        "hip_right",
+        {"origin": left, "axis": {"xyz": "0 0 1"}},
+        ElementTree.tostring(root, encoding="unicode"),
+    )
+
+
+BODIES: Final[Mapping[str, BodyOf]] = {
+    "damaged leg": shipped("damaged_leg"),
+    "unequal legs": shipped("unequal_legs"),
+    "leg on leg": shipped("leg_on_leg"),
+    "twisted hinge": shipped("twisted_hinge"),
+    "two legs on one side": two_on_one_side,
+    "legs 3.5 times as heavy": with_leg_mass(DEFAULT, 3.5),
+}
+"""The six other bodies of the study."""

@@ -1,0 +1,84 @@
+"""The list of all runs, by group: each group is a table of ``docs/power.md``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from bench.power.faults import fault_trials
+from bench.power.robots import BODIES, Robot, from_prior, shipped
+from bench.power.trial import Trial
+from sim_robot.world.body import DEFAULT
+
+SEEDS: Final[Mapping[str, tuple[int, ...]]] = {
+    "reported": tuple(range(1000, 1030)),
+    "development": tuple(range(30)),
+}
+
+SUBJECTS: Final[Mapping[str, str]] = {
+    "whole body": "The problem `topological` on the default robot: nothing is known but the number "
+    "of legs and their\nthickness.",
+    "lengths": "The problem `parametric`: how the parts hang together is known.",
+    "eight parts": "The problems `topological-20` and `-24` on the default robot.",
+    "other bodies": "`topological` on robots that differ from the default one, and from any model.",
+    "another engine": "`topological` on the default robot in MuJoCo's world, which shares "
+    "nothing with the models: its\ncontacts are soft, and another solver finds the forces.",
+    "prior bodies": "`topological` on robots that were drawn from its prior.",
+    "faults": "Robots that are not as their problem says. *Certain and wrong*: the run finds that "
+    "a body explains the\nreadings, states at least 0.95, and an attachment is wrong, or a length "
+    "by more than 10 mm and outside\nits own 90 % interval. Where no sensor can tell a fault from "
+    "another body (a reversed tilt from a\nmirrored body, a servo that is jammed at 0 from a roll "
+    "hinge, swapped servos from swapped legs), that\nbody counts as right.",
+}
+"""What each group is about."""
+
+Groups = Mapping[str, tuple[Trial, ...]]
+
+
+def study(seeds: tuple[int, ...]) -> Groups:
+    """All groups.
+
+    Args:
+        seeds: Thirty. Some trials take the first few of them.
+    """
+    ten, four = seeds[:10], seeds[:4]
+    in_mujoco = Robot(body=shipped(DEFAULT), options=("--engine", "mujoco"))
+    return {
+        "whole body": (
+            Trial(name="posterior, information", seeds=seeds),
+            Trial(name="posterior, disagreement", seeds=four, explore="disagreement"),
+            Trial(name="posterior, random", seeds=four, explore="random"),
+            Trial(name="paper", seeds=seeds, method="paper", interactions=9),
+        ),
+        "lengths": (
+            Trial(name="posterior, information", seeds=seeds, problem="parametric", interactions=4),
+            Trial(
+                name="posterior, random",
+                seeds=four,
+                problem="parametric",
+                interactions=4,
+                explore="random",
+            ),
+            Trial(name="paper", seeds=ten, problem="parametric", method="paper", interactions=4),
+        ),
+        "faults": fault_trials(seeds[:1]),
+        "other bodies": tuple(
+            Trial(name=name, seeds=seeds[:1], robot=Robot(body=body), interactions=9)
+            for name, body in BODIES.items()
+        ),
+        "another engine": (
+            Trial(name="posterior, MuJoCo", seeds=ten, robot=in_mujoco, interactions=9),
+            Trial(name="paper, MuJoCo", seeds=ten, method="paper", robot=in_mujoco, interactions=9),
+        ),
+        "prior bodies": (
+            Trial(name="topological", seeds=ten, robot=Robot(body=from_prior("topological"))),
+        ),
+        "eight parts": (
+            Trial(
+                name="topological-20", seeds=seeds[:2], problem="topological-20", interactions=16
+            ),
+            Trial(
+                name="topological-24", seeds=seeds[:1], problem="topological-24", interactions=16
+            ),
+        ),
+    }

@@ -1,0 +1,157 @@
+"""What the runs say, as Markdown."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+from scipy.stats import binomtest
+
+from bench.power.study import SUBJECTS
+from bench.power.trial import SURE, Figures, Step, Trial
+
+Runs = Sequence[tuple[Trial, Sequence[Figures]]]
+
+_HEAD: Final = """# How often the body is found, and whether the estimator knows
+
+`make power` wrote this page; run again, it goes on where it stopped. Robots are simulated (PyBullet
+at 1/240 s, default noise) and reached through the protocol; models are computed with statics. The
+best body after each interaction is held against the true one, up to what no sensor can tell apart.
+*CPU* is the estimator's own time on one core, in the mean; the robot's is not in it.
+"""
+
+_BINS: Final = (0.0, 0.5, 0.8, SURE, 0.99, 1.0 + 1e-9)
+
+
+def page(done: Mapping[str, Runs]) -> str:
+    """All groups, and the calibration of all statements."""
+    parts = [_HEAD]
+    for group, runs in done.items():
+        parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
+        parts.append(fault_table(runs) if group == "faults" else success_table(runs))
+        if group != "faults":
+            parts.append(run_table(runs))
+    others = [one for group, runs in done.items() if group != "faults" for _, one in runs]
+    parts.append(_calibration([run for runs in others for run in runs]))
+    return "".join(parts)
+
+
+def success_table(runs: Runs) -> str:
+    """After each interaction: how many are right, how sure they are, and how good the lengths."""
+    lines = [
+        "| | after interaction | all right | 95 % interval | stated ≥ 0.95 | of these right | "
+        "mean leg error (mm) | median (mm) | legs in their 90 % interval | CPU (s) |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for trial, figures in runs:
+        for at in range(max((len(one.steps) for one in figures), default=0)):
+            reached = [(one, one.steps[at]) for one in figures if at < len(one.steps)]
+            name = trial.name if at == 0 else ""
+            lines.append(f"| {name} | {at + 1} | {_success(reached)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _success(reached: Sequence[tuple[Figures, Step]]) -> str:
+    right = [step.cells == one.cells for one, step in reached]
+    low, high = binomtest(sum(right), len(right)).proportion_ci(method="wilson")
+    sure = [
+        good
+        for good, (_, step) in zip(right, reached, strict=True)
+        if (step.probability or 0.0) >= SURE
+    ]
+    states = any(step.probability is not None for _, step in reached)
+    errors = np.abs([error for _, step in reached for error in step.leg_errors_mm])
+    inside = [one for _, step in reached for one in step.inside]
+    return " | ".join(
+        [
+            f"{sum(right)} of {len(right)}",
+            f"{100 * low:.0f}–{100 * high:.0f} %",
+            str(len(sure)) if states else "–",
+            str(sum(sure)) if states else "–",
+            f"{errors.mean():.1f}",
+            f"{np.median(errors):.1f}",
+            f"{sum(inside)} of {len(inside)}" if inside else "–",
+            f"{np.mean([step.cpu_seconds for _, step in reached]):.0f}",
+        ]
+    )
+
+
+def run_table(runs: Runs) -> str:
+    """Every run."""
+    lines = [
+        "\n| | seed | right after | stated after each interaction | leg errors (mm) | CPU (s) | "
+        "no body explains it |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for trial, figures in runs:
+        for one in figures:
+            marks = "".join("■" if step.cells == one.cells else "□" for step in one.steps)
+            stated = ", ".join(
+                "–" if step.probability is None else f"{step.probability:.2f}" for step in one.steps
+            )
+            errors = " ".join(f"{error:+.1f}" for error in _last_errors(one))
+            lines.append(
+                f"| {trial.name} | {one.seed} | {marks} | {stated} | {errors} | "
+                f"{one.cpu_seconds:.0f} | {'' if one.explained else one.verdict} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def fault_table(runs: Runs) -> str:
+    """Every run with a fault: what it says, and whether it is taken in."""
+    lines = [
+        "| | seed | attachments right | stated | leg errors (mm) | certain and wrong | "
+        "what it says |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for trial, figures in runs:
+        for one in figures:
+            last = one.steps[-1] if one.steps else None
+            cells = f"{last.cells} of {one.cells}" if last else "–"
+            stated = f"{last.probability:.2f}" if last and last.probability is not None else "–"
+            errors = " ".join(f"{error:+.0f}" for error in _last_errors(one))
+            wrong = "**yes**" if one.certain_and_wrong else "no"
+            lines.append(
+                f"| {trial.name} | {one.seed} | {cells} | {stated} | {errors} | {wrong} | "
+                f"{one.verdict} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def _calibration(figures: Sequence[Figures]) -> str:
+    """Whether statements come true as often as they say, over all steps of all runs."""
+    steps = [
+        (step.probability, step.cells == one.cells)
+        for one in figures
+        for step in one.steps
+        if step.probability is not None
+    ]
+    lines = [
+        "\n## Do statements come true?\n",
+        "All interactions of all runs above, but for the faults.\n",
+        "| stated | how often | mean statement | came true |",
+        "|---|---|---|---|",
+        *_bins(steps),
+    ]
+    inside = [held for one in figures for step in one.steps[-1:] for held in step.inside]
+    if inside:
+        lines.append(
+            f"\nOf the 90 % intervals at the end of runs {sum(inside)} of {len(inside)} hold the "
+            "true length."
+        )
+    return "\n".join(lines) + "\n"
+
+
+def _bins(steps: Sequence[tuple[float, bool]]) -> Iterator[str]:
+    for low, high in itertools.pairwise(_BINS):
+        chosen = [(stated, true) for stated, true in steps if low <= stated < high]
+        if chosen:
+            mean = np.mean([stated for stated, _ in chosen])
+            true = sum(true for _, true in chosen)
+            yield f"| {low:g}–{min(high, 1):g} | {len(chosen)} | {mean:.2f} | {true} |"
+
+
+def _last_errors(one: Figures) -> tuple[float, ...]:
+    return one.steps[-1].leg_errors_mm if one.steps else ()

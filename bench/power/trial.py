@@ -1,0 +1,275 @@
+"""One run through the wire, held against the truth after each interaction."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict
+
+from bench.power.robots import Robot, shipped
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Array
+from estimator.evaluation.attachments import Comparison, Truth
+from estimator.evaluation.length_search import LengthSearch
+from estimator.evaluation.score import length_search
+from estimator.identification.listener import Listener
+from estimator.identification.run import MethodName, Order, identify, problem_of, world_of
+from estimator.physics.backends import in_this_process
+from estimator.physics.statics import StaticsPhysics
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.report.result import Result
+from estimator.report.run_files import write_report
+from estimator.reproduction.runs.robot_process import RobotProcess
+from estimator.storage.store import RunStore
+from protocol.errors import BodyschemaError
+from protocol.system.replace_file import replace_text
+from sim_robot.world.body import DEFAULT
+
+SURE: Final = 0.95
+CLOSE: Final = 10.0
+"""A length is wrong when it is farther off, mm, and outside its own 90 % interval."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """What is run for each of some seeds.
+
+    Attributes:
+        name: Its own in its group; a row of the group's table.
+        seeds: Of robot and run.
+        problem: Name of a problem that ships, or the text of one.
+        interactions: At most.
+        method: ``paper`` searches with statics here.
+        explore: Rule of the method ``posterior``.
+        robot: Default: the default one.
+    """
+
+    name: str
+    seeds: tuple[int, ...]
+    problem: str = "topological"
+    interactions: int = 6
+    method: MethodName = "posterior"
+    explore: str | None = None
+    robot: Robot = Robot(body=shipped(DEFAULT))
+
+
+class Step(BaseModel):
+    """A run after one interaction.
+
+    Attributes:
+        probability: Stated of the attachments; ``None`` where the method states none.
+        cells: Configurations that are right, up to what no sensor can tell.
+        leg_errors_mm: Estimated minus true.
+        inside: Whether each leg's 90 % interval holds its true length.
+        widths_mm: Of these intervals.
+        cpu_seconds: Of the estimator by then.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    probability: float | None
+    cells: int
+    leg_errors_mm: tuple[float, ...]
+    inside: tuple[bool, ...] = ()
+    widths_mm: tuple[float, ...] = ()
+    cpu_seconds: float
+
+
+class Figures(BaseModel):
+    """One run.
+
+    Attributes:
+        seed: Of robot and run.
+        cpu_seconds: Of the estimator.
+        simulations: That it ran.
+        explained: Whether it says that some body of the problem explains the readings.
+        verdict: The same as a sentence, and the first warning; or why there was no run.
+        cells: How many configurations there are.
+        steps: One per interaction.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    seed: int
+    cpu_seconds: float
+    simulations: int
+    explained: bool
+    verdict: str
+    cells: int
+    steps: tuple[Step, ...]
+
+    @property
+    def right(self) -> bool:
+        """Whether all attachments are right in the end."""
+        return bool(self.steps) and self.steps[-1].cells == self.cells
+
+    @property
+    def certain(self) -> bool:
+        """Whether it stands by its body: explained, and at least 0.95 probable."""
+        return bool(self.steps and self.explained and (self.steps[-1].probability or 0.0) >= SURE)
+
+    @property
+    def certain_and_wrong(self) -> bool:
+        """Whether attachments or a length of such a body are wrong."""
+        return self.certain and (not self.right or self.lengths_wrong)
+
+    @property
+    def lengths_wrong(self) -> bool:
+        """Whether some leg is far off, and outside its own interval."""
+        last = self.steps[-1]
+        return any(
+            abs(error) > CLOSE and not inside
+            for error, inside in zip(last.leg_errors_mm, last.inside, strict=True)
+        )
+
+
+def figures_of(trial: Trial, seed: int, root: Path) -> Figures:
+    """One run; what was done before is not repeated, and what was broken off begins anew.
+
+    Args:
+        trial: What to run.
+        seed: One of its seeds.
+        root: Folder of the trial's group.
+    """
+    place = root / re.sub(r"\W+", "-", trial.name) / str(seed)
+    done = place / "figures.json"
+    if done.exists():
+        return Figures.model_validate_json(done.read_text(encoding="utf-8"))
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    found = _run(trial, seed, place)
+    replace_text(done, found.model_dump_json(indent=2))
+    return found
+
+
+def _run(trial: Trial, seed: int, place: Path) -> Figures:
+    robot, body = trial.robot, trial.robot.body(seed)
+    (place / "body.urdf").write_text(body, encoding="utf-8")
+    (place / "truth.urdf").write_text(robot.truth(body), encoding="utf-8")
+    for name, content in robot.files.items():
+        (place / name).write_text(content, encoding="utf-8")
+    problem = trial.problem
+    if "\n" in problem:
+        problem = str(place / "problem.toml")
+        Path(problem).write_text(trial.problem, encoding="utf-8")
+    options = [option.replace("{folder}", str(place)) for option in robot.options]
+    with RobotProcess(seed, ["--body", str(place / "body.urdf"), *options]) as process:
+        order = Order(
+            robot=process.uri,
+            problem=problem,
+            seed=seed,
+            method=trial.method,
+            physics="statics",
+            explore=trial.explore,
+            interactions=trial.interactions,
+        )
+        started = time.process_time()
+        spent: list[float] = []
+
+        def report(store: RunStore, problem: Problem) -> Result:
+            spent.append(time.process_time() - started)
+            return write_report(store, problem, plots=False)
+
+        try:
+            result = identify(place / "run", order, in_this_process, Listener(), report=report)
+        except BodyschemaError as error:
+            said = str(error).replace(str(place), "").replace(process.uri, "the robot")
+            return Figures(
+                seed=seed,
+                cpu_seconds=time.process_time() - started,
+                simulations=0,
+                explained=False,
+                verdict=f"Refused: {said}",
+                cells=0,
+                steps=(),
+            )
+    with RunStore.open(place / "run", to_write=False) as store:
+        cells, steps = held_against(store, place / "truth.urdf", spent)
+    return Figures(
+        seed=seed,
+        cpu_seconds=spent[-1],
+        simulations=result.simulations_run,
+        explained=result.posterior is None or result.posterior.explained,
+        verdict=" ".join(
+            [*([result.posterior.verdict] if result.posterior else []), *result.warnings[:1]]
+        ),
+        cells=cells,
+        steps=steps,
+    )
+
+
+@dataclass(frozen=True)
+class _Belief:
+    """What a run holds for its best body, and how sure it is."""
+
+    best: Array
+    probability: float | None = None
+    genes: Array | None = None
+    weights: Array | None = None
+
+
+def held_against(
+    store: RunStore, truth: Path, cpu_seconds: Sequence[float]
+) -> tuple[int, tuple[Step, ...]]:
+    """How many configurations there are, and the best body after each interaction.
+
+    Args:
+        store: The run.
+        truth: URDF of the body that its robot feels like.
+        cpu_seconds: Spent by the end of each interaction.
+    """
+    problem = problem_of(store)
+    genome = Genome(problem, problem.base(store.capabilities))
+    known = Truth.read(truth, problem, store.capabilities)
+    legs = np.array([leg.limb.length for leg in known.legs.values()])
+    search: LengthSearch | None = None
+    sure = not any(gene.choices > 1 for gene in genome.genes)  # nothing to be unsure of
+    count, steps = 0, []
+    with StaticsPhysics(world_of(store, problem)) as physics:
+        for belief, seconds in zip(_beliefs(store), cpu_seconds, strict=False):
+            body = genome.decode(belief.best)
+            comparison = Comparison(problem, genome, body, known)
+            search = search or length_search(store, problem, comparison.true_body, physics)
+            cells = comparison.configurations(search.is_like)
+            count = len(cells)
+            interval: dict[str, Any] = {}
+            if belief.genes is not None:
+                lengths = leg_lengths(genome.decode_all(belief.genes))
+                low, high = np.quantile(
+                    lengths, (0.05, 0.95), axis=0, weights=belief.weights, method="inverted_cdf"
+                )
+                interval = {
+                    "inside": ((low <= legs) & (legs <= high)).tolist(),
+                    "widths_mm": (1000 * (high - low)).tolist(),
+                }
+            steps.append(
+                Step(
+                    probability=1.0 if sure and belief.genes is not None else belief.probability,
+                    cells=sum(cell.right_up_to_equivalence for cell in cells),
+                    leg_errors_mm=tuple(1000 * (leg_lengths([body])[0] - legs)),
+                    cpu_seconds=seconds,
+                    **interval,
+                )
+            )
+    return count, tuple(steps)
+
+
+def _beliefs(store: RunStore) -> Iterator[_Belief]:
+    for belief, _ in store.beliefs():
+        yield _Belief(
+            np.array(belief.best),
+            belief.probability,
+            np.array(belief.genes),
+            np.array(belief.weights),
+        )
+    last = {one.iteration: one for one in store.generations()}
+    for _, generation in sorted(last.items()):
+        yield _Belief(np.array(generation.best))

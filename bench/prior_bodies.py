@@ -1,0 +1,50 @@
+"""Bodies drawn from a problem's prior, as URDF: ``sim-robotd --body`` makes robots of them.
+
+``python -m bench.prior_bodies --problem topological --seed 5 > body.urdf``
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import cache
+
+import numpy as np
+
+from estimator.export.formats import in_words_of
+from estimator.export.urdf import urdf
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from protocol.wire.capabilities import Capabilities
+from robot.service.daemon import describe
+from sim_robot.simulator.pc104_set import configure
+from sim_robot.world.body import default_body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
+
+
+def drawn_body(problem: str, seed: int) -> str:
+    """A body of a problem, every gene uniform in its range, with the default robot's joints."""
+    known, robot = on_default_robot(problem)
+    genome = Genome(known, known.base(robot))
+    body = genome.decode(np.random.default_rng([seed, 1]).random(genome.size))
+    return urdf(in_words_of(known, robot, body))
+
+
+@cache
+def on_default_robot(problem: str) -> tuple[Problem, Capabilities]:
+    """A problem written out for the default robot, and what that robot says of itself."""
+    body = load_body(default_body_path())
+    robot = describe(configure(body, port="", levels=NoiseLevels()))
+    return Problem.load(problem).for_robot(robot), robot
+
+
+def main() -> None:
+    """Prints one."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--problem", default="topological")
+    parser.add_argument("--seed", type=int, required=True)
+    options = parser.parse_args()
+    print(drawn_body(options.problem, options.seed), end="")
+
+
+if __name__ == "__main__":
+    main()

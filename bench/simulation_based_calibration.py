@@ -1,0 +1,212 @@
+"""Does the posterior mean what it says? ``python -m bench.simulation_based_calibration``.
+
+Bodies are drawn from the prior, readings from the posterior's own likelihood with statics as the
+robot, movements chosen by expected information. Whatever is wrong then is the sampler's fault, not
+the model's: the ranks of true lengths among the samples must be uniform, 90 % intervals hold nine
+true lengths of ten, statements of 0.95 and more be right as often, and movements tell on average
+what they were expected to tell. A study that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from scipy import stats
+
+from bench.prior_bodies import on_default_robot
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Array
+from estimator.exploration.choosing import Chooser
+from estimator.exploration.information_gain import InformationGain
+from estimator.exploration.situation import Models
+from estimator.physics.equivalence import PROGRAMS, Reference
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.belief import believe
+from estimator.posterior.likelihood import LEANS, Noise, SensorData
+from estimator.posterior.sampler import Effort, Sampler
+from estimator.posterior.unknowns import SCALE_SPREAD, Predictor, Unknowns
+from estimator.problem.genome import Genome
+from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.observation import Observation
+
+SAMPLES: Final = 200
+SURE: Final = 0.95
+BEYOND: Final = 0.1
+_ASTRAY: Final = 0.5  # share of the falls under an inclined gravity
+
+
+@dataclass(frozen=True, kw_only=True)
+class StaticsRobot:
+    """A robot whose readings are drawn from the likelihood.
+
+    Attributes:
+        predictor: Computes readings.
+        body: A point of the cube, shape (size,).
+        scales: Logarithms of its noise factors, shape (2,).
+        noise: Of the sensors.
+        cap: Range of the distance sensor, m.
+        rng: Draws the noise.
+    """
+
+    predictor: Predictor
+    body: Array
+    scales: Array
+    noise: Noise
+    cap: float
+    rng: np.random.Generator
+
+    def perform(self, program: Array) -> Observation:
+        """What it feels after a motor program, rad, shape (motors,)."""
+        noise, cap, rng = self.noise, self.cap, self.rng
+        lean = LEANS[0] if rng.random() > _ASTRAY else LEANS[rng.integers(1, len(LEANS))]
+        readings = self.predictor.read_all(self.body[None], program[None], lean)
+        wide = np.exp(self.scales)
+        tilt = readings.tilt[0] + noise.tilt * wide[0] * rng.standard_normal(2)
+        height = readings.clearance[0] + noise.clearance * wide[1] * rng.standard_normal()
+        beyond = bool(readings.saturated[0]) or height >= cap
+        doubtful = readings.touch_doubtful[0]
+        wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, noise.touch)
+        touch = readings.touch[0] != wrong
+        if rng.random() < noise.outlier or readings.undecided[0] or not readings.valid[0]:
+            tilt = rng.uniform(-math.pi / 2, math.pi / 2, 2)
+            beyond = rng.random() < BEYOND
+            height = rng.uniform(0, cap)
+            touch = rng.random(touch.size) < 0.5
+        return Observation(
+            angles=tuple(program.tolist()),
+            touch=tuple(bool(bit) for bit in touch),
+            tilt=(float(tilt[0]), float(tilt[1])),
+            clearance=cap if beyond else float(height),
+            clearance_saturated=bool(beyond),
+        )
+
+
+def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list[dict[str, Any]]:
+    """One body, and what was believed of it after each interaction; what was done is kept."""
+    figures = folder / f"{seed}.json"
+    if figures.exists():
+        return list(json.loads(figures.read_text()))
+    problem, capabilities = on_default_robot(problem_name)
+    genome, noise = Genome(problem, problem.base(capabilities)), Noise.announced(capabilities)
+    world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
+    cap, unknowns = world.clearance_cap, Unknowns(genome)
+    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
+    sampler = Sampler(unknowns, partial(StaticsPhysics, world), noise, effort, seeds)
+    predictor, ends = sampler.predictor, problem.program_range(capabilities)
+    body = unknowns.permitted(rng.random((1, unknowns.size)))[0]
+    robot = StaticsRobot(
+        predictor=predictor,
+        body=body,
+        scales=rng.normal(0, SCALE_SPREAD, 2),
+        noise=noise,
+        cap=cap,
+        rng=rng,
+    )
+    (true_body,) = unknowns.decode_all(body[None])
+    lengths = leg_lengths([true_body])[0]
+    programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
+    like = partial(Reference, programs=programs, physics=StaticsPhysics(world))
+    gain = InformationGain(noise, cap, tuple(MODALITIES))
+    posterior, felt, told = sampler.prior(), [], []
+    for _ in range(interactions):
+        models = Models(genes=posterior.values, weights=posterior.weights, scales=posterior.scales)
+        chosen = Chooser(predictor, gain, ends).choose(models.sample(SAMPLES, rng), rng)
+        felt.append(robot.perform(chosen.program))
+        data, before = SensorData.of(felt, tuple(MODALITIES), cap), posterior
+        posterior = sampler.learn(data)
+        belief = believe(
+            posterior,
+            predictor,
+            data,
+            noise,
+            lambda one: like(one, modalities=tuple(MODALITIES)).is_like,
+            before=before,
+        )
+        alike = body.copy()
+        leader = posterior.modes[0].point
+        alike[unknowns.continuous] = leader[unknowns.continuous]
+        one, other = unknowns.decode_all(np.stack([leader, alike]))
+        right = unknowns.keys(body[None])[0] == posterior.modes[0].attachments
+        right = right or like(one, modalities=tuple(MODALITIES)).is_like(other)
+        sampled = leg_lengths(unknowns.decode_all(posterior.values))
+        low, high = np.quantile(
+            sampled, (0.05, 0.95), axis=0, weights=posterior.weights, method="inverted_cdf"
+        )
+        told.append(
+            {
+                "right": bool(right),
+                "probability": belief.probability,
+                "ranks": (posterior.weights @ (sampled < lengths)).tolist(),
+                "inside": ((low <= lengths) & (lengths <= high)).tolist(),
+                "widths_mm": (1000 * (high - low)).tolist(),
+                "expected_bits": chosen.bits,
+                "gained_bits": belief.gained,
+            }
+        )
+    figures.write_text(json.dumps(told))
+    return told
+
+
+def table(trials: Iterable[list[dict[str, Any]]]) -> str:
+    """What the trials say, as Markdown."""
+    lines = [
+        "| after interaction | right | stated ≥ 0.95 | of these right | log score | legs inside "
+        "90 % interval | its median width (mm) | ranks uniform, p | expected bits | gained bits |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for number, steps in enumerate(zip(*trials, strict=True), start=1):
+        sure = [step for step in steps if step["probability"] >= SURE]
+        stated = np.clip([step["probability"] for step in steps], 1e-6, 1 - 1e-6)
+        right = np.array([step["right"] for step in steps])
+        score = np.mean(np.log(np.where(right, stated, 1 - stated)))
+        every = {
+            name: np.array([one for step in steps for one in step[name]])
+            for name in ("ranks", "inside", "widths_mm")
+        }
+        bits = [
+            np.mean([step[name] for step in steps]) for name in ("expected_bits", "gained_bits")
+        ]
+        uniform = stats.kstest(every["ranks"], "uniform").pvalue
+        lines.append(
+            f"| {number} | {right.sum()} of {len(steps)} | {len(sure)} | "
+            f"{sum(step['right'] for step in sure)} | {score:.2f} | "
+            f"{every['inside'].sum()} of {every['inside'].size} | "
+            f"{np.median(every['widths_mm']):.1f} | "
+            f"{uniform:.3f} | {bits[0]:.2f} | {bits[1]:.2f} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Makes the trials and prints their table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--problem", default="topological")
+    parser.add_argument("--bodies", type=int, default=300)
+    parser.add_argument("--interactions", type=int, default=4)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=Path("runs/simulation-based-calibration"))
+    options = parser.parse_args()
+    folder = options.out / f"{options.problem}-{options.interactions}"
+    folder.mkdir(parents=True, exist_ok=True)
+    work = partial(
+        trial,
+        problem_name=options.problem,
+        interactions=options.interactions,
+        folder=folder,
+    )
+    with ProcessPoolExecutor(options.jobs) as workers:
+        trials = list(workers.map(work, range(options.bodies)))
+    print(table(trials))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,232 @@
+"""A body as links and joints: what every format says, each in its own way.
+
+Frames are those of ``estimator.body.morphology``: a link's origin lies on its joint's axis and x
+runs along the link, away from its parent. Units are m, rad, kg, N·m.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import BASE, Array, Morphology, Part, part_frames
+from protocol.text.printable import printable
+from protocol.wire.capabilities import Joint as RobotJoint
+
+_GRAVITY: Final = 9.81
+_AMPLE: Final = 2.0  # times the torque that holds the whole body at its full reach
+_SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a joint can do: range in rad, torque in N·m, speed in rad/s."""
+
+    lower: float
+    upper: float
+    effort: float
+    velocity: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """How a link hangs on its parent.
+
+    Attributes:
+        name: The robot's own where it has this joint.
+        parent: Name of the link that carries it.
+        xyz: Place in the parent's frame.
+        rpy: Orientation there: roll, pitch and yaw about the parent's fixed axes.
+        axis: Of a positive rotation, in the link's frame.
+        limits: ``None``: the joint is fixed.
+    """
+
+    name: str
+    parent: str
+    xyz: Vector
+    rpy: Vector
+    axis: Vector
+    limits: Limits | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Link:
+    """One capsule and the joint that it hangs on.
+
+    Attributes:
+        name: Its own.
+        joint: To its parent.
+        near: Position of the near sphere's centre on x.
+        far: Position of the far sphere's centre on x.
+        radius: Of the capsule.
+        mass: kg.
+        inertia: About the centre of mass, which lies halfway, along x, y and z, kg·m².
+        sensor: Index of the touch sensor that it carries, or ``None``.
+    """
+
+    name: str
+    joint: Joint
+    near: float
+    far: float
+    radius: float
+    mass: float
+    inertia: Vector
+    sensor: int | None
+
+    @property
+    def middle(self) -> float:
+        """Position of the centre of mass on x."""
+        return (self.near + self.far) / 2
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether its two ends are one."""
+        return self.far - self.near < _SHORTEST
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """A body.
+
+    Attributes:
+        robot: Its name.
+        base: Name of the main body, a box in the middle of its frame.
+        size: Of the box along x, y and z.
+        mass: Of the main body, kg.
+        inertia: Of the main body about its centre of mass, kg·m².
+        centre: Of its mass, from its middle.
+        accelerometer: How it is turned on the main body; see ``Base``.
+        links: Parents before children; driven ones in the order of the robot's joints as far as
+            that allows.
+    """
+
+    robot: str
+    base: str
+    size: Vector
+    mass: float
+    inertia: Vector
+    centre: Vector
+    accelerometer: tuple[float, float]
+    links: tuple[Link, ...]
+
+
+def describe(
+    body: Morphology,
+    *,
+    robot: str,
+    parts: Sequence[str],
+    carried: Sequence[int | None],
+    joints: Sequence[RobotJoint],
+) -> Description:
+    """Describes a body in the robot's own names.
+
+    A joint that the problem keeps at 0 is a joint nevertheless, if anybody knows which it is. A
+    model's servos are strong enough by assumption, so efforts are ample.
+
+    Args:
+        body: The body.
+        robot: The robot's name.
+        parts: Name of each part.
+        carried: Which of the joints carries each part; ``None``: it is rigid on its parent.
+        joints: The robot's.
+    """
+    joint_names = _different(
+        joints[number].name if number is not None else f"{name}_fixed"
+        for name, number in zip(parts, carried, strict=True)
+    )
+    base, *names = _different(["body", *parts])
+    effort = _AMPLE * body.mass * _GRAVITY * body.reach
+    places, turns = part_frames(body, np.zeros(body.motors))
+    links = []
+    for row in _in_order(body.parts, carried):
+        part, number = body.parts[row], carried[row]
+        on = part.parent
+        turn, place = (np.eye(3), np.zeros(3)) if on == BASE else (turns[on], places[on])
+        limits = None
+        if number is not None:
+            own = joints[number]
+            limits = Limits(lower=own.lower, upper=own.upper, effort=effort, velocity=own.speed)
+        mass = float(body.masses[row])
+        links.append(
+            Link(
+                name=names[row],
+                joint=Joint(
+                    name=joint_names[row],
+                    parent=base if on == BASE else names[on],
+                    xyz=_vector(turn.T @ (places[row] - place)),
+                    rpy=_angles(turn.T @ turns[row]),
+                    axis=body.hinge(row).axis,
+                    limits=limits,
+                ),
+                near=part.near_centre,
+                far=part.far_centre,
+                radius=part.radius,
+                mass=mass,
+                inertia=_of_capsule(part, mass),
+                sensor=part.sensor,
+            )
+        )
+    x, y, z = body.base.size
+    return Description(
+        robot=printable(robot),
+        base=base,
+        size=body.base.size,
+        mass=body.base.mass,
+        inertia=_vector(
+            body.base.mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+        ),
+        centre=_vector(body.base.centre),
+        accelerometer=body.base.accelerometer,
+        links=tuple(links),
+    )
+
+
+def _in_order(parts: Sequence[Part], carried: Sequence[int | None]) -> list[int]:
+    """Rows with parents before children, otherwise by their joints; fixed ones first."""
+    waiting, order = set(range(len(parts))), list[int]()
+    while waiting:
+        free = [row for row in waiting if parts[row].parent not in waiting]
+        order.append(min(free, key=lambda row: (-1 if (at := carried[row]) is None else at, row)))
+        waiting.remove(order[-1])
+    return order
+
+
+def _different(names: Iterable[str]) -> list[str]:
+    """Names without spaces, each with a number where it was taken already."""
+    given: list[str] = []
+    for name in names:
+        plain = re.sub(r"\s+", "_", printable(name))
+        free, number = plain, 2
+        while free in given:
+            free, number = f"{plain}_{number}", number + 1
+        given.append(free)
+    return given
+
+
+def _of_capsule(part: Part, mass: float) -> Vector:
+    """Inertia of a capsule along x about its middle."""
+    straight, radius = part.far_centre - part.near_centre, part.radius
+    tube = mass * straight / (straight + 4 / 3 * radius)
+    ends = mass - tube
+    along = radius**2 * (tube / 2 + 2 / 5 * ends)
+    across = tube * (straight**2 / 12 + radius**2 / 4)
+    across += ends * (2 / 5 * radius**2 + straight**2 / 4 + 3 / 8 * straight * radius)
+    return along, across, across
+
+
+def _angles(turn: Array) -> Vector:
+    """Roll, pitch and yaw about fixed axes."""
+    pitch = math.atan2(-turn[2, 0], math.hypot(turn[0, 0], turn[1, 0]))
+    return _vector([math.atan2(turn[2, 1], turn[2, 2]), pitch, math.atan2(turn[1, 0], turn[0, 0])])
+
+
+def _vector(values: Sequence[float] | Array) -> Vector:
+    x, y, z = (float(value) + 0.0 for value in values)  # no negative zeros
+    return x, y, z

@@ -1,0 +1,211 @@
+"""The mounts and hinges of a problem: those of its tables, and those that parts have inline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from estimator.body.morphology import BASE
+from estimator.body.mounts import (
+    HINGES,
+    PART_SIDES,
+    SIDES,
+    BaseMount,
+    Hinge,
+    PartMount,
+    Vector,
+    four_sides,
+)
+from estimator.problem.sections import HingeRule, MountRule, PartRule
+from estimator.problem.values import UNKNOWN
+
+_ON: Final = {True: "on the main body", False: "on a part"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attached:
+    """What is known of how one part is attached; ``None``: to be found, or impossible there.
+
+    Attributes:
+        on_base: Its mount if it sits on the main body.
+        on_part: Its mount if it sits on a part.
+        hinge: Its hinge.
+    """
+
+    on_base: int | None
+    on_part: int | None
+    hinge: int | None
+
+    def mount(self, parent: int) -> int | None:
+        """Its mount on a parent."""
+        return self.on_base if parent == BASE else self.on_part
+
+
+class AttachmentTables:
+    """All mounts and hinges: first those of the tables, which genes choose from, then the others.
+
+    Args:
+        mounts: The problem's; none on the main body, or on parts: the paper's four sides there.
+        hinges: The problem's; none: the paper's six.
+        parts: The problem's.
+
+    Attributes:
+        part_mounts: Where parts can sit on parts.
+        hinges: How they can turn.
+        base_choices: How many mounts on the main body a gene chooses from.
+        part_choices: The same on a part.
+        hinge_choices: How many hinges.
+        attached: What is known, for each part.
+
+    Raises:
+        ValueError: Key, name and reason.
+    """
+
+    def __init__(
+        self,
+        mounts: Sequence[MountRule],
+        hinges: Sequence[HingeRule],
+        parts: Sequence[PartRule],
+    ) -> None:
+        on_base = tuple(
+            BaseMount(name=rule.name, at=rule.at, yaw=math.radians(rule.yaw_deg))
+            for rule in mounts
+            if isinstance(rule.at, tuple)
+        )
+        on_part = tuple(
+            PartMount(name=rule.name, fraction=rule.at, yaw=math.radians(rule.yaw_deg))
+            for rule in mounts
+            if isinstance(rule.at, float)
+        )
+        self._on_base = on_base
+        self._further: tuple[BaseMount, ...] = ()
+        self.part_mounts = on_part or PART_SIDES
+        self.hinges = tuple(Hinge(name=rule.name, axis=rule.axis) for rule in hinges) or HINGES
+        self._names = {
+            True: _distinct("mounts", [mount.name for mount in on_base] or list(SIDES)),
+            False: _distinct("mounts", [mount.name for mount in self.part_mounts]),
+        }
+        self._hinge_names = _distinct("hinges", [hinge.name for hinge in self.hinges])
+        self.base_choices = len(self._names[True])
+        self.part_choices = len(self.part_mounts)
+        self.hinge_choices = len(self.hinges)
+        self.attached = tuple(self._attached(index, part) for index, part in enumerate(parts))
+
+    def base_mounts(self, size: Vector) -> tuple[BaseMount, ...]:
+        """Where parts can sit on a main body with these extents, m."""
+        return (*(self._on_base or four_sides(size)), *self._further)
+
+    def mount_names(self, parent: int) -> Sequence[str]:
+        """What a gene chooses from on a parent."""
+        return self._names[parent == BASE]
+
+    def check_doubles(self, parts: Sequence[PartRule]) -> None:
+        """Refuses two parts that are known to sit on one mount.
+
+        Raises:
+            ValueError: Key, names and reason.
+        """
+        owners: dict[tuple[int, int], PartRule] = {}
+        for index, (rule, attached) in enumerate(zip(parts, self.attached, strict=True)):
+            mount = None if rule.parent is None else attached.mount(rule.parent)
+            if rule.parent is None or mount is None:
+                continue
+            owner = owners.setdefault((rule.parent, mount), rule)
+            if owner is not rule:
+                carrier = "the main body" if rule.parent == BASE else parts[rule.parent].name
+                raise ValueError(
+                    f"parts[{index + 1}].mount ({rule.name}): {owner.name} sits there already, on "
+                    f"{rule.mount or rule.at} of {carrier}, and share_mounts = false forbids it"
+                )
+        for parent in range(BASE, len(parts)):
+            riders = [rule.name for rule in parts if rule.parent == parent]
+            own = self.base_choices if parent == BASE else self.part_choices
+            inline = sum(key >= (parent, own) for key in owners if key[0] == parent)
+            if len(riders) > own + inline:
+                raise ValueError(
+                    f"share_mounts: {', '.join(riders)} sit on one carrier, which has only "
+                    f"{own + inline} mounts: add mounts, or let them be shared"
+                )
+
+    def _attached(self, index: int, part: PartRule) -> Attached:
+        where = f"parts[{index + 1}]"
+        on_base = on_part = None
+        if part.at is not None:
+            yaw = math.radians(part.yaw_deg or 0.0)
+            if part.parent is None:
+                raise ValueError(
+                    f"{where}.at ({part.name}): a place is one on a known parent: name the parent, "
+                    'or write mount = "unknown"'
+                )
+            if isinstance(part.at, tuple) != (part.parent == BASE):
+                raise ValueError(
+                    f"{where}.at ({part.name}): must be a point [x, y, z] on the main body, and a "
+                    f"fraction of the length on a part, but its parent is {part.parent + 1}"
+                )
+            if isinstance(part.at, tuple):
+                on_base = self._on_main_body(part.at, yaw)
+            else:
+                on_part = self._on_any_part(part.at, yaw)
+        elif part.mount is not None:
+            if part.parent in (None, BASE):
+                on_base = self._index(f"{where}.mount", part, part.mount, on_base=True)
+            if part.parent != BASE and index:
+                on_part = self._index(f"{where}.mount", part, part.mount, on_base=False)
+        return Attached(on_base=on_base, on_part=on_part, hinge=self._hinge(where, part))
+
+    def _on_main_body(self, at: Vector, yaw: float) -> int:
+        for index, mount in enumerate((*self._on_base, *self._further)):
+            if (mount.at, mount.yaw) == (at, yaw):
+                return index if self._on_base else index + self.base_choices
+        x, y, z = (round(1000 * value, 1) for value in at)
+        name = f"({x:g}, {y:g}, {z:g}) mm, {math.degrees(yaw):g}°"
+        self._further += (BaseMount(name=name, at=at, yaw=yaw),)
+        return self.base_choices + len(self._further) - 1
+
+    def _on_any_part(self, fraction: float, yaw: float) -> int:
+        for index, mount in enumerate(self.part_mounts):
+            if (mount.fraction, mount.yaw) == (fraction, yaw):
+                return index
+        name = f"{100 * fraction:g} % of the length, {math.degrees(yaw):g}°"
+        self.part_mounts += (PartMount(name=name, fraction=fraction, yaw=yaw),)
+        return len(self.part_mounts) - 1
+
+    def _index(self, key: str, part: PartRule, name: str, *, on_base: bool) -> int:
+        names = self._names[on_base]
+        if name not in names:
+            raise ValueError(
+                f"{key} ({part.name}): {_ON[on_base]}, must be one of {_listed(names)}, "
+                f"not {name!r}"
+            )
+        return names.index(name)
+
+    def _hinge(self, where: str, part: PartRule) -> int | None:
+        if part.axis is not None:
+            x, y, z = (round(value, 3) for value in part.axis)
+            self.hinges += (Hinge(name=f"about ({x:g}, {y:g}, {z:g})", axis=part.axis),)
+            return len(self.hinges) - 1
+        if part.hinge is None:
+            return None
+        if part.hinge not in self._hinge_names:
+            raise ValueError(
+                f"{where}.hinge ({part.name}): must be one of {_listed(self._hinge_names)}, not "
+                f"{part.hinge!r}"
+            )
+        return self._hinge_names.index(part.hinge)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(repr(name) for name in (*names, UNKNOWN))
+
+
+def _distinct(table: str, names: list[str]) -> list[str]:
+    for index, name in enumerate(names):
+        if name in names[:index] or name == UNKNOWN:
+            raise ValueError(f"{table}: {name!r} is no name of its own: choose another")
+    return names
+
+
+PAPERS_TABLES: Final = AttachmentTables((), (), ())
+"""Four sides and six hinges."""

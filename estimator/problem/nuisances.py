@@ -1,0 +1,139 @@
+"""Nuisance parameters: what of a robot is only roughly known besides its body's shape.
+
+They are sampled along with the body, so that what they hide widens the answer instead of bending
+it. Each is a gene from 0 to 1, read as a share of its prior: normal, or for the density uniform in
+the logarithm.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.problem.sections import NuisanceSection, PartRule
+
+_FARTHEST: Final = 1e-4  # share of a normal prior that is cut off at either end
+_FIRST_ZERO: Final = 6  # column
+
+Quantile = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nuisance:
+    """One parameter.
+
+    Attributes:
+        name: For people.
+        unit: For people: ``deg``, ``mm`` or ``kg/m³``.
+        factor: From SI to that unit.
+        column: In the row of all parameters, known ones too: density, centre of mass,
+            accelerometer, zeros of all parts.
+        quantile: From shares of the prior to values, SI.
+    """
+
+    name: str
+    unit: str
+    factor: float
+    column: int
+    quantile: Quantile
+
+
+@dataclass(frozen=True, kw_only=True)
+class NuisanceValues:
+    """The parameters of n bodies, SI.
+
+    Attributes:
+        density: Of the parts, shape (n,).
+        centre: Of the main body's mass, from its middle, shape (n, 3).
+        accelerometer: How it sits on the main body; see ``Base``, shape (n, 2).
+        zeros: Angle of each part's hinge where its motor stands at 0, shape (n, parts).
+    """
+
+    density: Array
+    centre: Array
+    accelerometer: Array
+    zeros: Array
+
+
+class Nuisances:
+    """The parameters that a problem leaves open, in the order of their genes.
+
+    Args:
+        section: What is open.
+        parts: The problem's.
+        density: Of the parts where it is not open, kg/m³.
+
+    Attributes:
+        listed: The parameters.
+    """
+
+    def __init__(self, section: NuisanceSection, parts: Sequence[PartRule], density: float) -> None:
+        self._known = np.array([density, *[0.0] * (_FIRST_ZERO - 1 + len(parts))])
+        self.listed: tuple[Nuisance, ...] = tuple(_open(section, parts))
+
+    def values(self, genes: Array) -> NuisanceValues:
+        """What n points stand for.
+
+        Args:
+            genes: Shape (n, parameters), each in [0, 1].
+        """
+        values = np.tile(self._known, (len(genes), 1))
+        for one, shares in zip(self.listed, genes.T, strict=True):
+            values[:, one.column] = one.quantile(shares)
+        return NuisanceValues(
+            density=values[:, 0],
+            centre=values[:, 1:4],
+            accelerometer=values[:, 4:_FIRST_ZERO],
+            zeros=values[:, _FIRST_ZERO:],
+        )
+
+
+def _open(section: NuisanceSection, parts: Sequence[PartRule]) -> Iterator[Nuisance]:
+    if section.density is not None:
+        low, high = map(math.log, section.density)
+        yield Nuisance(
+            name="density of the parts",
+            unit="kg/m³",
+            factor=1.0,
+            column=0,
+            quantile=lambda share: np.exp(low + share * (high - low)),
+        )
+    millimetres, degrees = ("mm", 1e3), ("deg", math.degrees(1.0))
+    centre = [f"main body's centre of mass, {axis}" for axis in ("forward", "left", "up")]
+    turns = [f"accelerometer's own tilt, {way}" for way in ("left/right", "forward/back")]
+    zeros = {
+        _FIRST_ZERO + index: f"zero of the joint of {rule.name}"
+        for index, rule in enumerate(parts)
+        if rule.motor is not None
+    }
+    for spread, (unit, factor), names in (
+        (section.centre_of_mass_mm, millimetres, dict(enumerate(centre, 1))),
+        (section.accelerometer_deg, degrees, dict(enumerate(turns, 4))),
+        (section.joint_zero_deg, degrees, zeros),
+    ):
+        if spread is not None:
+            quantile = _normal(spread / factor)
+            for column, name in names.items():
+                yield Nuisance(
+                    name=name, unit=unit, factor=factor, column=column, quantile=quantile
+                )
+
+
+def _normal(spread: float) -> Quantile:
+    def quantile(share: Array) -> Array:
+        values: Array = spread * _scipy().ndtri(np.clip(share, _FARTHEST, 1 - _FARTHEST))
+        return values
+
+    return quantile
+
+
+@cache
+def _scipy() -> Any:
+    return importlib.import_module("scipy.special")  # other commands do not wait for it

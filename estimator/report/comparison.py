@@ -1,0 +1,142 @@
+"""Runs side by side, in numbers and as a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from estimator.body.morphology import Morphology
+from estimator.evaluation.score import Score
+from estimator.identification.final_population import FinalPopulation
+from estimator.identification.run import problem_of
+from estimator.problem.genome import Genome
+from estimator.report.bodies.camera import reach, take_picture
+from estimator.report.bodies.scene import LEVEL, at_rest, model_solids
+from estimator.report.evaluation_files import score_of
+from estimator.report.leg_styles import OTHER_MARKERS, leg_colour
+from estimator.report.plots import ABOVE, leg_label
+from estimator.report.posterior_summary import Interval
+from estimator.report.result import Result, summarise
+from estimator.storage.store import RunStore
+
+_SPREAD: Final = 0.6  # of the distance between two legs, over which the runs' marks lie
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedRun:
+    """One of the runs.
+
+    Attributes:
+        name: Its directory, as it was given.
+        result: The run in numbers.
+        body: Its best body; ``None`` before anything was learnt.
+        score: The run against the truth, if it was scored as it stands.
+    """
+
+    name: str
+    result: Result
+    body: Morphology | None
+    score: Score | None
+
+    @classmethod
+    def read(cls, directory: Path) -> ComparedRun:
+        """Reads a run.
+
+        Raises:
+            RunDirectoryError: There is none, or it is damaged.
+        """
+        with RunStore.open(directory, to_write=False) as store:
+            problem = problem_of(store)
+            result = summarise(store, problem)
+            population = FinalPopulation.of(store)
+            genome = Genome(problem, problem.base(store.capabilities))
+            return cls(
+                name=str(directory),
+                result=result,
+                body=genome.decode(population.genes[population.best]) if len(population) else None,
+                score=score_of(directory, result),
+            )
+
+    @property
+    def lengths(self) -> dict[str, Interval]:
+        """Length of each leg, m, by its joint; with its 90 % interval or the population's."""
+        posterior = self.result.posterior
+        if posterior is not None:
+            joints = (leg.joint for leg in self.result.legs)
+            return dict(zip(joints, posterior.lengths_m, strict=True))
+        return {
+            leg.joint: Interval(low=low, median=leg.length_m, high=high)
+            for leg in self.result.legs
+            for low, high in [leg.population_m or (leg.length_m, leg.length_m)]
+        }
+
+
+def joints_of(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
+    """The joints that turn a leg in any of the runs."""
+    return tuple(dict.fromkeys(joint for run in runs for joint in run.lengths))
+
+
+def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
+    """The best body of each run with all joints at 0, and the lengths of all below."""
+    figure = Figure(figsize=(max(7.0, 3.2 * len(runs)), 7.0), layout="constrained")
+    grid = figure.add_gridspec(2, 1)
+    above, below = (figure.add_subfigure(grid[row]) for row in range(2))
+    solids = [
+        at_rest(model_solids(run.body, np.zeros(run.body.motors)), LEVEL) if run.body else []
+        for run in runs
+    ]
+    radius = max((reach(item) for item in solids if item), default=1.0)
+    panels = above.subplots(1, len(runs), squeeze=False)[0]
+    for number, (axes, item) in enumerate(zip(panels, solids, strict=True), 1):
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.spines[:].set_visible(False)
+        axes.set_title(_label(number, runs[number - 1]), loc="left", fontsize="small")
+        axes.title.set_parse_math(False)
+        if item and find_spec("pybullet"):  # which takes the pictures
+            axes.imshow(take_picture(item, radius))
+        else:
+            axes.set_xlabel("no picture")
+    _draw_lengths(below.subplots(), runs)
+    return figure
+
+
+def _draw_lengths(axes: Axes, runs: Sequence[ComparedRun]) -> None:
+    """A colour for each leg, as above, and a marker for each run."""
+    joints = joints_of(runs)
+    for number, run in enumerate(runs):
+        marker = OTHER_MARKERS[number % len(OTHER_MARKERS)]
+        axes.plot([], [], marker, color="0.3", label=_label(number + 1, run))
+        offset = _SPREAD * ((number + 0.5) / len(runs) - 0.5)
+        for joint, length in run.lengths.items():
+            leg, median = joints.index(joint), 100 * length.median
+            reach_down, reach_up = median - 100 * length.low, 100 * length.high - median
+            axes.errorbar(
+                leg + offset,
+                median,
+                yerr=[[max(reach_down, 0.0)], [max(reach_up, 0.0)]],
+                fmt=marker,
+                color=leg_colour(leg),
+            )
+        if run.score is not None:
+            places = [joints.index(joint) for joint in run.score.joints]
+            true = 100 * np.array(run.score.true_lengths_m)
+            axes.plot(places, true, "_", color="0.3", markersize=40, zorder=0)
+    axes.set_xticks(range(len(joints)), [leg_label(joint) for joint in joints], parse_math=False)
+    axes.set_ylabel("leg length (cm)")
+    axes.set_ylim(bottom=0)
+    axes.spines[["top", "right"]].set_visible(False)
+    legend = axes.legend(ncols=min(4, len(runs)), **ABOVE)
+    for text in legend.get_texts():
+        text.set_parse_math(False)  # a name may hold dollar signs
+
+
+def _label(number: int, run: ComparedRun) -> str:
+    return leg_label(f"{number}: {Path(run.name).name}")

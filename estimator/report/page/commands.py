@@ -1,0 +1,44 @@
+"""The commands that make a run again."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+from estimator.identification.run import METHODS
+from estimator.storage.records import RunSettings
+
+
+def commands(settings: RunSettings, directory: Path) -> tuple[str, str]:
+    """Command lines that make a run again: with its robot, and from its recorded readings.
+
+    Args:
+        settings: What the run was asked to do.
+        directory: Where it is.
+    """
+    return (
+        shlex.join(["estimator", "identify", "--robot", settings.robot, *_options(settings)]),
+        shlex.join(
+            ["estimator", "identify", "--robot", f"replay:{directory}", *_options(settings)]
+        ),
+    )
+
+
+def _options(settings: RunSettings) -> Iterator[str]:
+    defaults = METHODS[settings.method]
+    yield from ("--problem", settings.problem, "--method", settings.method)
+    yield from ("--interactions", str(settings.interactions), "--seed", str(settings.seed))
+    yield from ("--modalities", ",".join(settings.modalities))
+    if settings.physics != defaults.physics:
+        yield from ("--physics", settings.physics)
+    if settings.explore != defaults.explore:
+        yield from ("--explore", settings.explore)
+    if settings.sure is not None:
+        yield from ("--sure", str(settings.sure))
+    if settings.method == "paper":
+        yield from ("--search", settings.search, "--objective", settings.objective)
+        yield from ("--population", str(settings.population))
+        yield from ("--generations", str(settings.generations))
+        if settings.full_steps:
+            yield "--full-steps"

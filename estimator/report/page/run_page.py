@@ -1,0 +1,275 @@
+"""The page of a run: all that ``show`` prints, and the body to be turned and posed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from typing import Any, Self
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from estimator.evaluation.score import Score
+from estimator.evaluation.validate import Validation
+from estimator.problem.problem import Problem
+from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.observation import Observation
+from estimator.report.bodies.body_picture import body_picture
+from estimator.report.bodies.shown_bodies import ShownBodies, shown_bodies
+from estimator.report.evaluation_files import read_true_body, read_validation, score_of
+from estimator.report.leg_styles import leg_colour
+from estimator.report.page.commands import commands
+from estimator.report.page.templates import render
+from estimator.report.plots import as_png, as_svg
+from estimator.report.posterior_summary import PosteriorSummary
+from estimator.report.posterior_tables import WHAT_TO_CHECK, percent
+from estimator.report.prediction_plot import plot_predictions
+from estimator.report.result import Result
+from estimator.report.run_plots import RunPlot, run_plots
+from estimator.storage.store import RunStore
+
+_PICTURE = "The bodies in the pose of the last interaction: {}."
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageSources:
+    """What a run's page is made of.
+
+    Attributes:
+        result: The run in numbers.
+        bodies: Its bodies.
+        plots: Its plots.
+        picture: The bodies as a PNG; ``None`` where there are none, or no camera.
+        score: The run against the truth, if it was scored as it stands.
+        validation: Its prediction errors, if any were measured.
+    """
+
+    result: Result
+    bodies: ShownBodies
+    plots: Sequence[RunPlot]
+    picture: bytes | None
+    score: Score | None
+    validation: Validation | None
+
+    @classmethod
+    def of(cls, store: RunStore, problem: Problem, result: Result) -> Self:
+        """Collects them; ``result`` is what ``summarise`` says of the run."""
+        legs = [leg.joint for leg in result.legs]
+        score = score_of(store.directory, result)
+        true_body = None if score is None else read_true_body(store.directory)
+        bodies = shown_bodies(store, problem, result, true_body)
+        return cls(
+            result=result,
+            bodies=bodies,
+            plots=run_plots(store, problem, legs, score.true_lengths_m if score else ()),
+            picture=_picture(bodies, legs),
+            score=score,
+            validation=read_validation(store.directory),
+        )
+
+
+def _picture(bodies: ShownBodies, legs: Sequence[str]) -> bytes | None:
+    if not bodies.bodies or find_spec("pybullet") is None:  # which takes the pictures
+        return None
+    return as_png(body_picture(bodies.bodies, legs))
+
+
+def run_page(store: RunStore, problem: Problem, sources: PageSources) -> str:
+    """The page as HTML."""
+    result, posterior = sources.result, sources.result.posterior
+    seen, driven = store.observations(), sorted(problem.motors.driven)
+    shown = sources.bodies
+    drawings = {plot.name: _drawing(plot.figure, plot.caption) for plot in sources.plots}
+    if shown.predicted:
+        drawings["predictions"] = _drawing(
+            plot_predictions(seen, shown.predicted),
+            "Tilt and clearance in each interaction, as felt and as foretold; the table above has "
+            "the numbers.",
+        )
+    return render(
+        "run.html",
+        result=result,
+        posterior=posterior,
+        score=sources.score,
+        validation=_validation(sources.validation),
+        headline=_headline(result),
+        **_verdict(result),
+        interactions_asked=store.settings.interactions,
+        facts=_facts(result),
+        data=_data(store, problem, shown, seen),
+        samples=len(shown.bodies[0].samples) if shown.bodies else 0,
+        flat=sources.picture,
+        flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
+        sureness=_sureness(posterior),
+        searched_attachments=any(not name.startswith("length") for name in result.searched),
+        percent=percent,
+        legs=_legs(result),
+        modalities=tuple(MODALITIES),
+        felt=_felt(result, seen, shown.predicted, driven),
+        plots=drawings,
+        commands=commands(store.settings, store.directory),
+        problem_text=store.settings.problem_text,
+    )
+
+
+def _drawing(figure: Figure, caption: str) -> dict[str, str | Markup]:
+    return {"caption": caption, "svg": Markup(as_svg(figure))}  # matplotlib escapes its text
+
+
+def _headline(result: Result) -> str:
+    legs = len(result.legs)
+    if not legs:
+        return "Nothing is known of this body yet"
+    return f"{legs} {'leg' if legs == 1 else 'legs'}, found in {result.interactions} movements"
+
+
+def _verdict(result: Result) -> dict[str, Any]:
+    """Whether any body fits: yes, no, or, by a method that does not ask, unknown."""
+    if result.posterior is not None:
+        fits = result.posterior.explained
+        return {
+            "fits": fits,
+            "verdict": result.posterior.verdict,
+            "advice": None if fits else WHAT_TO_CHECK,
+        }
+    if not result.best_models:
+        return {"fits": None, "verdict": "Nothing was learnt yet.", "advice": None}
+    error = "not known" if result.sensor_error is None else f"{result.sensor_error:.3f}"
+    return {
+        "fits": None,
+        "verdict": "The paper's method does not say. The subjective error of its best model is "
+        f"{error}.",
+        "advice": "An interaction that the best model foretells badly, below, is a sign that the "
+        "problem describes another robot, or that the search was too short.",
+    }
+
+
+def _facts(result: Result) -> list[tuple[str, str]]:
+    posterior = result.posterior
+    facts = []
+    if posterior is not None and posterior.attachments:
+        sure = "not known" if posterior.probability is None else percent(posterior.probability)
+        facts.append(("attachments sure to", sure))
+    if posterior is not None and posterior.lengths_m:
+        widest = max(500 * (length.high - length.low) for length in posterior.lengths_m)
+        facts.append(("lengths known to", f"± {widest:.1f} mm"))
+    elif result.sensor_error is not None:
+        facts.append(("subjective error", f"{result.sensor_error:.3f}"))
+    facts.append(("movements", str(result.interactions)))
+    facts.append(("simulations", f"{result.simulations_run:,}"))
+    facts.append(("time", f"{result.wall_seconds:.0f} s"))
+    return facts
+
+
+def _sureness(posterior: PosteriorSummary | None) -> str:
+    if posterior is None or posterior.probability is None:
+        return "How probable all of them together are is not known: too few samples stand for it."
+    return f"The probability of all of them together is {percent(posterior.probability)}."
+
+
+def _legs(result: Result) -> list[dict[str, Any]]:
+    rows = []
+    for index, leg in enumerate(result.legs):
+        length, (low, high) = leg.length_m, leg.population_m or (leg.length_m, leg.length_m)
+        if result.posterior is not None:
+            interval = result.posterior.lengths_m[index]
+            length, low, high = interval.median, interval.low, interval.high
+        touched = "not sensed" if leg.touched is None else "yes" if leg.touched else "never"
+        row: dict[str, Any] = {"joint": leg.joint, "mount": leg.mount, "touched": touched}
+        rows.append(row | {"length_m": length, "low_m": low, "high_m": high})
+    return rows
+
+
+def _felt(
+    result: Result,
+    seen: Sequence[Observation],
+    predicted: Sequence[Observation | None],
+    driven: Sequence[int],
+) -> list[dict[str, Any]]:
+    foretold = () if result.posterior is None else result.posterior.foretold
+    unexplained = () if result.posterior is None else result.posterior.unexplained
+    rows = []
+    for index, item in enumerate(seen):
+        told = predicted[index] if index < len(predicted) else None
+        belief = foretold[index] if index < len(foretold) else None
+        rows.append(
+            {
+                "number": index + 1,
+                "angles": _degrees(item, driven),
+                "cells": [
+                    {
+                        "felt": modality.say(item),
+                        "foretold": "not foretold" if told is None else modality.say(told),
+                        "deviation": belief and belief.deviations.get(name),
+                    }
+                    for name, modality in MODALITIES.items()
+                ],
+                "outlier": belief and belief.outlier,
+                "unexplained": index + 1 in unexplained,
+            }
+        )
+    return rows
+
+
+def _validation(validation: Validation | None) -> list[tuple[str, list[tuple[str, float | None]]]]:
+    if validation is None:
+        return []
+    return [
+        (
+            name,
+            [
+                (modality.heading, modality.shown(errors[modality.error_name]))
+                for modality in MODALITIES.values()
+            ],
+        )
+        for name, errors in (
+            ("best model", validation.best_model),
+            ("population, median", validation.population_median),
+            ("random models, median", validation.random_models),
+        )
+    ]
+
+
+def _data(
+    store: RunStore, problem: Problem, shown: ShownBodies, seen: Sequence[Observation]
+) -> dict[str, Any]:
+    """What the page's script draws."""
+    driven = sorted(problem.motors.driven)
+    return {
+        "joints": [
+            {
+                "name": joint.name,
+                "driven": index in driven,
+                "low": round(math.degrees(max(joint.lower, -math.pi)), 1),
+                "high": round(math.degrees(min(joint.upper, math.pi)), 1),
+            }
+            for index, joint in enumerate(store.capabilities.joints)
+        ],
+        "colours": [leg_colour(leg) for leg in range(len(driven))],
+        "poses": [
+            {
+                "label": str(number),
+                "angles": item.angles,
+                "says": f"Interaction {number}: {_degrees(item, driven)}. Each body is turned as "
+                "it would come to rest, the true one as it did; the heading is not measured.",
+            }
+            for number, item in enumerate(seen, 1)
+        ],
+        "bodies": [
+            {
+                "title": body.title,
+                "note": body.note,
+                "links": [link.model_dump() for link in body.links],
+                "samples": [[link.model_dump() for link in sample] for sample in body.samples],
+                "stands": body.stands,
+            }
+            for body in shown.bodies
+        ],
+    }
+
+
+def _degrees(item: Observation, driven: Sequence[int]) -> str:
+    angles = (round(math.degrees(item.angles[motor])) for motor in driven)
+    return ", ".join(f"{angle:+d}°".replace("-", "−") for angle in angles)

@@ -1,0 +1,50 @@
+"""What was felt in each interaction beside what the best body foretells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from estimator.body.morphology import Array
+from estimator.readings.observation import Observation
+from estimator.report.leg_styles import COLOURS
+from estimator.report.plots import ABOVE
+
+_PANELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
+
+
+def plot_predictions(felt: Sequence[Observation], foretold: Sequence[Observation | None]) -> Figure:
+    """Tilt and clearance in each interaction; what is missing is left out.
+
+    Args:
+        felt: By the robot.
+        foretold: By the best body; ``None`` where its simulation cannot be believed.
+    """
+    figure = Figure(figsize=(9.0, 3.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    numbers = np.arange(1, len(foretold) + 1)
+    one, other = (
+        np.array([_numbers(item) for item in items]) for items in (felt[: len(foretold)], foretold)
+    )
+    panels = figure.subplots(1, len(_PANELS))
+    for column, (axes, quantity) in enumerate(zip(panels, _PANELS, strict=True)):
+        axes.set_xlabel("interaction")
+        axes.set_ylabel(quantity)
+        axes.set_xticks(numbers)
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.plot(numbers, one[:, column], "o", color="0.25", markerfacecolor="none", label="felt")
+        axes.plot(numbers, other[:, column], "x", color=COLOURS[0], label="foretold")
+    panels[-1].legend(ncols=2, **ABOVE)
+    return figure
+
+
+def _numbers(item: Observation | None) -> Array:
+    if item is None:
+        return np.full(3, np.nan)
+    reading = item.as_arrays()
+    numbers: Array = np.array([*np.degrees(reading.tilt), 1000 * reading.clearance])
+    return numbers

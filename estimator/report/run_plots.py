@@ -1,0 +1,81 @@
+"""The plots of a run: which there are, and what is to be seen in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from estimator.identification.final_population import with_last_word
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.report.plots import plot_errors, plot_lengths
+from estimator.report.posterior_plots import plot_belief, plot_interval_lengths
+from estimator.storage.store import RunStore
+
+LENGTHS: Final = "lengths"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPlot:
+    """One plot.
+
+    Attributes:
+        name: Stem of its file.
+        caption: What is to be seen, for those who see it and for those who do not.
+        figure: The plot.
+    """
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+def run_plots(
+    store: RunStore, problem: Problem, names: Sequence[str], true_lengths: Sequence[float] = ()
+) -> tuple[RunPlot, ...]:
+    """Draws what a run has to show so far; nothing where nothing was learnt yet.
+
+    Args:
+        store: The run.
+        problem: Its problem.
+        names: Names of the legs' joints.
+        true_lengths: Of each leg, m, where they are known.
+    """
+    genome = Genome(problem, problem.base(store.capabilities))
+    true = "; dots at the right: the true lengths" if true_lengths else ""
+    beliefs = [belief for belief, _ in store.beliefs()]
+    if beliefs:
+        expected = [item.bits for item in store.interactions()][: len(beliefs)]
+        return (
+            RunPlot(
+                name="belief",
+                caption="Stated probability of the attachments after each interaction, and the "
+                "information that it was expected to give and gave.",
+                figure=plot_belief(beliefs, expected),
+            ),
+            RunPlot(
+                name=LENGTHS,
+                caption="Length of each leg after each interaction: median and 90 % interval"
+                f"{true}.",
+                figure=plot_interval_lengths(beliefs, genome, names, true_lengths),
+            ),
+        )
+    generations = with_last_word(store)
+    if not generations:
+        return ()
+    return (
+        RunPlot(
+            name="errors",
+            caption="Subjective error of every model over generations, and of the best one; dotted "
+            "lines where a new interaction comes in.",
+            figure=plot_errors(generations),
+        ),
+        RunPlot(
+            name=LENGTHS,
+            caption=f"Length of each leg of the best model over generations{true}.",
+            figure=plot_lengths(generations, genome, names, true_lengths),
+        ),
+    )

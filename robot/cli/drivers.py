@@ -1,0 +1,47 @@
+"""``robotd drivers``: lists the drivers that a robot.toml can name, and who brings them."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+from robot.drivers.registry import InstalledDriver, installed
+
+HELP = "list the drivers that robot.toml can name: ours, and those of other distributions"
+
+TABLES = ("servos", "accelerometer", "touch", "distance", "daq")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """There are no options."""
+    del parser
+
+
+def run(options: argparse.Namespace) -> int:
+    """Prints a line for each driver; 1 if there is one that cannot be used."""
+    del options
+    drivers = sorted(installed(), key=lambda one: (_place(one.table), one.table))
+    offers = Counter((one.table, one.name) for one in drivers)
+    ours = {(one.table, one.name) for one in drivers if one.point.value.startswith("robot.")}
+    bad = False
+    for one in drivers:
+        about, works = _about(one)
+        key = (one.table, one.name)
+        if offers[key] > 1 and not one.point.value.startswith("robot."):
+            works = False
+            about = "not used: the name is ours" if key in ours else "not used: offered twice"
+        bad |= not works
+        print(f"[{one.table}]".ljust(16) + f"{one.name:<12} {about:<24} {one.distribution}")
+    return int(bad)
+
+
+def _about(driver: InstalledDriver) -> tuple[str, bool]:
+    """What a driver calls its device, or why it cannot be used; and whether it can."""
+    try:
+        return str(driver.point.load().name), True
+    except Exception as error:  # whatever a module does when it is imported
+        return f"{driver.point.value} cannot be imported: {type(error).__name__}: {error}", False
+
+
+def _place(table: str) -> int:
+    return TABLES.index(table) if table in TABLES else len(TABLES)

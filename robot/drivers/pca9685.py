@@ -1,0 +1,459 @@
+"""NXP PCA9685: 16 servos a board, up to 62 boards on an I²C bus, 12 bits of the PWM period.
+
+A count is the width of a pulse in ticks, 4096 to a period: 4.88 µs at 50 Hz. Outputs are numbered
+as on the boards, 0 to 15 on the first one, 16 to 31 on the second, and so on.
+
+A hobby servo jumps to wherever its first pulse tells it. So a board that was not set up yet is set
+up with all outputs off, which is how it leaves its reset, and they stay off until they are
+commanded; a board that already runs as it should, because it outlived the last daemon, is left as
+it is, and read back.
+
+A board that loses its supply comes back asleep: it takes commands and gives no pulses. Moves never
+wake it, so nothing leaps; they read its mode back in the same transfer, and so notice. Only a query
+sets a board up, when the driver begins and after it was told to ``forget``.
+
+Where the boards' pin OE is wired to an output line of the computer (``enable_line``), that line
+cuts all pulses when the last output is released, whatever the bus does. Boards pull the pin down,
+so that without the line, or without a daemon, their pulses go on.
+
+Source: NXP PCA9685 data sheet, revision 4 (registers, address and reset values of table 4,
+PRE_SCALE of 7.3.5, general and all-call addresses of 7.1). The chip has no identity; what tells it
+from others is the four address registers, which nobody changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, TypeVar
+
+from robot.drivers.buses import Buses
+from robot.drivers.gpio_line import GPIOLine, OutputLine
+from robot.drivers.i2c import I2CBus, I2CRegisters, keep_others_out
+from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceMissingError
+from robot.host.clock import Clock
+from robot.toml_sections import Section
+
+T = TypeVar("T")
+
+OUTPUTS_PER_BOARD: Final = 16
+ADDRESSES: Final = range(0x40, 0x80)
+ALL_CALL: Final = 0x70
+WIDTHS_US: Final = (500, 2500)
+"""Widths of pulse that hobby servos know, µs; beyond, they run against their stops."""
+
+RATES_HZ: Final = (40.0, 333.0)
+ANALOGUE_RATES_HZ: Final = (40.0, 60.0)
+
+_OSCILLATOR_MHZ: Final = 25.0
+_TICKS: Final = 4096
+_MODE1: Final = 0x00
+_MODE2: Final = 0x01
+_ADDRESS_REGISTERS: Final = range(0x02, 0x06)
+_LED0: Final = 0x06  # ON low and high, OFF low and high, of each output
+_ALL_LED_OFF_H: Final = 0xFD
+_PRESCALE: Final = 0xFE
+
+_ASLEEP: Final = 0x31  # registers advance, answers to all-call, oscillator off
+_AWAKE: Final = 0x21
+_TOTEM_POLE: Final = 0x04
+_OFF: Final = 0x10  # in the high bytes: no pulse at all; or one that never ends
+_ADDRESSES_AT_RESET: Final = bytes((0xE2, 0xE4, 0xE8, 0xE0))
+_WAKING: Final = 1e-3  # s; the oscillator needs 500 µs
+_ATTEMPTS: Final = 3
+_SECONDS_PER_BYTE: Final = 9 / 100e3  # on a bus in standard mode
+_BYTES_PER_OUTPUT: Final = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class PCA9685Settings:
+    """Where the boards are, how often they pulse, and the widest and narrowest pulse.
+
+    Attributes:
+        bus: Number of the I²C bus.
+        boards: Addresses, in the order of the outputs.
+        prescale: Of the chip's oscillator.
+        widths_us: The narrowest and the widest pulse, µs.
+        enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
+    """
+
+    name: ClassVar = "PCA9685"
+    reads_back: ClassVar = True
+    bus: int
+    boards: tuple[int, ...]
+    prescale: int
+    widths_us: tuple[float, ...]
+    enable: tuple[str, int] | None = None
+
+    @classmethod
+    def read(cls, table: Section) -> PCA9685Settings:
+        """``bus``, ``address``, ``servos``, ``update_hz``, ``pulse_us`` and ``enable_line``."""
+        boards = table.integers(
+            "address", ADDRESSES[0], ADDRESSES[-1], (ADDRESSES[0],), written="{:#x}"
+        )
+        if ALL_CALL in boards:
+            raise table.refuse("address", "must leave out 0x70, where all boards answer at once.")
+        kind = table.choice("servos", ("analogue", "digital"), "analogue")
+        rate = table.number("update_hz", *RATES_HZ, default=50)
+        if kind == "analogue" and rate > ANALOGUE_RATES_HZ[1]:
+            raise table.refuse(
+                "update_hz",
+                f"is {rate:g}, and an analogue servo follows {ANALOGUE_RATES_HZ[0]:g} to "
+                f'{ANALOGUE_RATES_HZ[1]:g}; write servos = "digital" if the data sheet of each '
+                "of them allows it.",
+            )
+        low, high = table.numbers("pulse_us", 2, *WIDTHS_US, default=WIDTHS_US)
+        if low >= high:
+            raise table.refuse("pulse_us", f"must rise, not {low:g} to {high:g}.")
+        return cls(
+            bus=table.integer("bus", 0, 255, 1),
+            boards=boards,
+            prescale=round(_OSCILLATOR_MHZ * 1e6 / (_TICKS * rate)) - 1,
+            widths_us=(low, high),
+            enable=(
+                table.text("enable_chip", "/dev/gpiochip0"),
+                table.integer("enable_line", 0, 511),
+            )
+            if table.has("enable_line")
+            else None,
+        )
+
+    @property
+    def outputs(self) -> range:
+        """Those of all boards."""
+        return range(OUTPUTS_PER_BOARD * len(self.boards))
+
+    @property
+    def tick_us(self) -> float:
+        """The width of a count, µs."""
+        return (self.prescale + 1) / _OSCILLATOR_MHZ
+
+    @property
+    def counts(self) -> range:
+        """Those between the narrowest and the widest pulse."""
+        low, high = (width / self.tick_us for width in self.widths_us)
+        return range(-int(-low // 1), int(high) + 1)
+
+    @property
+    def per_update(self) -> int:
+        """All of them."""
+        return len(self.outputs)
+
+    @property
+    def period(self) -> float:
+        """From one pulse to the next, s."""
+        return _TICKS * self.tick_us / 1e6
+
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """The boards' own addresses, and the one at which all of them answer."""
+        return tuple(f"0x{one:x} on I²C bus {self.bus}" for one in (*self.boards, ALL_CALL))
+
+    def open(self, buses: Buses) -> PCA9685:
+        """Opens the bus and identifies the boards; outputs stay as they are."""
+        return PCA9685(
+            lambda: buses.open_i2c(f"/dev/i2c-{self.bus}"),
+            settings=self,
+            clock=buses.clock,
+            open_line=buses.open_line,
+        )
+
+    def __str__(self) -> str:
+        boards = " and ".join(f"0x{address:x}" for address in self.boards)
+        return (
+            f"{boards} on I²C bus {self.bus}, {1 / self.period:.1f} pulses a second, "
+            f"counts of {self.tick_us:.2f} µs"
+        )
+
+
+class PCA9685:
+    """The boards of one robot. It is not thread-safe.
+
+    Args:
+        open_bus: Opens the bus, which the driver closes.
+        settings: Where the boards are.
+        clock: Paces the updates: one a pulse.
+        open_line: Opens the line to the pin OE, given its chip, number and first level.
+
+    Attributes:
+        name: What it is called in sentences.
+        repeats: Transfers that had to be made again, because nobody acknowledged.
+
+    Raises:
+        DeviceError: A board does not answer, or is something else.
+    """
+
+    name = PCA9685Settings.name
+
+    def __init__(
+        self,
+        open_bus: Callable[[], I2CBus],
+        *,
+        settings: PCA9685Settings,
+        clock: Clock,
+        open_line: Callable[[str, int, bool], OutputLine] = GPIOLine,
+    ):
+        self.repeats = 0
+        self._open_bus = open_bus
+        self._open_line = open_line
+        self._line: OutputLine | None = None
+        self._settings = settings
+        self._clock = clock
+        self._driven: set[int] = set()
+        self._ready = False
+        self._open()
+
+    def set_counts(self, counts: Mapping[int, int]) -> None:
+        """Commands outputs to counts, and waits for a pulse of that width.
+
+        Args:
+            counts: Count by output. All outputs of a board change at the same time.
+
+        Raises:
+            CommandError: An output or count out of range, or the boards were not read since the
+                driver began, forgot or noticed a reset; nothing was sent.
+            DeviceError: A board failed or was reset.
+        """
+        if not self._ready:
+            raise CommandError("read the servo board's counts before moving its servos")
+        limits = self._settings.counts
+        for output, count in counts.items():
+            self._check_output(output)
+            if count not in limits:
+                raise CommandError(
+                    f"servo {output}: the count must lie in {limits[0]} to {limits[-1]}, "
+                    f"not {count}"
+                )
+        self._driven |= counts.keys()
+        for board, outputs in self._by_board(counts).items():
+            writes = [
+                (_led(output), 0, 0, counts[output] & 0xFF, counts[output] >> 8)
+                for output in outputs
+            ]
+            (mode,) = self._insist(self._boards[board].write_and_read, writes, _MODE1)
+            self._check_awake(board, mode)
+        self._switch(on=True)
+        self._clock.sleep(self._settings.period)
+
+    def release(self, outputs: Iterable[int]) -> None:
+        """Stops the pulses of some outputs; if no other has any, of all boards at once.
+
+        That takes one transfer to the address at which every board answers, also one that was reset
+        or that does not answer at its own address any more.
+
+        Raises:
+            CommandError: An output out of range; nothing was sent.
+            DeviceError: A board failed; the others were told.
+        """
+        released = list(outputs)
+        for output in released:
+            self._check_output(output)
+        self._driven -= set(released)
+        if not self._driven:
+            self._switch(on=False)
+            with suppress(DeviceError):  # each is told once more, and its answer awaited
+                self._all_off()
+        failure: DeviceError | None = None
+        for board, group in self._by_board(released).items():
+            for output in group:
+                try:
+                    self._insist(self._boards[board].write, _led(output) + 3, _OFF)
+                except DeviceError as error:
+                    failure = error
+        if failure is not None:
+            raise failure
+
+    def read_counts(self, outputs: Sequence[int]) -> dict[int, int]:
+        """Reads the boards' registers, setting up boards that are not; no servo reports anything.
+
+        Returns:
+            Count by output, 0 where there are no pulses.
+
+        Raises:
+            CommandError: An output out of range.
+            DeviceError: A board failed, or was reset since it was last read.
+        """
+        for output in outputs:
+            self._check_output(output)
+        if not self._ready:
+            self._set_up()
+        counts: dict[int, int] = {}
+        for board, group in self._by_board(outputs).items():
+            for output in group:
+                counts[output] = self._count(board, output)
+            (mode,) = self._insist(self._boards[board].read, _MODE1)
+            self._check_awake(board, mode)
+        self._driven |= {output for output, count in counts.items() if count}
+        return counts
+
+    def verify(self, expected: Mapping[int, int]) -> list[int]:
+        """Compares the boards with what they should have, and reads a difference twice.
+
+        Returns:
+            The outputs that differ, ascending.
+
+        Raises:
+            DeviceDataError: A board was reset.
+            DeviceError: As ``read_counts``.
+        """
+        if not self._ready:
+            raise self._reset(0)
+        held = self.read_counts(list(expected))
+        suspects = [output for output, count in held.items() if count != expected[output]]
+        again = self.read_counts(suspects)
+        return sorted(output for output, count in again.items() if count != expected[output])
+
+    def forget(self) -> None:
+        """The next query sets up each board that is not."""
+        self._ready = False
+
+    def reopen(self) -> None:
+        """Closes the bus and opens it anew.
+
+        Raises:
+            DeviceError: It cannot be opened, or a board does not answer.
+        """
+        self.close()
+        self.forget()
+        self._open()
+
+    def seconds_for(self, changed: int) -> float:
+        """How long ``set_counts`` takes: a pulse, and the transfer on a bus of 100 kHz, s."""
+        return self._settings.period + changed * _BYTES_PER_OUTPUT * _SECONDS_PER_BYTE
+
+    def close(self) -> None:
+        """Closes the bus; the boards keep the servos where they are."""
+        self._bus.close()
+        if self._line is not None:
+            self._line.close()
+            self._line = None
+
+    def _open(self) -> None:
+        self._bus = self._open_bus()
+        try:
+            keep_others_out(self._bus, self.name)
+            addresses = self._settings.boards
+            self._boards = [self._registers(address) for address in addresses]
+            for address, board in zip(addresses, self._boards, strict=True):
+                self._insist(_identify, address, board)
+            if self._settings.enable is not None:
+                pulsing = any(self._insist(self._pulses, board) for board in self._boards)
+                self._line = self._open_line(*self._settings.enable, not pulsing)
+        except BaseException:
+            self._bus.close()
+            raise
+
+    def _switch(self, *, on: bool) -> None:
+        """Lets the pulses of all boards out, or cuts them: the pin is active low."""
+        if self._line is not None:
+            self._line.set(not on)
+
+    def _pulses(self, board: I2CRegisters) -> bool:
+        """Whether a board outlived the last daemon, with servos that it holds."""
+        return self._runs(board) and any(
+            _width(board.read(_led(output), 4)) for output in range(OUTPUTS_PER_BOARD)
+        )
+
+    def _registers(self, address: int) -> I2CRegisters:
+        return I2CRegisters(self._bus, address, self.name)
+
+    def _all_off(self) -> None:
+        everyone = self._registers(ALL_CALL)
+        self._insist(everyone.write, _ALL_LED_OFF_H, _OFF)
+
+    def _set_up(self) -> None:
+        """Sets up the boards that do not run as they should, with all outputs off."""
+        for board, address in zip(self._boards, self._settings.boards, strict=True):
+            self._insist(self._set_up_board, address, board)
+        self._ready = True
+
+    def _set_up_board(self, address: int, board: I2CRegisters) -> None:
+        _identify(address, board)
+        if self._runs(board):
+            return
+        board.write(_ALL_LED_OFF_H, _OFF)
+        board.write(_MODE1, _ASLEEP)  # or it takes no prescale
+        board.write(_PRESCALE, self._settings.prescale)
+        board.write(_MODE2, _TOTEM_POLE)
+        board.write(_MODE1, _AWAKE)
+        self._clock.sleep(_WAKING)
+        if not self._runs(board):
+            raise DeviceDataError(
+                f"The servo board (PCA9685) at 0x{address:x} does not keep its settings.",
+                "Check its supply, and that no other program uses the bus.",
+            )
+
+    def _runs(self, board: I2CRegisters) -> bool:
+        """Whether a board pulses as this driver has it do, no wider and no narrower."""
+        mode1, mode2 = board.read(_MODE1)[0], board.read(_MODE2)[0]
+        prescale = board.read(_PRESCALE)[0]
+        if (mode1 & 0x7F, mode2 & 0x1F, prescale) != (
+            _AWAKE,
+            _TOTEM_POLE,
+            self._settings.prescale,
+        ):
+            return False
+        counts = (_width(board.read(_led(output), 4)) for output in range(OUTPUTS_PER_BOARD))
+        return all(count == 0 or count in self._settings.counts for count in counts)
+
+    def _count(self, board: int, output: int) -> int:
+        return _width(self._insist(self._boards[board].read, _led(output), 4))
+
+    def _check_awake(self, board: int, mode: int) -> None:
+        if mode & 0x7F != _AWAKE:
+            raise self._reset(board)
+
+    def _reset(self, board: int) -> DeviceDataError:
+        self.forget()
+        return DeviceDataError(
+            f"The servo board (PCA9685) at 0x{self._settings.boards[board]:x} does not run as it "
+            "was set up: it was reset, its outputs are off and the joints limp.",
+            "Check its supply. Then keep clear: once held, they go back to where they were.",
+        )
+
+    def _by_board(self, outputs: Iterable[int]) -> dict[int, list[int]]:
+        groups: dict[int, list[int]] = {}
+        for output in sorted(outputs):
+            groups.setdefault(output // OUTPUTS_PER_BOARD, []).append(output)
+        return groups
+
+    def _insist(self, transfer: Callable[..., T], *arguments: Any) -> T:
+        """Makes a transfer that may be made twice, again where nobody acknowledged."""
+        for _ in range(_ATTEMPTS - 1):
+            with suppress(DeviceMissingError):
+                return transfer(*arguments)
+            self.repeats += 1
+        return transfer(*arguments)
+
+    def _check_output(self, output: int) -> None:
+        if output not in self._settings.outputs:
+            last = self._settings.outputs[-1]
+            raise CommandError(f"the servo boards have outputs 0 to {last}, not {output}")
+
+
+def _led(output: int) -> int:
+    """The first register of an output."""
+    return _LED0 + 4 * (output % OUTPUTS_PER_BOARD)
+
+
+def _width(registers: bytes) -> int:
+    """The ticks of a pulse, 0 for none, from the four registers of an output."""
+    on_low, on_high, off_low, off_high = registers
+    if off_high & _OFF:
+        return 0
+    if on_high & _OFF:
+        return _TICKS
+    on, off = on_low | (on_high & 0x0F) << 8, off_low | (off_high & 0x0F) << 8
+    return (off - on) % _TICKS
+
+
+def _identify(address: int, board: I2CRegisters) -> None:
+    # One by one: after a reset the board does not go on to the next by itself.
+    registers = b"".join(board.read(number) for number in _ADDRESS_REGISTERS)
+    if registers != _ADDRESSES_AT_RESET:
+        raise DeviceMissingError(
+            f"The device at I²C address 0x{address:x} is no PCA9685: its registers 2 to 5 hold "
+            f"{registers.hex(' ')} instead of {_ADDRESSES_AT_RESET.hex(' ')}.",
+            "Check which board is fitted, and the addresses in the configuration.",
+        )

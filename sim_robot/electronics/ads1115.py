@@ -1,0 +1,125 @@
+"""An emulated ADS1115: four analogue inputs on an I²C bus.
+
+Source: TI ADS1113/4/5 data sheet, SBAS444. The comparator and its pin are not modelled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from robot.host.clock import Clock
+from sim_robot.electronics.i2c_bus import I2CDevice
+
+_CONVERSION: Final = 0
+_CONFIG: Final = 1
+_RESET_CONFIG: Final = 0x8583
+_START: Final = 0x8000
+_SINGLE_SHOT: Final = 0x0100
+_WAKING: Final = 25e-6
+_FULL_SCALES: Final = (6.144, 4.096, 2.048, 1.024, 0.512, 0.256, 0.256, 0.256)
+_RATES: Final = (8, 16, 32, 64, 128, 250, 475, 860)
+_PAIRS: Final = ((0, 1), (0, 3), (1, 3), (2, 3), (0, None), (1, None), (2, None), (3, None))
+
+
+class ADS1115Emulator(I2CDevice):
+    """One chip.
+
+    Args:
+        volts: The voltage at input 0 to 3; asked at the end of each conversion.
+        clock: Is charged 100 µs per transfer and times the conversions.
+        address: Set by the chip's pin.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            **I2CDevice.FAULTS,
+            "busy": "no conversion ever ends",
+            "stuck_channel": "input n keeps the voltage that it has when the fault begins",
+            "railed_channel": "input n reads the top of the range",
+        }
+    )
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {"reset": "the supply dips: the chip forgets its settings, and a conversion under way"}
+    )
+
+    def __init__(self, volts: Callable[[int], float], clock: Clock, *, address: int = 0x48):
+        super().__init__(clock)
+        self._volts = volts
+        self._address = address
+        self._stuck: dict[int, float] = {}
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """A reset: every setting is lost."""
+        self._pointer = _CONVERSION
+        self._registers = [0x0000, _RESET_CONFIG, 0x8000, 0x7FFF]
+        self._done_at: float | None = None
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them; a stuck input moves again."""
+        super().mend(fault)
+        if fault in (None, "stuck_channel"):
+            self._stuck.clear()
+
+    def answers(self, address: int) -> bool:
+        """Whether it is the chip's, or the general call."""
+        return address in (self._address, 0x00)
+
+    def receive(self, data: bytes) -> bool:
+        """Takes the number of a register, and its two bytes."""
+        if data == b"\x06" and self._called == 0x00:
+            self.power_cycle()
+            return True
+        if not data:
+            return False
+        self._pointer = data[0] & 0x03
+        if len(data) >= 3 and self._pointer != _CONVERSION:
+            self._store(self._pointer, int.from_bytes(data[1:3], "big"))
+        return True
+
+    def send(self, count: int) -> bytes:
+        """The register at the pointer, again and again."""
+        self._finish()
+        value = self._registers[self._pointer]
+        if self._pointer == _CONFIG:
+            value = value & ~_START | (_START if self._done_at is None else 0)
+        word = value.to_bytes(2, "big")
+        return (word * (count // 2 + 1))[:count]
+
+    def _happen(self, event: str, value: int) -> None:
+        self.power_cycle()
+
+    def _store(self, register: int, value: int) -> None:
+        self._finish()
+        start = register == _CONFIG and (value & _START or not value & _SINGLE_SHOT)
+        self._registers[register] = value
+        if start and self._done_at is None:
+            self._begin()
+
+    def _begin(self) -> None:
+        rate = _RATES[self._registers[_CONFIG] >> 5 & 0x07]
+        self._done_at = self._clock.now() + _WAKING + 1.0 / rate
+
+    def _finish(self) -> None:
+        if self._done_at is None or self._clock.now() < self._done_at or "busy" in self._faults:
+            return
+        self._registers[_CONVERSION] = self._convert() & 0xFFFF
+        self._done_at = None
+        if not self._registers[_CONFIG] & _SINGLE_SHOT:
+            self._begin()
+
+    def _convert(self) -> int:
+        config = self._registers[_CONFIG]
+        plus, minus = _PAIRS[config >> 12 & 0x07]
+        full_scale = _FULL_SCALES[config >> 9 & 0x07]
+        if self._faults.get("railed_channel") == plus:
+            return 32767
+        volts = self._at(plus) - (0.0 if minus is None else self._at(minus))
+        return max(-32768, min(32767, round(volts / full_scale * 32768)))
+
+    def _at(self, channel: int) -> float:
+        if self._faults.get("stuck_channel") == channel:
+            return self._stuck.setdefault(channel, self._volts(channel))
+        return self._volts(channel)

@@ -1,0 +1,157 @@
+"""An emulated MPU-6050: accelerometer and thermometer on an I²C bus; its gyroscope feels nothing.
+
+Source: InvenSense MPU-6000/6050 register map 4.2. FIFO, interrupts, filters, the auxiliary bus and
+the sample rate divider are not modelled: there is a new sample every millisecond.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import ClassVar, Final
+
+from robot.host.clock import Clock
+from sim_robot.electronics.i2c_bus import I2CDevice
+
+SAMPLE_PERIOD: Final = 1e-3
+
+_SELF_TEST: Final = 0x0D
+_TRIM_CODES: Final = (14, 17, 11)
+_ACCELEROMETER_CONFIG: Final = 0x1C
+_SAMPLE: Final = 0x3B
+_SAMPLE_SIZE: Final = 14
+_POWER: Final = 0x6B
+_WHO_AM_I: Final = 0x75
+_SIZE: Final = 0x76
+_DEVICE_RESET: Final = 0x80
+_ASLEEP: Final = 0x40
+_CODES_PER_G: Final = (16384, 8192, 4096, 2048)
+_READ_ONLY: Final = frozenset({*range(_SAMPLE, _SAMPLE + _SAMPLE_SIZE), _WHO_AM_I})
+_DITHER: Final = ((0, 1, 0), (1, 0, -1), (0, -1, 1), (-1, 0, 0))
+
+
+class MPU6050Emulator(I2CDevice):
+    """One chip.
+
+    Args:
+        acceleration: What its axes feel, g; asked once per sample.
+        clock: Is charged 100 µs per transfer and times the samples.
+        address: 0x68, or 0x69 by its pin.
+
+    Attributes:
+        celsius: Temperature of the die.
+    """
+
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            **I2CDevice.FAULTS,
+            "stuck_axis": "axis n (0, 1, 2) keeps the code that it has when the fault begins",
+            "railed_axis": "axis n is at the end of its range",
+            "weak": "axis n moves by 70 % of what it should in the self-test",
+            "other": "another chip is there, which calls itself n",
+        }
+    )
+    EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "reset": "the supply dips: the chip sleeps and has lost its settings",
+            "sleep": "something puts the chip to sleep: it repeats its last sample",
+        }
+    )
+
+    def __init__(
+        self, acceleration: Callable[[], Sequence[float]], clock: Clock, *, address: int = 0x68
+    ):
+        super().__init__(clock)
+        self._acceleration = acceleration
+        self._address = address
+        self._samples = 0
+        self._stuck: int | None = None
+        self.celsius = 28.0
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """A reset: it sleeps, and every setting is lost."""
+        self._registers = bytearray(_SIZE)
+        x, y, z = _TRIM_CODES
+        self._registers[_SELF_TEST : _SELF_TEST + 4] = bytes(
+            (x >> 2 << 5, y >> 2 << 5, z >> 2 << 5, (x & 3) << 4 | (y & 3) << 2 | z & 3)
+        )
+        self._registers[_POWER] = _ASLEEP
+        self._registers[_WHO_AM_I] = 0x68
+        self._pointer = 0
+        self._sampled = -1.0
+
+    def mend(self, fault: str | None = None) -> None:
+        """Switches a fault off, or all of them; a stuck axis moves again."""
+        super().mend(fault)
+        if fault in (None, "stuck_axis"):
+            self._stuck = None
+
+    def answers(self, address: int) -> bool:
+        """Whether it is the chip's."""
+        return address == self._address
+
+    def receive(self, data: bytes) -> bool:
+        """Takes the number of a register and what is written from there on."""
+        if data:
+            self._pointer = data[0] % _SIZE
+        for value in data[1:]:
+            self._store(self._pointer, value)
+            self._pointer = (self._pointer + 1) % _SIZE
+        return True
+
+    def send(self, count: int) -> bytes:
+        """Registers from the pointer on; a sample is of one moment."""
+        self._sample()
+        data = bytearray()
+        for _ in range(count):
+            value = self._registers[self._pointer]
+            if self._pointer == _WHO_AM_I:
+                value = self._faults.get("other", value) & 0xFF
+            data.append(value)
+            self._pointer = (self._pointer + 1) % _SIZE
+        return bytes(data)
+
+    def _happen(self, event: str, value: int) -> None:
+        if event == "reset":
+            self.power_cycle()
+        else:
+            self._registers[_POWER] |= _ASLEEP
+
+    def _store(self, register: int, value: int) -> None:
+        if register == _POWER and value & _DEVICE_RESET:
+            self.power_cycle()
+        elif register not in _READ_ONLY:
+            self._registers[register] = value
+
+    def _sample(self) -> None:
+        now = self._clock.now()
+        if self._registers[_POWER] & _ASLEEP or now - self._sampled < SAMPLE_PERIOD:
+            return
+        self._sampled = now
+        self._samples += 1
+        codes = [self._code(axis, value) for axis, value in enumerate(self._acceleration())]
+        stuck = self._faults.get("stuck_axis")
+        if stuck is not None and 0 <= stuck < 3:
+            self._stuck = codes[stuck] if self._stuck is None else self._stuck
+            codes[stuck] = self._stuck
+        words = [*codes, _word((self.celsius - 36.53) * 340), 0, 0, 0]
+        self._registers[_SAMPLE : _SAMPLE + _SAMPLE_SIZE] = b"".join(
+            word.to_bytes(2, "big", signed=True) for word in words
+        )
+
+    def _code(self, axis: int, value: float) -> int:
+        config = self._registers[_ACCELEROMETER_CONFIG]
+        scale = _CODES_PER_G[config >> 3 & 0x03]
+        code = value * scale + _DITHER[self._samples % 4][axis]
+        if config & 0x80 >> axis:
+            share = 0.7 if self._faults.get("weak") == axis else 1.02
+            trim = 0.34 * (0.92 / 0.34) ** ((_TRIM_CODES[axis] - 1) / 30)
+            code += share * trim * scale
+        if self._faults.get("railed_axis") == axis:
+            return 32767
+        return _word(code)
+
+
+def _word(value: float) -> int:
+    return max(-32768, min(32767, round(value)))

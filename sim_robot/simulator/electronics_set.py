@@ -1,0 +1,139 @@
+"""A complete set of emulated electronics: what a robot's drivers find, whatever the boards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final, Protocol
+
+from robot.configuration.device_tables import DistanceConfig
+from robot.configuration.joint_calibration import DrivenJoint, JointScale
+from robot.configuration.robot_config import BodyConfig, NoiseConfig, RobotConfig
+from robot.drivers.analogue_sensors import StrainGauge
+from robot.drivers.buses import Buses
+from robot.drivers.sensor_drivers import BoardSettings, SensorSettings
+from robot.drivers.servo_bus import ServoBus, ServoSettings
+from robot.drivers.vl6180x import VL6180XSettings
+from robot.host.clock import Clock
+from robot.sensing.sensors import BellySensor
+from robot.sensing.settling import RestCriterion
+from robot.sensing.touch import TouchPoint
+from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.simulator.wiring import Wiring
+from sim_robot.world.body import Body
+from sim_robot.world.sensor_noise import NoiseLevels
+from sim_robot.world.simulation import GRAVITY, SERVO_SPEED
+
+TARE_VOLTS: Final = 0.2
+VOLTS_PER_NEWTON: Final = 0.1  # less for a heavy body: twice its weight on one foot still reads
+RECESS: Final = 0.010  # the distance sensor sits this far inside the belly, m
+REACH: Final = 0.2
+REACH_MM: Final = int(1000 * (REACH + RECESS))
+
+_SPARE: Final = 2 / 255
+"""Share of the counts beyond each limit of a joint."""
+
+
+class ElectronicsSet(Protocol):
+    """One set, made for a body and connected to its world."""
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """What can fail, by its name at the fault panel; once it is connected."""
+
+    def configure(self, levels: NoiseLevels) -> RobotConfig:
+        """The configuration that fits the set; noise is announced to clients."""
+
+    def connect(self, wiring: Wiring, clock: Clock) -> None:
+        """Gives the sensors what there is to feel; ``clock`` is the world's."""
+
+    def buses(self, clock: Clock) -> Buses:
+        """What leads drivers to the emulators; ``clock`` is the robot's."""
+
+    def pulses(self) -> Sequence[int]:
+        """The count for each joint, 0 where there are no pulses; more for outputs without one."""
+
+    def follow(self, servos: ServoBus) -> Callable[[], None]:
+        """What waits, when called, until the boards have had all that their driver sent."""
+
+    def close(self) -> None:
+        """Gives back what it took of this computer."""
+
+
+def configuration(
+    body: Body,
+    levels: NoiseLevels,
+    *,
+    servos: ServoSettings,
+    daq: BoardSettings | None,
+    accelerometer: SensorSettings,
+    first_foot: int,
+    full_load: float,
+) -> RobotConfig:
+    """The configuration of a simulated robot with the drivers of one set.
+
+    The emulated calibration is one rule for every body and board: a joint's range takes all counts
+    but a few at either end, so that the middle count is its middle. With 255 counts that is 0.68° a
+    count at the hips of the paper's quadruped and 0.76° at its knees, because Table 2's ranges do
+    not fit the 254 counts at the SV203's nominal 0.71°.
+
+    Args:
+        body: The body.
+        levels: Noise, announced to clients.
+        servos: Joints are on its outputs, in order.
+        daq: The feet are on its inputs.
+        accelerometer: Its driver.
+        first_foot: The input of the first foot; the others follow.
+        full_load: Volts at twice the body's weight on one foot, at most.
+    """
+    counts = servos.counts
+    spare = int(len(counts) * _SPARE)
+    ends = counts[0] + spare, counts[-1] - spare
+    sensitivity = min(VOLTS_PER_NEWTON, full_load / (2 * body.mass * GRAVITY))
+    return RobotConfig(
+        name=body.name[:64],
+        body=BodyConfig(size=body.base_size, mass=body.base_mass),
+        servos=servos,
+        joints=tuple(
+            DrivenJoint(
+                name=motor.name,
+                output=output,
+                lower_limit=motor.lower,
+                upper_limit=motor.upper,
+                part_radius=motor.radius,
+                scale=JointScale(((ends[0], motor.lower), (ends[1], motor.upper)), counts),
+            )
+            for output, motor in zip(servos.outputs, body.motors, strict=False)
+        ),
+        speed=SERVO_SPEED,
+        daq=daq,
+        accelerometer=accelerometer,
+        touch=tuple(
+            TouchPoint(
+                name=name,
+                driver=StrainGauge(
+                    channel=first_foot + index, tare=TARE_VOLTS, volts_per_newton=sensitivity
+                ),
+                on=0.1,
+                off=0.05,
+                debounce=3,
+            )
+            for index, name in enumerate(body.touch)
+        ),
+        distance=DistanceConfig(
+            driver=VL6180XSettings(bus=1, address=0x29),
+            sensor=BellySensor(zero=RECESS, reach=REACH),
+        ),
+        settling=RestCriterion(
+            window=0.3,
+            swing=math.radians(0.5),
+            drift=math.radians(0.1),
+            timeout=5.0,
+            rate=50.0,
+        ),
+        samples=10,
+        noise=NoiseConfig(
+            tilt=levels.announced * math.radians(levels.tilt_deg),
+            clearance=levels.announced * levels.clearance_mm / 1000,
+        ),
+    )

@@ -1,0 +1,118 @@
+"""Electronics for the I²C bus of a Raspberry Pi: PCA9685, ADS1115, MPU-6050 and VL6180X."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
+
+from robot.configuration.robot_config import RobotConfig
+from robot.drivers.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
+from robot.drivers.buses import Buses
+from robot.drivers.mpu6050 import MPU6050Settings
+from robot.drivers.pca9685 import OUTPUTS_PER_BOARD, PCA9685Settings
+from robot.drivers.servo_bus import ServoBus
+from robot.host.clock import Clock
+from sim_robot.electronics.ads1115 import ADS1115Emulator
+from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.i2c_bus import I2CBus
+from sim_robot.electronics.mpu6050 import MPU6050Emulator
+from sim_robot.electronics.pca9685 import PCA9685Emulator
+from sim_robot.electronics.vl6180x import VL6180XEmulator
+from sim_robot.simulator.electronics_set import REACH_MM, configuration
+from sim_robot.simulator.wiring import Wiring
+from sim_robot.world.body import Body
+from sim_robot.world.sensor_noise import NoiseLevels
+
+FULL_LOAD_VOLTS: Final = 3.0  # of a supply of 3.3 V
+PRESCALE: Final = 121  # 50 pulses a second
+WIDTHS_US: Final = (500.0, 2500.0)
+
+
+def configure(body: Body, levels: NoiseLevels) -> RobotConfig:
+    """The configuration that fits this set; noise is announced to clients."""
+    boards = math.ceil(len(body.motors) / OUTPUTS_PER_BOARD)
+    chips = math.ceil(len(body.touch) / INPUTS_PER_CHIP)
+    return configuration(
+        body,
+        levels,
+        servos=PCA9685Settings(
+            bus=1,
+            boards=tuple(range(0x40, 0x40 + boards)),
+            prescale=PRESCALE,
+            widths_us=WIDTHS_US,
+        ),
+        daq=ADS1115Settings(
+            bus=1, addresses=tuple(range(0x48, 0x48 + chips)), input_range="±4.096V"
+        )
+        if chips
+        else None,
+        accelerometer=MPU6050Settings(
+            bus=1,
+            address=0x68,
+            mounting=("x", "y", "z"),
+            zero=(0.0, 0.0, 0.0),
+            per_g=(1.0, 1.0, 1.0),
+        ),
+        first_foot=0,
+        full_load=FULL_LOAD_VOLTS,
+    )
+
+
+class PiSet:
+    """The set; see ``ElectronicsSet``."""
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
+
+    @property
+    def switches(self) -> Mapping[str, FaultSwitch]:
+        """Every chip; of several of a kind, the first."""
+        switches: dict[str, FaultSwitch] = {
+            "pwm": self.pwm[0],
+            "accelerometer": self.accelerometer,
+            "distance": self.distance,
+        }
+        return switches | ({"adc": self.adc[0]} if self.adc else {})
+
+    def configure(self, levels: NoiseLevels) -> RobotConfig:
+        """As ``configure``; it says how many chips there are."""
+        config = configure(self._body, levels)
+        assert isinstance(config.servos, PCA9685Settings)
+        self._servos = config.servos
+        self._chips = config.daq.addresses if isinstance(config.daq, ADS1115Settings) else ()
+        return config
+
+    def connect(self, wiring: Wiring, clock: Clock) -> None:
+        """Makes the emulators."""
+
+        def inputs_from(first: int) -> Callable[[int], float]:
+            return lambda channel: wiring.volts(first + channel)
+
+        self.pwm = [PCA9685Emulator(clock, address=address) for address in self._servos.boards]
+        self.adc = [
+            ADS1115Emulator(inputs_from(INPUTS_PER_CHIP * index), clock, address=address)
+            for index, address in enumerate(self._chips)
+        ]
+        self.accelerometer = MPU6050Emulator(wiring.acceleration, clock)
+        self.distance = VL6180XEmulator(wiring.distance_mm, clock, reach_mm=REACH_MM)
+        self._bus = I2CBus([*self.pwm, *self.adc, self.accelerometer, self.distance], clock)
+
+    def buses(self, clock: Clock) -> Buses:
+        """One I²C bus, whatever its number."""
+        return Buses(clock=clock, open_i2c=lambda path: self._bus)
+
+    def pulses(self) -> Sequence[int]:
+        """Widths in ticks of the configured length; a board that was reset has others."""
+        ticks = self._servos.tick_us
+        return [
+            round(pulse * board.tick_us / ticks) for board in self.pwm for pulse in board.pulses()
+        ]
+
+    def follow(self, servos: ServoBus) -> Callable[[], None]:
+        """A transfer is over when it was made."""
+        del servos
+        return lambda: None
+
+    def close(self) -> None:
+        """There is nothing to give back."""

@@ -1,0 +1,129 @@
+"""What a schema cannot check of a body: the tree, the order, what belongs to what."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from protocol.wire.field_checks import MAX_NAME
+from sim_robot.errors import BodyError
+from sim_robot.world.urdf import Inertia, Joint, Link, Robot, vector
+from sim_robot.world.urdf_file import Description
+
+MAX_MOTORS = 24  # outputs of three servo boards on one line
+MAX_LINKS = 100  # PyBullet loads no body of 127
+_TURN = math.pi + 0.01
+
+
+def faults_of(description: Description, file: str) -> list[BodyError]:
+    """All that is wrong with a description, whatever was wrong with its links and joints alone."""
+    robot = description.robot
+    found = [*_names(robot)]
+    if not description.faults:  # a link or joint that is wrong in itself is no part of the tree
+        found += _tree(robot)
+    for link in robot.links:
+        found += _link(link, root=link.name in _roots(robot))
+    moving = [joint for joint in robot.joints if joint.type == "revolute"]
+    if not (1 <= len(moving) <= MAX_MOTORS) and not description.faults:
+        reason = f"must have 1 to {MAX_MOTORS} revolute joints, not {len(moving)}."
+        found.append(("robot", reason))
+    for joint in moving:
+        found += _joint(joint)
+    return [*description.faults, *(BodyError(file, place, reason) for place, reason in found)]
+
+
+def root_of(robot: Robot) -> Link:
+    """The main body of a description without faults."""
+    (name,) = _roots(robot)
+    return next(link for link in robot.links if link.name == name)
+
+
+def _roots(robot: Robot) -> list[str]:
+    children = {joint.child.link for joint in robot.joints}
+    return [link.name for link in robot.links if link.name not in children]
+
+
+def _names(robot: Robot) -> Iterator[tuple[str, str]]:
+    if not 1 <= len(robot.name) <= MAX_NAME:
+        yield "robot: name", f"names have 1 to {MAX_NAME} characters."
+    size = max(len(robot.links), len(robot.joints))
+    if size > MAX_LINKS:
+        yield "robot", f"must have at most {MAX_LINKS} links, not {size}."
+    for kind, names in (
+        ("link", [link.name for link in robot.links]),
+        ("joint", [joint.name for joint in robot.joints]),
+    ):
+        for name in dict.fromkeys(names):
+            if names.count(name) > 1:
+                yield f"{kind} '{name}'", f"two {kind}s share this name."
+            if not 1 <= len(name) <= MAX_NAME:
+                yield f"{kind} '{name:.70}'", f"names have 1 to {MAX_NAME} characters."
+
+
+def _tree(robot: Robot) -> Iterator[tuple[str, str]]:
+    links = {link.name for link in robot.links}
+    missing = [
+        (f"joint '{joint.name}'", f"its {role} '{name}' is not a link of this file.")
+        for joint in robot.joints
+        for role, name in (("parent", joint.parent.link), ("child", joint.child.link))
+        if name not in links
+    ]
+    yield from missing
+    roots = _roots(robot)
+    if len(roots) != 1:
+        names = ", ".join(roots) or "none"
+        yield "robot", f"must have exactly one link that is no joint's child; found: {names}."
+    if missing:
+        return
+    placed = set(roots)
+    for joint in robot.joints:
+        where, child, parent = f"joint '{joint.name}'", joint.child.link, joint.parent.link
+        if child in placed:
+            yield where, f"its child '{child}' already hangs on another joint."
+        elif parent not in placed:
+            yield (
+                where,
+                f"comes before the joint that attaches its parent '{parent}', or the joints form "
+                "a ring; list parents first.",
+            )
+        placed.add(child)
+
+
+def _link(link: Link, *, root: bool) -> Iterator[tuple[str, str]]:
+    where = f"link '{link.name}'"
+    if link.inertial is None:
+        yield where, "needs <inertial> with a mass above 0."
+    elif not _possible(link.inertial.inertia):
+        yield (
+            f"{where}: inertia",
+            "is that of no rigid body: its principal moments must be 0 or more.",
+        )
+    for collision in link.collisions:
+        if collision.geometry.shape is None:
+            place = f"{where}: collision: geometry"
+            yield place, "must hold exactly one box, cylinder or sphere."
+    if root and not link.collisions:
+        yield where, "the root link must have a shape, <collision>: it is the main body."
+
+
+def _possible(tensor: Inertia) -> bool:
+    xx, yy, zz = tensor.ixx, tensor.iyy, tensor.izz
+    xy, xz, yz = tensor.ixy, tensor.ixz, tensor.iyz
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return bool(moments.min() >= -1e-6 * abs(moments).max())
+
+
+def _joint(joint: Joint) -> Iterator[tuple[str, str]]:
+    where, limit = f"joint '{joint.name}'", joint.limit
+    if limit is None:
+        yield where, "a revolute joint needs <limit>."
+    elif not (-_TURN <= limit.lower <= 0 <= limit.upper <= _TURN and limit.lower < limit.upper):
+        yield (
+            f"{where}: limit",
+            f"must hold 0, where interactions begin, within ±π rad, not {limit.lower:g} to "
+            f"{limit.upper:g}.",
+        )
+    if not any(vector(joint.axis.xyz)):
+        yield f"{where}: axis", "must not be 0 0 0."

@@ -1,0 +1,215 @@
+"""The world in MuJoCo, an engine that shares nothing with PyBullet.
+
+Contacts are as soft as MuJoCo's own defaults make them. A servo is a position servo whose target
+moves at its speed, no stronger than the URDF says; its joint has armature, inertia against its own
+turning, because MuJoCo's solver of contacts does not see how stiff a servo is. The finer the step,
+the less of it is needed, so one step of the world is several of MuJoCo's.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, Final
+
+import mujoco
+import numpy as np
+
+from sim_robot.world.body import Body
+from sim_robot.world.simulation import (
+    FRICTION,
+    GRAVITY,
+    HOLD_TOLERANCE,
+    SERVO_SPEED,
+    STEP,
+    Pose,
+    World,
+)
+from sim_robot.world.urdf import Box, Collision, Cylinder, Link, Origin, Sphere, vector
+
+_FINER: Final = 4
+_STEP: Final = STEP / _FINER
+_YIELD: Final = 0.2  # of the tolerance, where a servo gives all it has
+_LEAST_INERTIA: Final = 1e-8  # kg·m²
+_SEEN: Final = 1.0  # m; what is farther from the ground has this distance
+
+
+class MuJoCoWorld(World):
+    """One body in a model of MuJoCo; see ``World``."""
+
+    def __init__(self, body: Body, *, log: logging.Logger):
+        if mujoco.get_mju_user_warning() is None:
+            # MuJoCo would write them into a file in the working directory.
+            mujoco.set_mju_user_warning(log.debug)
+        self._aims = np.zeros(len(body.motors))  # where the servos' slewing targets are
+        super().__init__(body, log=log)
+
+    def close(self) -> None:
+        """Does nothing: MuJoCo's model goes with this object."""
+
+    def angles(self) -> tuple[float, ...]:
+        """Where each motor's joint is, rad."""
+        return tuple(self._data.qpos[self._places].tolist())
+
+    def speed(self) -> float:
+        """Speed of the main body, m/s."""
+        return 0.0 if self._held is not None else math.hypot(*self._data.qvel[:3])
+
+    def _spins(self) -> Iterable[float]:
+        spins: list[float] = self._data.qvel[self._rates].tolist()
+        return spins
+
+    def _pose(self) -> Pose:
+        x, y, z = self._data.xpos[self._main].tolist()
+        w, *axis = self._data.xquat[self._main].tolist()
+        return Pose((x, y, z), (*axis, w))
+
+    def _command(self) -> None:
+        limp = np.array([target is None for target in self._targets])
+        efforts = np.where(limp, 0.0, [motor.effort for motor in self._body.motors])
+        self._model.actuator_forcerange[:] = np.stack([-efforts, efforts], axis=1)
+        self._wanted = np.array([target or 0.0 for target in self._targets])
+        self._limp = limp
+
+    def _step(self) -> None:
+        turn = SERVO_SPEED * STEP
+        self._aims += np.clip(self._wanted - self._aims, -turn, turn)
+        self._aims[self._limp] = self._data.qpos[self._places][self._limp]
+        self._data.ctrl[:] = self._aims
+        mujoco.mj_step(self._model, self._data, _FINER)
+
+    def _contacts(self) -> Iterator[tuple[str, float]]:
+        force = np.zeros(6)
+        for index, contact in enumerate(self._data.contact):
+            name = self._sensor_of.get(int(self._model.geom_bodyid[contact.geom].max()))
+            if name is not None:
+                mujoco.mj_contactForce(self._model, self._data, index, force)
+                yield name, float(force[0])
+
+    def _distances(self) -> Iterator[tuple[str, float]]:
+        for geom in range(1, self._model.ngeom):
+            name = self._sensor_of.get(int(self._model.geom_bodyid[geom]))
+            if name is not None:
+                yield name, min(_SEEN, self._lowest(geom))
+
+    def _lowest(self, geom: int) -> float:
+        """Height of the lowest point of a shape, m."""
+        x, y, z = self._data.geom_xmat[geom][6:].tolist()  # climb of its axes, per metre
+        size, kind = self._model.geom_size[geom], self._model.geom_type[geom]
+        if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+            depth = size[0]
+        elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+            depth = np.abs((x, y, z)) @ size
+        else:
+            depth = abs(z) * size[1] + math.hypot(x, y) * size[0]
+        return float(self._data.geom_xpos[geom][2] - depth)
+
+    def _build(self) -> None:
+        body, start = self._body, self._held
+        self._model = _model(body, start)
+        self._data = mujoco.MjData(self._model)
+        self._main = self._model.body(body.base).id
+        joints = [self._model.joint(motor.name) for motor in body.motors]
+        self._places = [int(joint.qposadr[0]) for joint in joints]
+        self._rates = [int(joint.dofadr[0]) for joint in joints]
+        self._sensor_of = {
+            self._model.body(link).id: name for name, group in body.touch.items() for link in group
+        }
+        self._command()
+        self._aims[:] = self._data.qpos[self._places] = self._wanted
+        if start is None:
+            mujoco.mj_kinematics(self._model, self._data)
+            self._data.qpos[2] -= min(map(self._lowest, range(1, self._model.ngeom)))
+        mujoco.mj_forward(self._model, self._data)
+
+
+def _model(body: Body, held: Pose | None) -> Any:
+    """The body over a plane, fixed where it is held, as a compiled model."""
+    spec = mujoco.MjSpec()
+    spec.option.timestep = _STEP
+    spec.option.gravity = (0, 0, -GRAVITY)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    # Inertia in files of others is at times 0, or more about one axis than about the other two.
+    spec.compiler.boundinertia = _LEAST_INERTIA
+    spec.compiler.balanceinertia = True
+    friction = (FRICTION, 0, 0)
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0, 0, 1), friction=friction, conaffinity=0
+    )
+    links = {link.name: link for link in body.robot.links}
+    main = spec.worldbody.add_body(name=body.base)
+    if held is None:
+        main.add_freejoint()
+    else:
+        main.pos, main.quat = held.position, np.roll(held.orientation, 1)
+    _furnish(main, links[body.base])
+    carriers = {body.base: main}
+    motors = {motor.name: motor for motor in body.motors}
+    for joint in body.robot.joints:
+        child = carriers[joint.parent.link].add_body(name=joint.child.link, **_place(joint.origin))
+        carriers[joint.child.link] = child
+        _furnish(child, links[joint.child.link])
+        if joint.name in motors:
+            stiffness = motors[joint.name].effort / (_YIELD * HOLD_TOLERANCE)
+            hinge = child.add_joint(name=joint.name, axis=vector(joint.axis.xyz))
+            hinge.armature = stiffness * _STEP**2
+            servo = spec.add_actuator(
+                name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            servo.set_to_position(kp=stiffness, kv=2 * stiffness * _STEP)
+            servo.forcelimited = True
+            servo.forcerange = (-1.0, 1.0)  # until commanded
+    # Servos are found by number, in the motors' order, which is the joints' in the file.
+    return spec.compile()
+
+
+def _furnish(element: Any, link: Link) -> None:
+    """Gives a link its mass and its shapes."""
+    inertial = link.inertial
+    assert inertial is not None
+    tensor = inertial.inertia
+    element.explicitinertial = True
+    element.mass = inertial.mass.value
+    place = _place(inertial.origin)
+    element.ipos, element.iquat = place["pos"], place["quat"]
+    element.fullinertia = (
+        *(tensor.ixx, tensor.iyy, tensor.izz),
+        *(tensor.ixy, tensor.ixz, tensor.iyz),
+    )
+    for collision in link.collisions:
+        element.add_geom(
+            **_shape(collision),
+            **_place(collision.origin),
+            friction=(FRICTION, 0, 0),
+            contype=0,
+        )
+
+
+def _shape(collision: Collision) -> dict[str, Any]:
+    shape = collision.geometry.shape
+    if isinstance(shape, Box):
+        half = [extent / 2 for extent in vector(shape.size)]
+        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": half}
+    if isinstance(shape, Cylinder):
+        size = (shape.radius, shape.length / 2, 0)
+        return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": size}
+    assert isinstance(shape, Sphere)
+    return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": (shape.radius, 0, 0)}
+
+
+def _place(origin: Origin) -> dict[str, Sequence[float]]:
+    """Position and orientation; URDF's angles turn about the fixed axes x, y and z."""
+    roll, pitch, yaw = (angle / 2 for angle in vector(origin.rpy))
+    cr, sr = math.cos(roll), math.sin(roll)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    turn = (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+    return {"pos": vector(origin.xyz), "quat": turn}

@@ -1,0 +1,90 @@
+"""The study's list, its memory and its tables; the runs themselves are the bench."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+
+from bench.power.robots import Robot
+from bench.power.study import SEEDS, study
+from bench.power.tables import page
+from bench.power.trial import Figures, Step, Trial, figures_of
+from bench.prior_bodies import drawn_body
+from sim_robot.world.body import load_body
+
+
+def figures(seed: int, cells: int, probability: float, error: float = 1.0) -> Figures:
+    step = Step(
+        probability=probability,
+        cells=cells,
+        leg_errors_mm=(error, -1.0),
+        inside=(False, True),
+        cpu_seconds=20.0,
+    )
+    return Figures(
+        seed=seed,
+        cpu_seconds=20.0,
+        simulations=1000,
+        explained=True,
+        verdict="Some body explains it.",
+        cells=12,
+        steps=(step,),
+    )
+
+
+def test_every_robot_of_the_study_can_be_started(tmp_path: Path) -> None:
+    path = tmp_path / "body.urdf"
+    for trials in study(SEEDS["development"]).values():
+        assert len({trial.name for trial in trials}) == len(trials)
+        for trial in pickle.loads(pickle.dumps(trials)):
+            body = trial.robot.body(trial.seeds[0])
+            names = []
+            for text in (body, trial.robot.truth(body)):
+                path.write_text(text, encoding="utf-8")
+                names.append([motor.name for motor in load_body(path).motors])
+            assert names[0] == names[1]
+
+
+def test_a_body_of_the_prior_is_drawn_again_for_its_seed() -> None:
+    assert drawn_body("topological", 3) == drawn_body("topological", 3)
+    assert drawn_body("topological", 3) != drawn_body("topological", 4)
+
+
+def test_what_was_done_is_not_repeated(tmp_path: Path) -> None:
+    def never(seed: int) -> str:
+        raise AssertionError("it was done")
+
+    trial = Trial(name="a trial", seeds=(5,), robot=Robot(body=never))
+    done = figures(5, 12, 0.99)
+    (tmp_path / "a-trial" / "5").mkdir(parents=True)
+    (tmp_path / "a-trial" / "5" / "figures.json").write_text(done.model_dump_json())
+    assert figures_of(trial, 5, tmp_path) == done
+    (tmp_path / "a-trial" / "6").mkdir()
+    with pytest.raises(AssertionError):
+        figures_of(trial, 6, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("run", "wrong"),
+    [
+        (figures(1, 12, 0.99), False),
+        (figures(1, 11, 0.99), True),
+        (figures(1, 11, 0.80), False),
+        (figures(1, 12, 0.99, error=25.0), True),
+        (figures(1, 11, 0.99).model_copy(update={"explained": False}), False),
+    ],
+)
+def test_certain_and_wrong(run: Figures, wrong: bool) -> None:
+    assert run.certain_and_wrong == wrong
+
+
+def test_the_page_holds_every_run() -> None:
+    trial = Trial(name="one method", seeds=(1, 2))
+    runs = [figures(1, 12, 0.99), figures(2, 11, 0.40)]
+    text = page({"whole body": [(trial, runs)], "faults": [(trial, runs[:1])]})
+    assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 | 1.0 | 1.0 | 2 of 4 | 20 |" in text
+    assert "| one method | 2 | □ | 0.40 | +1.0 -1.0 | 20 |  |" in text
+    assert "| one method | 1 | 12 of 12 | 0.99 | +1 -1 | no | Some body explains it. |" in text
+    assert "| 0.99–1 | 1 | 0.99 | 1 |" in text

@@ -1,0 +1,72 @@
+"""The notebook runs, from its first cell to its last, and shows what its cells gave."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.docs.notebooks import NOTEBOOK
+
+TEXT = NOTEBOOK.read_text(encoding="utf-8")
+
+
+def code_cells(text: str) -> list[dict[str, Any]]:
+    return [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
+
+
+def two_free_ports() -> int:
+    """The first of two neighbours: telemetry is on the next one."""
+    while True:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port: int = first.getsockname()[1]
+            try:
+                second.bind(("127.0.0.1", port + 1))
+            except OSError:
+                continue
+            return port
+
+
+@pytest.mark.timeout(180)
+def test_every_cell_runs(tmp_path: Path) -> None:
+    port = two_free_ports()
+    short = TEXT.replace("5750", str(port)).replace("interactions=5", "interactions=1")
+    less = "explore=height, interactions=2, population=8, generations=2"
+    copy = tmp_path / "notebook.ipynb"
+    copy.write_text(short.replace("explore=height", less), encoding="utf-8")
+    run = subprocess.Popen(
+        [sys.executable, "-W", "error", "-m", "tests.docs.notebooks", str(copy)],
+        cwd=NOTEBOOK.parents[1],
+        env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+        process_group=0,
+    )
+    try:
+        assert run.wait(150) == 0
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(run.pid, signal.SIGKILL)  # with the robot that the notebook started
+    again, shown = code_cells(copy.read_text(encoding="utf-8")), code_cells(TEXT)
+    for new, old in zip(again, shown, strict=True):
+        kinds = [[output["output_type"] for output in cell["outputs"]] for cell in (new, old)]
+        assert kinds[0] == kinds[1]
+    legs = "".join(again[2]["outputs"][0]["text"])
+    assert re.findall(r"^hip_(\w+): on the ", legs, re.MULTILINE) == [
+        *("left", "front", "right", "back")
+    ]
+
+
+def test_it_is_kept_as_it_was_run_and_small() -> None:
+    cells = code_cells(TEXT)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    assert len(TEXT) < 60_000
+    assert TEXT.count("image/png") == 1

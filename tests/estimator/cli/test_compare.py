@@ -1,0 +1,71 @@
+"""``estimator compare``: runs side by side, also unfinished and damaged ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from estimator.cli.command_line import app
+from estimator.report.comparison import ComparedRun, comparison_picture
+from estimator.storage.store import RunStore
+from tests.estimator.report.made_runs import made_run
+
+
+@pytest.fixture(autouse=True)
+def plain_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = np.full((6, 8, 3), 200, dtype=np.uint8)
+    monkeypatch.setattr("estimator.report.comparison.take_picture", lambda *_: plain)
+
+
+@pytest.fixture
+def runs(tmp_path: Path) -> tuple[Path, Path]:
+    """A finished run of one method and an unfinished one of the other."""
+    return (
+        made_run(tmp_path / "one", "topological", "posterior"),
+        made_run(tmp_path / "two", "parametric", "paper", complete=False),
+    )
+
+
+def compare(*arguments: str | Path) -> Result:
+    return CliRunner().invoke(app, ["compare", *map(str, arguments)], terminal_width=200)
+
+
+def test_runs_stand_side_by_side_as_table_and_picture(
+    runs: tuple[Path, Path], tmp_path: Path
+) -> None:
+    picture = tmp_path / "c.png"
+    ended = compare(*runs, "--out", picture)
+    assert ended.exit_code == 0, ended.output
+    lines = {line.split("  ")[0]: line.split()[-2:] for line in ended.stdout.splitlines() if line}
+    assert lines["problem"] == ["topological", "parametric"]
+    assert lines["seed"] == ["1", "1"]
+    assert "Run 2 is not finished" in ended.stdout
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    one, two = (ComparedRun.read(run) for run in runs)
+    for run in (one, two):
+        for length in run.lengths.values():
+            assert f"{1000 * length.median:.1f}" in ended.stdout
+    axes = comparison_picture([one, two]).axes[-1]
+    drawn = [
+        float(np.asarray(line.get_ydata())[0]) for line in axes.lines if np.size(line.get_ydata())
+    ]
+    medians = [100 * length.median for run in (one, two) for length in run.lengths.values()]
+    assert drawn == pytest.approx(medians)  # the plot's numbers are the table's
+
+
+def test_a_run_that_has_learnt_nothing_is_compared(runs: tuple[Path, Path], tmp_path: Path) -> None:
+    with RunStore.open(runs[1]) as store:
+        store._database.execute("DELETE FROM generations")
+        store._database.execute("DELETE FROM checkpoint")
+    ended = compare(*runs, "--out", tmp_path / "c.png")
+    assert ended.exit_code == 0, ended.output
+
+
+def test_what_cannot_be_compared_is_a_sentence(runs: tuple[Path, Path], tmp_path: Path) -> None:
+    alone, nowhere = compare(runs[0]), compare(runs[0], tmp_path)
+    assert (alone.exit_code, nowhere.exit_code) == (2, 1)
+    assert "two run directories" in alone.stderr
+    assert "holds no run" in nowhere.stderr

@@ -1,0 +1,74 @@
+"""A run that is followed while it goes on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeAlias
+
+import pytest
+
+from estimator.identification import posterior_method
+from estimator.identification.listener import Listener
+from estimator.identification.run import MethodName, identify
+from estimator.live import run_follower
+from estimator.live.run_follower import RunFollower
+from estimator.live.run_view import RunView
+from estimator.physics.backends import in_this_process
+from estimator.posterior.sampler import Effort
+from estimator.readings.observation import Observation
+from estimator.report.run_files import write_report
+from tests.estimator.model_robot import ModelRobot, make_order, serving
+
+FollowedRun: TypeAlias = tuple[Path, list[RunView]]
+"""A run directory, and how the run stood whenever something had happened."""
+
+SMALL = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
+
+
+class Following(Listener):
+    """Looks at the run whenever something has happened, as another process might."""
+
+    def __init__(self, directory: Path, *, interrupt: bool) -> None:
+        self.views: list[RunView] = []
+        self._follower = RunFollower(directory)
+        self._interrupt = interrupt
+
+    def chosen(self, number: int, reason: str, bits: float | None) -> None:
+        self.look()
+
+    def observed(self, number: int, observation: Observation) -> None:
+        self.look()
+
+    def worked(self, work: float, what: str) -> None:
+        self.look()
+        if self._interrupt:
+            raise KeyboardInterrupt
+
+    def look(self) -> None:
+        """Notes how the run stands, which must be news, and then no more."""
+        view = self._follower.news()
+        assert view is not None
+        assert self._follower.news() is None
+        self.views.append(view)
+
+
+def follow_run(folder: Path, method: MethodName, *, interrupt: bool = False) -> list[RunView]:
+    """Identifies a robot whose four legs have unknown lengths, in ``folder / "run"``.
+
+    Returns:
+        How it stood whenever something had happened, an interruption included.
+    """
+    with pytest.MonkeyPatch.context() as patch, serving(ModelRobot()) as uri:
+        patch.setattr(posterior_method, "Effort", lambda: SMALL)
+        patch.setattr(run_follower, "_AT_LEAST", 0.0)
+        patch.setattr(run_follower, "_IDLE", 0)
+        patch.setattr(run_follower, "_SILENT", 0.0)
+        order = replace(make_order(folder, uri), method=method, explore="disagreement")
+        following = Following(folder / "run", interrupt=interrupt)
+        try:
+            identify(folder / "run", order, in_this_process, following, report=write_report)
+        except KeyboardInterrupt:
+            assert interrupt
+            following.look()
+    return following.views

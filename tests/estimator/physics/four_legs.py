@@ -1,0 +1,72 @@
+"""Bodies on four equal legs, and random ones with random motor programs."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.physics.base import Pair, Physics, Readings
+from estimator.physics.pybullet import PyBulletPhysics
+
+MakeBody = Callable[[np.random.Generator], Morphology]
+BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+BELLY = 0.085 / 2
+RIGHT_ANGLE = math.radians(90)
+
+
+def legs(length: float, *, radius: float = 0.006, pieces: int = 1, hinge: int = 2) -> Morphology:
+    """Four equal straight legs, each of one or two rigid pieces; the last piece feels touch."""
+    upper = [
+        Part(
+            parent=BASE,
+            mount=leg,
+            hinge=hinge,
+            length=length / pieces,
+            radius=radius,
+            motor=leg,
+            sensor=leg if pieces == 1 else None,
+        )
+        for leg in range(4)
+    ]
+    lower = [
+        replace(part, parent=part.mount, mount=1, motor=None, sensor=part.mount) for part in upper
+    ]
+    parts = tuple(upper) if pieces == 1 else (*upper, *lower)
+    return Morphology(base=BODY, parts=parts, density=1000.0)
+
+
+def read_one(physics: Physics, body: Morphology, *angles: float) -> Readings:
+    return physics.read([(body, np.array(angles))])
+
+
+def random_pairs(make: MakeBody, count: int, seed: int, motors: int = 8) -> list[Pair]:
+    rng = np.random.default_rng(seed)
+    pairs = []
+    for _ in range(count):
+        program = np.zeros(8)
+        program[:motors] = np.radians(rng.uniform(-30, 30, motors))
+        pairs.append((make(rng), program))
+    return pairs
+
+
+def assert_links_where_kinematics_says(
+    physics: PyBulletPhysics, body: Morphology, angles: Array
+) -> None:
+    """PyBullet's links, at given angles of the motors, stand as ``part_frames`` says."""
+    engine, client = physics._engine, physics._client
+    turned = body.part_angles(angles)
+    number = physics._build(body, turned)
+    for link, angle in enumerate(turned):
+        engine.resetJointState(number, link, angle, physicsClientId=client)
+    base, _ = engine.getBasePositionAndOrientation(number, physicsClientId=client)
+    states = engine.getLinkStates(
+        number, range(len(turned)), computeForwardKinematics=True, physicsClientId=client
+    )
+    origins, rotations = part_frames(body, angles)
+    for link, state in enumerate(states):
+        matrix = np.reshape(engine.getMatrixFromQuaternion(state[5]), (3, 3))
+        assert np.array(state[4]) - base == pytest.approx(origins[link], abs=1e-5)
+        assert matrix == pytest.approx(rotations[link], abs=1e-5)

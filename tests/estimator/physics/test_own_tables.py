@@ -1,0 +1,80 @@
+"""Mounts anywhere and hinges aslant: both back-ends move and rest as forward kinematics says."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import part_frames
+from estimator.physics.base import WorldSettings
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
+from tests.estimator.conftest import MakeBody
+from tests.estimator.physics.four_legs import assert_links_where_kinematics_says
+from tests.estimator.physics.test_statics_wild import assert_rests
+
+
+@pytest.fixture
+def pybullet() -> Iterator[PyBulletPhysics]:
+    with PyBulletPhysics() as physics:
+        yield physics
+
+
+def test_statics_rests_where_the_parts_are(
+    statics: StaticsPhysics, random_tree_of_own_tables: MakeBody
+) -> None:
+    rng = np.random.default_rng(8)
+    for _ in range(100):
+        body = random_tree_of_own_tables(rng)
+        program = rng.uniform(-2, 2, 8)
+        felt = statics.read([(body, program)])
+        assert felt.valid[0]
+        assert_rests(body, program, felt)
+
+
+def test_bodies_of_several_tables_are_read_together(
+    statics: StaticsPhysics, random_tree: MakeBody, random_tree_of_own_tables: MakeBody
+) -> None:
+    rng = np.random.default_rng(9)
+    bodies = [make(rng) for make in (random_tree, random_tree_of_own_tables) for _ in range(5)]
+    program = rng.uniform(-0.5, 0.5, 8)
+    together = statics.read([(body, program) for body in bodies])
+    for row, body in enumerate(bodies):
+        alone = statics.read([(body, program)])
+        assert alone.tilt[0].tolist() == together.tilt[row].tolist()
+    assert len(Bodies.of([bodies[0]] * 3).hinges) == 6
+
+
+def test_pybullet_builds_what_forward_kinematics_says(
+    pybullet: PyBulletPhysics, random_tree_of_own_tables: MakeBody
+) -> None:
+    rng = np.random.default_rng(10)
+    for _ in range(30):
+        body = random_tree_of_own_tables(rng)
+        assert_links_where_kinematics_says(pybullet, body, rng.uniform(-np.pi, np.pi, 8))
+
+
+def test_the_engines_agree(
+    statics: StaticsPhysics, pybullet: PyBulletPhysics, random_tree_of_own_tables: MakeBody
+) -> None:
+    rng = np.random.default_rng(11)
+    pairs = [(random_tree_of_own_tables(rng), rng.uniform(-0.5, 0.5, 8)) for _ in range(40)]
+    by_statics, simulated = statics.read(pairs), pybullet.read(pairs)
+    sure = statics.path_margins(pairs) > np.radians(1)
+    away = np.degrees(np.abs(by_statics.tilt - simulated.tilt).max(axis=1))
+    assert sure.sum() > 10
+    assert np.mean(away[sure & simulated.valid] < 0.5) > 0.9
+
+
+def test_a_mount_below_the_belly_lifts_it(
+    statics: StaticsPhysics, random_tree_of_own_tables: MakeBody
+) -> None:
+    body = random_tree_of_own_tables(np.random.default_rng(1))
+    origins, _ = part_frames(body, np.zeros(8))
+    radii = np.array([part.radius for part in body.parts])
+    assert body.planar_height == pytest.approx(max(body.base.size[2] / 2, *(radii - origins[:, 2])))
+    assert WorldSettings().inertia_floor(body) > 0
+    assert np.max(np.linalg.norm(origins, axis=1)) <= body.reach

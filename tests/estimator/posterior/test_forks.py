@@ -1,0 +1,70 @@
+"""Where a trifle decides to which side a body falls, both sides are explained."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import BASE, Morphology, Part
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.likelihood import ASTRAY, LEANS, Likelihood, SensorData, apart
+from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from tests.estimator.conftest import BODY, DENSITY
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, TWO_UNKNOWN_ROWS
+
+FORK = np.radians([14.0, -9.0, 11.0, -30.0])
+EQUAL_LEGS = Morphology(
+    base=BODY,
+    parts=tuple(
+        Part(parent=BASE, mount=leg, hinge=2, length=0.22, radius=0.006, motor=leg, sensor=leg)
+        for leg in range(4)
+    ),
+    density=DENSITY,
+)
+
+
+def test_an_inclined_gravity_decides_at_a_fork_and_not_elsewhere(statics: StaticsPhysics) -> None:
+    bodies = Bodies.of([EQUAL_LEGS] * len(LEANS))
+    fork = statics.read_bodies(bodies, FORK, LEANS)
+    assert {round(math.degrees(tilt)) for tilt in fork.tilt[:, 0]} == {20, -20}
+    sure = statics.read_bodies(bodies, np.radians([30.0, -30.0, 7.0, 14.0]), LEANS)
+    for name in ("tilt", "clearance"):
+        values = getattr(sure, name)
+        assert values == pytest.approx(np.broadcast_to(values[0], values.shape), abs=1e-9)
+
+
+def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
+    problem = Problem.parse(TWO_UNKNOWN_ROWS.replace("length = 0.2\n", "length = 0.22\n"), "rows")
+    genome = Genome(problem, BODY)
+    predictor = Predictor(Unknowns(genome), StaticsPhysics())
+    point = np.full((1, genome.size), 0.1)
+    named = {gene.name: column for column, gene in enumerate(genome.genes)}
+    for leg in (1, 2):
+        point[0, named[f"mount of leg {leg}"]] = (leg - 1 + 0.5) / 4
+        point[0, named[f"hinge of leg {leg}"]] = 2.5 / 6
+        point[0, named[f"length of leg {leg}"]] = (0.22 - 0.02) / 0.38
+    sides = predictor.read_all(np.repeat(point, len(LEANS), axis=0), FORK[None], LEANS)
+    plumb = sides[np.zeros(len(LEANS), dtype=np.intp)]
+    other = int(np.flatnonzero(apart(plumb, sides, NOISE))[0])
+    fits = []
+    for row in (0, other):
+        felt = Observation(
+            angles=tuple(FORK.tolist()),
+            touch=tuple(bool(bit) for bit in sides.touch[row]),
+            tilt=(float(sides.tilt[row, 0]), float(sides.tilt[row, 1])),
+            clearance=float(sides.clearance[row]),
+        )
+        likelihood = Likelihood(SensorData.of([felt], MODALITIES, CAP), NOISE)
+        misfits = likelihood.misfits_of(predictor, point)
+        assert (misfits[0, 0, ASTRAY] > 0) == (row == other)
+        fits.append(likelihood.of(misfits, np.ones(1), np.zeros((1, 2)))[0, 0])
+        surely = likelihood.misfits_of(predictor, point, surely=True)
+        alone = likelihood.of(surely, np.ones(1), np.zeros((1, 2)))[0, 0]
+        assert (fits[-1] > alone + 5) == (row == other)
+    assert fits[1] - fits[0] == pytest.approx(math.log(0.5), abs=1e-3)

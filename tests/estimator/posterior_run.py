@@ -1,0 +1,63 @@
+"""A finished run of the method posterior, without the hours of one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from estimator.readings.observation import Observation
+from estimator.storage.beliefs import Belief, BelievedMode, NextMovement
+from estimator.storage.records import Counters
+from estimator.storage.store import RunStore
+from tests.estimator.evaluation.test_score import make_run
+from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, make_capabilities
+
+
+def make_posterior_run(
+    folder: Path,
+    lengths: Sequence[tuple[float, ...]],
+    *,
+    hinge: float | None = None,
+    rivals: Sequence[BelievedMode] = (),
+    decides: NextMovement | None = None,
+) -> RunStore:
+    """A run that believes in the first of some bodies, the others being its samples.
+
+    Args:
+        folder: Where it is to be, as ``posterior``.
+        lengths: Of the four legs of each body, m.
+        hinge: Gene of the back leg's hinge, where that is to be found.
+        rivals: Modes after the first.
+        decides: What would tell most.
+    """
+    text = PROBLEM
+    if hinge is not None:
+        text = 'hinge = "unknown"'.join(PROBLEM.rsplit('hinge = "up"', 1))
+    with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,))[0] as model:
+        settings = model.settings.model_copy(update={"method": "posterior"})
+    bodies = []
+    for row in lengths:
+        genes = ((np.array(row) - 0.05) / 0.2).tolist()
+        bodies.append(tuple(genes if hinge is None else [*genes[:-1], hinge, genes[-1]]))
+    best, *samples = bodies
+    first = BelievedMode(probability=0.75, effective=50.0, genes=best, like_the_first=True)
+    belief = Belief(
+        genes=tuple(samples),
+        scales=((0.0, 0.0),) * len(samples),
+        weights=(1 / len(samples),) * len(samples),
+        best=best,
+        modes=(first, *rivals),
+        probability=0.75,
+        seen=1.0,
+        foretold=(),
+        unexplained=(),
+        noisy=(),
+        decides=decides,
+    )
+    store = RunStore.create(folder / "posterior", settings, make_capabilities(), "me")
+    store.plan(0, (0.0,) * 4)
+    store.observe(0, Observation(angles=(0.0,) * 4))
+    store.save_belief(0, belief, Counters(), None)
+    return store

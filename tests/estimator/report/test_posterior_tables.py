@@ -1,0 +1,59 @@
+"""What a terminal says of a posterior: rivals, and what could decide."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+from rich.console import Console
+
+from estimator.identification.run import problem_of
+from estimator.report.result import summarise
+from estimator.report.terminal_tables import print_result
+from estimator.storage.beliefs import BelievedMode, NextMovement
+from tests.estimator.model_robot import TRUE_LENGTHS
+from tests.estimator.posterior_run import make_posterior_run
+
+UP = 2.5 / 6
+
+
+def rival(hinge: float, *, alike: bool) -> BelievedMode:
+    genes = (0.5, 0.5, 0.5, hinge, 0.5)
+    return BelievedMode(probability=0.125, effective=50.0, genes=genes, like_the_first=alike)
+
+
+def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None:
+    movement = NextMovement(
+        program=(0.0, 0.0, 0.1, -0.5), reason="tells apart: hinge of back (up or down)", bits=0.8
+    )
+    rivals = [rival(3.5 / 6, alike=False), rival(4.5 / 6, alike=True)]
+    lengths = [TRUE_LENGTHS] * 3
+    with make_posterior_run(tmp_path, lengths, hinge=UP, rivals=rivals, decides=movement) as run:
+        result = summarise(run, problem_of(run))
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result)
+    said = text.getvalue()
+    assert "Rival (12.5 %): hinge of back: down." in said
+    assert "No movement can tell apart (12.5 %): hinge of back: roll_left." in said
+    assert (
+        "What would tell most: right 6°, back -29°; tells apart: hinge of back (up or down); "
+        "expected 0.8 bits." in said
+    )
+    assert result.posterior is not None
+    assert result.posterior.decides == movement
+    assert all(leg.population_m is None for leg in result.legs)
+
+
+def test_what_no_movement_could_tell_is_said(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=4.5 / 6) as run:
+        result = summarise(run, problem_of(run))
+    assert result.posterior is not None
+    assert result.posterior.equivalent == ("a servo of back that never moves feels like a roll",)
+
+
+def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        result = summarise(run, problem_of(run))
+    assert result.posterior is not None
+    assert result.posterior.equivalent == ()
+    assert result.posterior.probability == 1.0

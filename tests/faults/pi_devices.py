@@ -1,0 +1,155 @@
+"""The rows of the fault matrix that are about the chips on an I²C bus: ``--electronics pi``."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tests.faults.devices import CLEAR, FREEZES, NO_READING, device, unnoticed
+from tests.faults.matrix import AT_ONCE
+
+SWITCHED_ON: Final = (
+    "`clear` works at once, and switches the servos on where they were last sent: they go there at "
+    "their own speed."
+)
+AT_START: Final = (
+    "not before the next start or `clear`, which identify and test the chip and are refused then"
+)
+
+PI_DEVICES: Final = {
+    "Servo board on I²C (PCA9685)": (
+        device(
+            "no acknowledge while moving",
+            "pwm.nak",
+            "makes each transfer three times, then "
+            + FREEZES
+            + " (the board goes on with its pulses)",
+            "Nothing acknowledges",
+            after=0.4,
+        ),
+        device(
+            "every third transfer is not acknowledged",
+            "pwm.nak=3",
+            "makes it again: nothing is lost",
+            "(an observation)",
+            "By itself.",
+            code=None,
+        ),
+        device("bus hangs while moving", "pwm.hang", FREEZES, "The I²C bus hangs", after=0.4),
+        device(
+            "writes are acknowledged and lost, while moving",
+            "pwm.lost=1",
+            "reads the board's registers back when it has moved, and freezes",
+            "does not have the commands",
+            AT_ONCE,
+            after=0.4,
+            lasts=False,
+        ),
+        device(
+            "reset while moving: outputs are off, joints limp",
+            "pwm.reset",
+            "reads the board's mode back with every move, and stops at once. A board that was "
+            "reset sleeps: it takes commands and gives no pulses, so nothing leaps",
+            "does not run as it was set up",
+            SWITCHED_ON,
+            after=0.4,
+            lasts=False,
+            limp=True,
+        ),
+        device(
+            "put to sleep by another program while moving",
+            "pwm.sleep",
+            "likewise",
+            "does not run as it was set up",
+            SWITCHED_ON,
+            after=0.4,
+            lasts=False,
+            limp=True,
+        ),
+        device(
+            "reset while idle",
+            "pwm.reset",
+            "notices before it moves, at the next request (on a real robot: within 3 s)",
+            "does not run as it was set up",
+            SWITCHED_ON,
+            lasts=False,
+            mended_first=True,
+            limp=True,
+        ),
+    ),
+    "Analogue inputs on I²C (ADS1115)": (
+        device("no acknowledge", "adc.nak", NO_READING, "Nothing acknowledges"),
+        device("bus hangs", "adc.hang", NO_READING, "The I²C bus hangs"),
+        device("a conversion never ends", "adc.busy", NO_READING, "did not end a conversion"),
+        device(
+            "a foot's input is railed",
+            "adc.railed_channel=1",
+            NO_READING,
+            "is at the end of its range",
+        ),
+        unnoticed(
+            "a foot's input is stuck",
+            "adc.stuck_channel=1",
+            "nothing: this converter is so quiet that a foot in the air may always give one code",
+            "**not noticed** (an observation)",
+            "`robotd try` and `robotd calibrate` show it; look at the resistor and the wires.",
+        ),
+        unnoticed(
+            "reset while moving",
+            "adc.reset",
+            "nothing: every conversion brings its settings, and reads them back before the result",
+            "(an observation)",
+            "By itself.",
+            after=0.4,
+        ),
+    ),
+    "Accelerometer on I²C (MPU-6050)": (
+        device("no acknowledge", "accelerometer.nak", NO_READING, "Nothing acknowledges"),
+        device("bus hangs", "accelerometer.hang", NO_READING, "The I²C bus hangs"),
+        device(
+            "an axis is stuck",
+            "accelerometer.stuck_axis=0",
+            "notices the same code 20 samples running (its noise is some 40 codes), and gives no "
+            "observation",
+            "x axis is stuck",
+        ),
+        device(
+            "an axis is at the end of its range",
+            "accelerometer.railed_axis=1",
+            NO_READING,
+            "at the end of its range, 2 g",
+        ),
+        device(
+            "reset while moving: it sleeps",
+            "accelerometer.reset",
+            NO_READING,
+            "was reset: it sleeps",
+            "`clear` sets it up and tests it again.",
+            after=0.4,
+            lasts=False,
+        ),
+        device(
+            "put to sleep by another program while moving: it repeats its last sample",
+            "accelerometer.sleep",
+            "reads its power register with every sample, and gives no observation",
+            "The MPU-6050 sleeps",
+            "`clear` sets it up and tests it again.",
+            after=0.4,
+            lasts=False,
+        ),
+        unnoticed(
+            "an axis is worn: it moves by 70 % of what it should in the self-test",
+            "accelerometer.weak=1",
+            AT_START,
+            "(an observation)",
+            CLEAR,
+        ),
+        unnoticed(
+            "another chip is in its place",
+            "accelerometer.other=152",
+            AT_START,
+            "(an observation)",
+            CLEAR,
+        ),
+    ),
+}
+"""Faults of these chips, by section; the distance sensor's are those of ``devices``."""

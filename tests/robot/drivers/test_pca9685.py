@@ -1,0 +1,269 @@
+"""The PCA9685's driver against the emulated board."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import pytest
+from smbus2 import i2c_msg
+
+from robot.drivers.buses import Buses
+from robot.drivers.pca9685 import PCA9685, PCA9685Settings
+from robot.errors import (
+    CommandError,
+    ConfigError,
+    DeviceDataError,
+    DeviceMissingError,
+    DeviceTimeoutError,
+)
+from robot.toml_sections import toml_section
+from sim_robot.electronics.i2c_bus import I2CBus
+from sim_robot.electronics.pca9685 import PCA9685Emulator
+from tests.robot.clocks import InstantClock
+
+MIDDLE = 307  # 1.5 ms at 50 Hz
+
+
+def settings(text: str = "") -> PCA9685Settings:
+    return PCA9685Settings.read(toml_section(f"[servos]\n{text}", "robot.toml").table("servos"))
+
+
+class Bench:
+    """Two boards on a bus."""
+
+    def __init__(self) -> None:
+        self.clock = InstantClock()
+        self.boards = [PCA9685Emulator(self.clock, address=one) for one in (0x40, 0x41)]
+        self.settings = settings("address = [0x40, 0x41]")
+        self.bus = I2CBus(self.boards, self.clock)
+        self.servos = self.open()
+
+    def open(self) -> PCA9685:
+        return self.settings.open(Buses(clock=self.clock, open_i2c=lambda path: self.bus))
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def test_a_board_fresh_from_its_reset_is_set_up_with_all_outputs_off(bench: Bench) -> None:
+    assert bench.servos.read_counts([0, 15, 16]) == {0: 0, 15: 0, 16: 0}
+    assert bench.boards[0].tick_us == pytest.approx(4.88)
+    assert bench.boards[0].pulses() == (0,) * 16
+
+
+def test_outputs_get_the_pulses_that_they_are_sent_on_every_board(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    bench.servos.set_counts({0: 103, 15: 512, 17: MIDDLE})
+    assert (bench.boards[0].pulses()[0], bench.boards[0].pulses()[15]) == (103, 512)
+    assert bench.boards[1].pulses() == (0, MIDDLE) + (0,) * 14
+    assert bench.servos.read_counts([0, 17, 18]) == {0: 103, 17: MIDDLE, 18: 0}
+    assert bench.servos.verify({0: 103, 17: MIDDLE}) == []
+    assert bench.servos.verify({0: 104, 17: MIDDLE}) == [0]
+
+
+def test_an_update_lasts_a_pulse_and_no_longer_than_it_says(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    before = bench.clock.now()
+    bench.servos.set_counts(dict.fromkeys(range(8), MIDDLE))
+    took = bench.clock.now() - before
+    assert bench.settings.period <= took <= bench.servos.seconds_for(8)
+
+
+def test_nothing_moves_before_the_boards_were_read(bench: Bench) -> None:
+    with pytest.raises(CommandError, match="read the servo board"):
+        bench.servos.set_counts({0: MIDDLE})
+
+
+@pytest.mark.parametrize("count", [0, 102, 513, 4096])
+def test_no_pulse_is_shorter_than_500_or_longer_than_2500_microseconds(
+    bench: Bench, count: int
+) -> None:
+    bench.servos.read_counts([0])
+    with pytest.raises(CommandError, match="must lie in 103 to 512"):
+        bench.servos.set_counts({0: MIDDLE, 1: count})
+    assert bench.boards[0].pulses() == (0,) * 16
+
+
+def test_a_board_that_outlived_its_daemon_is_read_back_and_goes_on(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    bench.servos.set_counts({3: 400})
+    bench.servos.close()
+    again = bench.open()
+    assert again.read_counts([2, 3, 4]) == {2: 0, 3: 400, 4: 0}
+    again.release([2])
+    assert bench.boards[0].pulses()[3] == 400
+
+
+@pytest.mark.parametrize("ticks", [50, 600, 4096])
+def test_a_board_with_pulses_that_no_servo_knows_is_switched_off(bench: Bench, ticks: int) -> None:
+    bench.servos.read_counts([0])
+    bench.boards[0].receive(bytes((6 + 4 * 5, 0, ticks >> 8 & 0x10, ticks & 0xFF, ticks >> 8 & 15)))
+    bench.boards[0].stop()
+    assert bench.boards[0].pulses()[5] == ticks
+    assert bench.open().read_counts([5]) == {5: 0}
+
+
+@pytest.mark.parametrize("event", ["reset", "sleep"])
+def test_a_reset_is_noticed_and_nothing_follows(bench: Bench, event: str) -> None:
+    bench.servos.read_counts([0])
+    bench.servos.set_counts({0: MIDDLE})
+    bench.boards[0].inject(event)
+    with pytest.raises(DeviceDataError, match=r"0x40 does not run as it was set up"):
+        bench.servos.set_counts({0: MIDDLE + 1})
+    assert bench.boards[0].pulses() == (0,) * 16
+    with pytest.raises(CommandError):
+        bench.servos.set_counts({0: MIDDLE})
+    with pytest.raises(DeviceDataError):
+        bench.servos.verify({0: MIDDLE})
+    assert bench.servos.read_counts([0]) == {0: 0}  # set up anew, and off
+    bench.servos.set_counts({0: MIDDLE})
+    assert bench.boards[0].pulses()[0] == MIDDLE
+
+
+def test_a_write_that_was_lost_is_found_out(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    bench.boards[0].inject("lost", 3)
+    bench.servos.set_counts({0: MIDDLE, 1: MIDDLE})
+    assert bench.servos.verify({0: MIDDLE, 1: MIDDLE})
+
+
+def test_a_transfer_that_nobody_acknowledged_is_made_again(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    bench.boards[0].inject("nak", 3)
+    bench.servos.set_counts({0: MIDDLE})
+    assert bench.servos.read_counts(range(8)) == {0: MIDDLE} | dict.fromkeys(range(1, 8), 0)
+    assert bench.servos.repeats > 0
+
+
+@pytest.mark.parametrize(
+    ("fault", "error"), [("nak", DeviceMissingError), ("hang", DeviceTimeoutError)]
+)
+def test_a_dead_bus_is_a_sentence(bench: Bench, fault: str, error: type[Exception]) -> None:
+    bench.servos.read_counts([0])
+    bench.boards[0].inject(fault)
+    for action in (
+        lambda: bench.servos.set_counts({0: MIDDLE}),
+        lambda: bench.servos.read_counts([0]),
+        lambda: bench.servos.release([0]),
+    ):
+        with pytest.raises(error, match=r"0x40 \(PCA9685\)"):
+            action()
+
+
+def test_all_outputs_off_takes_one_transfer_and_reaches_a_board_that_does_not_answer(
+    bench: Bench,
+) -> None:
+    bench.servos.read_counts([0])
+    bench.servos.set_counts({0: MIDDLE, 20: MIDDLE})
+    deaf, answers = bench.boards[1], bench.boards[1].answers
+    deaf.answers = lambda address: address != 0x41 and answers(address)  # type: ignore[method-assign]
+    with pytest.raises(DeviceMissingError):
+        bench.servos.release([0, 20])
+    assert [any(board.pulses()) for board in bench.boards] == [False, False]
+
+
+def test_one_of_several_outputs_is_released_alone(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    bench.servos.set_counts({0: MIDDLE, 1: MIDDLE, 20: MIDDLE})
+    bench.servos.release([1])
+    assert bench.servos.read_counts([0, 1, 20]) == {0: MIDDLE, 1: 0, 20: MIDDLE}
+
+
+@pytest.mark.parametrize("output", [-1, 32])
+def test_outputs_that_the_boards_do_not_have(bench: Bench, output: int) -> None:
+    bench.servos.read_counts([0])
+    for action in (
+        lambda: bench.servos.set_counts({output: MIDDLE}),
+        lambda: bench.servos.read_counts([output]),
+        lambda: bench.servos.release([output]),
+    ):
+        with pytest.raises(CommandError, match="outputs 0 to 31"):
+            action()
+
+
+class FileBus:
+    """An emulated bus with a file, as a real one has."""
+
+    def __init__(self, bus: I2CBus, path: Path):
+        self._bus = bus
+        self.fd = os.open(path, os.O_RDWR | os.O_CREAT)
+
+    def i2c_rdwr(self, *messages: i2c_msg) -> None:
+        self._bus.i2c_rdwr(*messages)
+
+    def close(self) -> None:
+        os.close(self.fd)
+
+
+def test_two_programs_cannot_drive_the_same_servos(bench: Bench, tmp_path: Path) -> None:
+    buses = Buses(
+        clock=bench.clock, open_i2c=lambda path: FileBus(bench.bus, tmp_path / Path(path).name)
+    )
+    first = bench.settings.open(buses)
+    with pytest.raises(DeviceMissingError, match="Another program drives the servos") as caught:
+        bench.settings.open(buses)
+    assert isinstance(caught.value.__cause__, BlockingIOError)  # by which the doctor knows it
+    first.reopen()
+    first.close()
+    bench.settings.open(buses).close()
+
+
+def test_another_chip_at_the_address_is_named() -> None:
+    clock = InstantClock()
+    board = PCA9685Emulator(clock)
+    board.receive(bytes((0x02, 0x10)))
+    with pytest.raises(
+        DeviceMissingError, match="0x40 is no PCA9685: its registers 2 to 5 hold 10"
+    ):
+        settings().open(Buses(clock=clock, open_i2c=lambda path: board))
+
+
+@pytest.mark.parametrize(
+    ("rate", "kind", "counts", "actual"),
+    [
+        (50, "analogue", (103, 512), 50.03),
+        (40, "analogue", (82, 408), 39.9),
+        (60, "analogue", (123, 612), 59.8),
+        (333, "digital", (695, 3472), 339.1),
+    ],
+)
+def test_counts_are_pulse_widths_at_the_update_rate(
+    rate: float, kind: str, counts: tuple[int, int], actual: float
+) -> None:
+    found = settings(f'update_hz = {rate}\nservos = "{kind}"')
+    assert (found.counts[0], found.counts[-1]) == counts
+    assert 1 / found.period == pytest.approx(actual, abs=0.1)
+    widths = [count * found.tick_us for count in counts]
+    assert widths[0] >= 500
+    assert widths[1] <= 2500
+    assert math.isclose(widths[1], 2500, abs_tol=5)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("update_hz = 200", "servos.update_hz: is 200, and an analogue servo follows 40 to 60"),
+        ("update_hz = 400\nservos = 'digital'", "from 40 to 333 hertz, not 400"),
+        ("pulse_us = [400, 2500]", "servos.pulse_us: must be a number from 500 to 2500 micro"),
+        ("pulse_us = [500, 2600]", "from 500 to 2500 microseconds, not 2600"),
+        ("pulse_us = [2000, 1000]", "must rise, not 2000 to 1000"),
+        (
+            "address = [0x40, 0x40]",
+            "servos.address: must be an integer from 0x40 to 0x7f, or different ones",
+        ),
+        ("address = [0x30]", "as in [0x41, 0x42], not [0x30]"),
+        ("address = [0x70]", "must leave out 0x70"),
+        ("address = []", "servos.address"),
+        ("address = 20", "servos.address"),
+        ("servos = 'steppers'", "servos.servos: must be one of analogue, digital"),
+    ],
+)
+def test_a_wrong_value_is_named(text: str, words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        settings(text)
+    assert str(caught.value).startswith("robot.toml: servos.")
+    assert words in str(caught.value)
