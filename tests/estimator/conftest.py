@@ -9,14 +9,26 @@ import pytest
 
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.body.mounts import HINGES, BaseMount, Hinge, PartMount
+from estimator.exploration.rules import RULES
+from estimator.identification.objectives import OBJECTIVES
+from estimator.physics.backends import BACKENDS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.search.searches import SEARCHES
 from tests.estimator.two_unknown_rows import make_predictor
 
 MakeBody: TypeAlias = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 DENSITY = 1000.0
+
+
+@pytest.fixture(autouse=True)
+def no_parts_of_another_test() -> Iterator[None]:
+    """What a test gave the API of its own is gone after it, as it is in a new process."""
+    yield
+    for registry in (BACKENDS, OBJECTIVES, RULES, SEARCHES):
+        registry._added.clear()
 
 
 @pytest.fixture(scope="session")
