@@ -16,6 +16,7 @@ import selectors
 import socket
 import threading
 import time
+from abc import abstractmethod
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -64,11 +65,11 @@ class _Service(Closable):
         self._dispose()
         self._waker.close()
 
-    def _run(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _run(self) -> None: ...
 
-    def _dispose(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _dispose(self) -> None: ...
 
 
 @dataclass(frozen=True, kw_only=True)

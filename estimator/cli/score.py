@@ -15,8 +15,8 @@ from estimator.identification.run import problem_of, world_of
 from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.problem import Problem
+from estimator.report.canvas import as_png
 from estimator.report.evaluation_files import write_score
-from estimator.report.plots import as_png
 from estimator.report.run_files import LENGTHS_WITH_TRUTH, PAGE, write_report
 from estimator.report.run_plots import LENGTHS, run_plots
 from estimator.report.terminal_tables import print_score

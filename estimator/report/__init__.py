@@ -8,7 +8,8 @@
 ``plots``                  errors and leg lengths over generations, as in the paper's Figure 2
 ``posterior_plots``        probabilities and intervals over interactions
 ``prediction_plot``        what was felt beside what is foretold
-``leg_styles``             a colour and a marker for each leg
+``leg_styles``             a colour, a marker and a label for each leg
+``canvas``                 empty figures; drawn ones as PNG and SVG
 ``bodies``                 bodies as solids, pictures, and links to be posed
 ``page``                   ``report.html``
 ``comparison``             runs side by side

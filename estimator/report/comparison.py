@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from estimator.body.morphology import Morphology
 from estimator.evaluation.score import Score
@@ -19,12 +17,17 @@ from estimator.identification.run import problem_of
 from estimator.problem.genome import Genome
 from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.scene import LEVEL, at_rest, model_solids
+from estimator.report.canvas import new_figure
 from estimator.report.evaluation_files import score_of
-from estimator.report.leg_styles import OTHER_MARKERS, leg_colour
-from estimator.report.plots import ABOVE, leg_label
+from estimator.report.leg_styles import OTHER_MARKERS, leg_colour, leg_label
+from estimator.report.plots import ABOVE
 from estimator.report.posterior_summary import Interval
 from estimator.report.result import Result, summarise
 from estimator.storage.store import RunStore
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _SPREAD: Final = 0.6  # of the distance between two legs, over which the runs' marks lie
 
@@ -85,7 +88,7 @@ def joints_of(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
 
 def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
     """The best body of each run with all joints at 0, and the lengths of all below."""
-    figure = Figure(figsize=(max(7.0, 3.2 * len(runs)), 7.0), layout="constrained")
+    figure = new_figure(max(7.0, 3.2 * len(runs)), 7.0)
     grid = figure.add_gridspec(2, 1)
     above, below = (figure.add_subfigure(grid[row]) for row in range(2))
     solids = [

@@ -1,10 +1,12 @@
-"""One colour and one marker per leg, the same in every plot, picture, table and page."""
+"""One colour, marker and label per leg, the same in every plot, picture, table and page."""
 
 from __future__ import annotations
 
 import colorsys
 from collections.abc import Sequence
 from typing import Final
+
+from protocol.text.printable import printable
 
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 """The paper's arrows: left, forward, right and back leg."""
@@ -20,6 +22,7 @@ COLOURS: Final = (
 
 _GOLDEN: Final = 0.381966  # of a circle: however many hues are taken in such steps, none recurs
 _LIGHTNESS: Final = (0.33, 0.52, 0.70)
+_LONGEST: Final = 20  # characters of a name in a legend
 
 
 def leg_colour(leg: int) -> str:
@@ -30,6 +33,12 @@ def leg_colour(leg: int) -> str:
     lightness = _LIGHTNESS[further % len(_LIGHTNESS)]
     channels = colorsys.hls_to_rgb(further * _GOLDEN % 1, lightness, 0.6)
     return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
+
+
+def leg_label(name: str) -> str:
+    """A name as a legend takes it: printable, short, without the underscore that would hide it."""
+    short = name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
+    return printable(f" {short}" if short.startswith("_") else short)
 
 
 def leg_markers(mounts: Sequence[str]) -> list[str]:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
-from estimator.report.leg_styles import leg_colour, leg_markers
+from estimator.report.canvas import new_axes
+from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
 from estimator.storage.records import Generation
-from protocol.text.printable import printable
 
-_DPI: Final = 120
-_LONGEST: Final = 20  # characters of a name in a legend
-_NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 ABOVE: Final[dict[str, Any]] = {
     **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
     **{"frameon": False, "fontsize": "small", "columnspacing": 1.0, "handlelength": 1.4},
@@ -124,19 +120,6 @@ def draw_lengths(
     mark_iterations(axes, generations)
 
 
-def leg_label(name: str) -> str:
-    """A name as a legend takes it: printable, short, without the underscore that would hide it."""
-    short = name if len(name) <= _LONGEST else f"{name[: _LONGEST - 1]}…"
-    return printable(f" {short}" if short.startswith("_") else short)
-
-
-def new_axes() -> tuple[Figure, Axes]:
-    """A figure with one panel."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure, figure.add_subplot()
-
-
 def label(axes: Axes, quantity: str) -> None:
     """Names the axes of a panel over generations."""
     axes.set_xlabel("generation")
@@ -150,19 +133,3 @@ def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:
     last = {generation.iteration: generation.number for generation in generations}
     for number in last.values():
         axes.axvline(number + 0.5, color="0.2", linewidth=0.7, linestyle=":")
-
-
-def as_png(figure: Figure) -> bytes:
-    """A figure as a picture."""
-    content = io.BytesIO()
-    figure.savefig(content, dpi=_DPI)
-    return content.getvalue()
-
-
-def as_svg(figure: Figure) -> str:
-    """A figure as an SVG element, the same bytes each time, with its text as text."""
-    content = io.StringIO()
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}):
-        figure.savefig(content, format="svg", dpi=_DPI, transparent=True, metadata=_NO_METADATA)
-    text = content.getvalue()
-    return text[text.index("<svg") :]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
-from estimator.report.leg_styles import leg_colour, leg_markers
-from estimator.report.plots import ABOVE, label, leg_label, new_axes
+from estimator.report.canvas import new_axes
+from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
+from estimator.report.plots import ABOVE, label
 from estimator.report.posterior_summary import length_intervals
 from estimator.storage.beliefs import Belief
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _APART: Final = 0.08  # of an interaction, between the legs' marks
 

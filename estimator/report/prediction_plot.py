@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from estimator.body.morphology import Array
 from estimator.readings.observation import Observation
+from estimator.report.canvas import new_figure
 from estimator.report.leg_styles import COLOURS
 from estimator.report.plots import ABOVE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PANELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
 
@@ -24,8 +26,7 @@ def plot_predictions(felt: Sequence[Observation], foretold: Sequence[Observation
         felt: By the robot.
         foretold: By the best body; ``None`` where its simulation cannot be believed.
     """
-    figure = Figure(figsize=(9.0, 3.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(9.0, 3.2)
     numbers = np.arange(1, len(foretold) + 1)
     one, other = (
         np.array([_numbers(item) for item in items]) for items in (felt[: len(foretold)], foretold)

@@ -9,8 +9,8 @@ from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings import readings_csv
 from estimator.report import posterior_csv
+from estimator.report.canvas import as_png
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.plots import as_png
 from estimator.report.result import Result, summarise
 from estimator.report.run_plots import run_plots
 from estimator.storage.store import RunStore

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Final
 
 from estimator.identification.final_population import with_last_word
 from estimator.problem.genome import Genome
@@ -14,6 +12,9 @@ from estimator.problem.problem import Problem
 from estimator.report.plots import plot_errors, plot_lengths
 from estimator.report.posterior_plots import plot_belief, plot_interval_lengths
 from estimator.storage.store import RunStore
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LENGTHS: Final = "lengths"
 

@@ -6,12 +6,12 @@ import csv
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
-
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, Final
 
 from protocol.system.replace_file import replace_file, replace_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _DPI: Final = 150
 
@@ -35,5 +35,4 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def write_png(path: Path, figure: Figure) -> None:
     """A picture; the version of Matplotlib does not enter it."""
-    FigureCanvasAgg(figure)
     replace_file(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))

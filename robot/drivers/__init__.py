@@ -9,6 +9,7 @@
 ``sv203_line``         What is written on that line, and answered
 ``serial_line``        Opens a serial line
 ``pca9685``            NXP PCA9685 servo boards on an I²C bus
+``pca9685_board``      One such board by its registers
 ``dmm32``              Diamond Systems DMM-32-AT, 32X-AT and 32DX-AT analogue inputs
 ``portio``             The I/O ports below it
 ``comedi``             Analogue inputs through Linux' comedi, in the DMM-32's place

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -17,7 +18,7 @@ _GAINS: Final = MappingProxyType({"V": (0.02, 5.0), "g": (0.5, 2.0)})
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibratedAxes:
+class CalibratedAxes(ABC):
     """Settings of an accelerometer that ``robotd calibrate`` can calibrate; its driver has ``raw``.
 
     Attributes:
@@ -36,14 +37,14 @@ class CalibratedAxes:
         x, y, z = ((value - zero) / gain for value, zero, gain in triples)
         return x, y, z
 
+    @abstractmethod
     def axis(self, index: int) -> str:
         """Where the axis x, y or z comes from, for a sentence."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def key(self) -> str:
         """The key of ``robot.toml`` that says so."""
-        raise NotImplementedError
 
 
 def read_axes(table: Section, unit: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -15,10 +15,6 @@ sets a board up, when the driver begins and after it was told to ``forget``.
 Where the boards' pin OE is wired to an output line of the computer (``enable_line``), that line
 cuts all pulses when the last output is released, whatever the bus does. Boards pull the pin down,
 so that without the line, or without a daemon, their pulses go on.
-
-Source: NXP PCA9685 data sheet, revision 4 (registers, address and reset values of table 4,
-PRE_SCALE of 7.3.5, general and all-call addresses of 7.1). The chip has no identity; what tells it
-from others is the four address registers, which nobody changes.
 """
 
 from __future__ import annotations
@@ -30,37 +26,21 @@ from typing import Any, ClassVar, Final, TypeVar
 
 from robot.drivers.buses import Buses
 from robot.drivers.gpio_line import GPIOLine, OutputLine
-from robot.drivers.i2c import I2CBus, I2CRegisters, keep_others_out
+from robot.drivers.i2c import I2CBus, keep_others_out
+from robot.drivers.pca9685_board import ALL_CALL, NAME, OSCILLATOR_MHZ, OUTPUTS, TICKS, PCA9685Board
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceMissingError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
 
 T = TypeVar("T")
 
-OUTPUTS_PER_BOARD: Final = 16
 ADDRESSES: Final = range(0x40, 0x80)
-ALL_CALL: Final = 0x70
 WIDTHS_US: Final = (500, 2500)
 """Widths of pulse that hobby servos know, µs; beyond, they run against their stops."""
 
 RATES_HZ: Final = (40.0, 333.0)
 ANALOGUE_RATES_HZ: Final = (40.0, 60.0)
 
-_OSCILLATOR_MHZ: Final = 25.0
-_TICKS: Final = 4096
-_MODE1: Final = 0x00
-_MODE2: Final = 0x01
-_ADDRESS_REGISTERS: Final = range(0x02, 0x06)
-_LED0: Final = 0x06  # ON low and high, OFF low and high, of each output
-_ALL_LED_OFF_H: Final = 0xFD
-_PRESCALE: Final = 0xFE
-
-_ASLEEP: Final = 0x31  # registers advance, answers to all-call, oscillator off
-_AWAKE: Final = 0x21
-_TOTEM_POLE: Final = 0x04
-_OFF: Final = 0x10  # in the high bytes: no pulse at all; or one that never ends
-_ADDRESSES_AT_RESET: Final = bytes((0xE2, 0xE4, 0xE8, 0xE0))
-_WAKING: Final = 1e-3  # s; the oscillator needs 500 µs
 _ATTEMPTS: Final = 3
 _SECONDS_PER_BYTE: Final = 9 / 100e3  # on a bus in standard mode
 _BYTES_PER_OUTPUT: Final = 6
@@ -78,7 +58,7 @@ class PCA9685Settings:
         enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
     """
 
-    name: ClassVar = "PCA9685"
+    name: ClassVar = NAME
     reads_back: ClassVar = True
     bus: int
     boards: tuple[int, ...]
@@ -109,7 +89,7 @@ class PCA9685Settings:
         return cls(
             bus=table.integer("bus", 0, 255, 1),
             boards=boards,
-            prescale=round(_OSCILLATOR_MHZ * 1e6 / (_TICKS * rate)) - 1,
+            prescale=round(OSCILLATOR_MHZ * 1e6 / (TICKS * rate)) - 1,
             widths_us=(low, high),
             enable=(
                 table.text("enable_chip", "/dev/gpiochip0"),
@@ -122,12 +102,12 @@ class PCA9685Settings:
     @property
     def outputs(self) -> range:
         """Those of all boards."""
-        return range(OUTPUTS_PER_BOARD * len(self.boards))
+        return range(OUTPUTS * len(self.boards))
 
     @property
     def tick_us(self) -> float:
         """The width of a count, µs."""
-        return (self.prescale + 1) / _OSCILLATOR_MHZ
+        return (self.prescale + 1) / OSCILLATOR_MHZ
 
     @property
     def counts(self) -> range:
@@ -143,7 +123,7 @@ class PCA9685Settings:
     @property
     def period(self) -> float:
         """From one pulse to the next, s."""
-        return _TICKS * self.tick_us / 1e6
+        return TICKS * self.tick_us / 1e6
 
     @property
     def claims(self) -> tuple[str, ...]:
@@ -184,7 +164,7 @@ class PCA9685:
         DeviceError: A board does not answer, or is something else.
     """
 
-    name = PCA9685Settings.name
+    name = NAME
 
     def __init__(
         self,
@@ -218,8 +198,8 @@ class PCA9685:
         if not self._ready:
             raise CommandError("read the servo board's counts before moving its servos")
         limits = self._settings.counts
+        self._check_outputs(counts)
         for output, count in counts.items():
-            self._check_output(output)
             if count not in limits:
                 raise CommandError(
                     f"servo {output}: the count must lie in {limits[0]} to {limits[-1]}, "
@@ -227,12 +207,9 @@ class PCA9685:
                 )
         self._driven |= counts.keys()
         for board, outputs in self._by_board(counts).items():
-            writes = [
-                (_led(output), 0, 0, counts[output] & 0xFF, counts[output] >> 8)
-                for output in outputs
-            ]
-            (mode,) = self._insist(self._boards[board].write_and_read, writes, _MODE1)
-            self._check_awake(board, mode)
+            moves = {output % OUTPUTS: counts[output] for output in outputs}
+            if not self._insist(self._boards[board].move, moves):
+                raise self._reset(board)
         self._switch(on=True)
         self._clock.sleep(self._settings.period)
 
@@ -247,18 +224,17 @@ class PCA9685:
             DeviceError: A board failed; the others were told.
         """
         released = list(outputs)
-        for output in released:
-            self._check_output(output)
+        self._check_outputs(released)
         self._driven -= set(released)
         if not self._driven:
             self._switch(on=False)
             with suppress(DeviceError):  # each is told once more, and its answer awaited
-                self._all_off()
+                self._insist(self._board(ALL_CALL).all_off)
         failure: DeviceError | None = None
         for board, group in self._by_board(released).items():
             for output in group:
                 try:
-                    self._insist(self._boards[board].write, _led(output) + 3, _OFF)
+                    self._insist(self._boards[board].off, output % OUTPUTS)
                 except DeviceError as error:
                     failure = error
         if failure is not None:
@@ -274,16 +250,17 @@ class PCA9685:
             CommandError: An output out of range.
             DeviceError: A board failed, or was reset since it was last read.
         """
-        for output in outputs:
-            self._check_output(output)
+        self._check_outputs(outputs)
         if not self._ready:
-            self._set_up()
+            for one in self._boards:
+                self._insist(one.set_up, self._clock.sleep)
+            self._ready = True
         counts: dict[int, int] = {}
         for board, group in self._by_board(outputs).items():
             for output in group:
-                counts[output] = self._count(board, output)
-            (mode,) = self._insist(self._boards[board].read, _MODE1)
-            self._check_awake(board, mode)
+                counts[output] = self._insist(self._boards[board].count, output % OUTPUTS)
+            if not self._insist(self._boards[board].awake):
+                raise self._reset(board)
         self._driven |= {output for output, count in counts.items() if count}
         return counts
 
@@ -333,12 +310,11 @@ class PCA9685:
         self._bus = self._open_bus()
         try:
             keep_others_out(self._bus, self.name)
-            addresses = self._settings.boards
-            self._boards = [self._registers(address) for address in addresses]
-            for address, board in zip(addresses, self._boards, strict=True):
-                self._insist(_identify, address, board)
+            self._boards = [self._board(address) for address in self._settings.boards]
+            for board in self._boards:
+                self._insist(board.identify)
             if self._settings.enable is not None:
-                pulsing = any(self._insist(self._pulses, board) for board in self._boards)
+                pulsing = any(self._insist(board.pulses) for board in self._boards)
                 self._line = self._open_line(*self._settings.enable, not pulsing)
         except BaseException:
             self._bus.close()
@@ -349,60 +325,9 @@ class PCA9685:
         if self._line is not None:
             self._line.set(not on)
 
-    def _pulses(self, board: I2CRegisters) -> bool:
-        """Whether a board outlived the last daemon, with servos that it holds."""
-        return self._runs(board) and any(
-            _width(board.read(_led(output), 4)) for output in range(OUTPUTS_PER_BOARD)
-        )
-
-    def _registers(self, address: int) -> I2CRegisters:
-        return I2CRegisters(self._bus, address, self.name)
-
-    def _all_off(self) -> None:
-        everyone = self._registers(ALL_CALL)
-        self._insist(everyone.write, _ALL_LED_OFF_H, _OFF)
-
-    def _set_up(self) -> None:
-        """Sets up the boards that do not run as they should, with all outputs off."""
-        for board, address in zip(self._boards, self._settings.boards, strict=True):
-            self._insist(self._set_up_board, address, board)
-        self._ready = True
-
-    def _set_up_board(self, address: int, board: I2CRegisters) -> None:
-        _identify(address, board)
-        if self._runs(board):
-            return
-        board.write(_ALL_LED_OFF_H, _OFF)
-        board.write(_MODE1, _ASLEEP)  # or it takes no prescale
-        board.write(_PRESCALE, self._settings.prescale)
-        board.write(_MODE2, _TOTEM_POLE)
-        board.write(_MODE1, _AWAKE)
-        self._clock.sleep(_WAKING)
-        if not self._runs(board):
-            raise DeviceDataError(
-                f"The servo board (PCA9685) at 0x{address:x} does not keep its settings.",
-                "Check its supply, and that no other program uses the bus.",
-            )
-
-    def _runs(self, board: I2CRegisters) -> bool:
-        """Whether a board pulses as this driver has it do, no wider and no narrower."""
-        mode1, mode2 = board.read(_MODE1)[0], board.read(_MODE2)[0]
-        prescale = board.read(_PRESCALE)[0]
-        if (mode1 & 0x7F, mode2 & 0x1F, prescale) != (
-            _AWAKE,
-            _TOTEM_POLE,
-            self._settings.prescale,
-        ):
-            return False
-        counts = (_width(board.read(_led(output), 4)) for output in range(OUTPUTS_PER_BOARD))
-        return all(count == 0 or count in self._settings.counts for count in counts)
-
-    def _count(self, board: int, output: int) -> int:
-        return _width(self._insist(self._boards[board].read, _led(output), 4))
-
-    def _check_awake(self, board: int, mode: int) -> None:
-        if mode & 0x7F != _AWAKE:
-            raise self._reset(board)
+    def _board(self, address: int) -> PCA9685Board:
+        held = self._settings
+        return PCA9685Board(self._bus, address, prescale=held.prescale, counts=held.counts)
 
     def _reset(self, board: int) -> DeviceDataError:
         self.forget()
@@ -415,7 +340,7 @@ class PCA9685:
     def _by_board(self, outputs: Iterable[int]) -> dict[int, list[int]]:
         groups: dict[int, list[int]] = {}
         for output in sorted(outputs):
-            groups.setdefault(output // OUTPUTS_PER_BOARD, []).append(output)
+            groups.setdefault(output // OUTPUTS, []).append(output)
         return groups
 
     def _insist(self, transfer: Callable[..., T], *arguments: Any) -> T:
@@ -426,34 +351,8 @@ class PCA9685:
             self.repeats += 1
         return transfer(*arguments)
 
-    def _check_output(self, output: int) -> None:
-        if output not in self._settings.outputs:
-            last = self._settings.outputs[-1]
-            raise CommandError(f"the servo boards have outputs 0 to {last}, not {output}")
-
-
-def _led(output: int) -> int:
-    """The first register of an output."""
-    return _LED0 + 4 * (output % OUTPUTS_PER_BOARD)
-
-
-def _width(registers: bytes) -> int:
-    """The ticks of a pulse, 0 for none, from the four registers of an output."""
-    on_low, on_high, off_low, off_high = registers
-    if off_high & _OFF:
-        return 0
-    if on_high & _OFF:
-        return _TICKS
-    on, off = on_low | (on_high & 0x0F) << 8, off_low | (off_high & 0x0F) << 8
-    return (off - on) % _TICKS
-
-
-def _identify(address: int, board: I2CRegisters) -> None:
-    # One by one: after a reset the board does not go on to the next by itself.
-    registers = b"".join(board.read(number) for number in _ADDRESS_REGISTERS)
-    if registers != _ADDRESSES_AT_RESET:
-        raise DeviceMissingError(
-            f"The device at I²C address 0x{address:x} is no PCA9685: its registers 2 to 5 hold "
-            f"{registers.hex(' ')} instead of {_ADDRESSES_AT_RESET.hex(' ')}.",
-            "Check which board is fitted, and the addresses in the configuration.",
-        )
+    def _check_outputs(self, outputs: Iterable[int]) -> None:
+        known = self._settings.outputs
+        for output in outputs:
+            if output not in known:
+                raise CommandError(f"the servo boards have outputs 0 to {known[-1]}, not {output}")

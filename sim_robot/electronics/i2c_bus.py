@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from functools import reduce
 from operator import and_
@@ -26,7 +27,7 @@ _READ_FLAG: Final = 0x0001
 _HUNG_BUS_TIME: Final = 0.1
 
 
-class I2CDevice(FaultSwitch):
+class I2CDevice(FaultSwitch, ABC):
     """Base of an emulated device; alone, it is its own bus.
 
     Args:
@@ -65,17 +66,17 @@ class I2CDevice(FaultSwitch):
         self._called = address
         return self.answers(address)
 
+    @abstractmethod
     def answers(self, address: int) -> bool:
         """Whether an address is one of the device's."""
-        raise NotImplementedError
 
+    @abstractmethod
     def receive(self, data: bytes) -> bool:
         """Takes the bytes of a write; whether it acknowledged them."""
-        raise NotImplementedError
 
+    @abstractmethod
     def send(self, count: int) -> bytes:
         """Gives the bytes of a read."""
-        raise NotImplementedError
 
     def stop(self) -> None:
         """Called at the end of a transfer."""

@@ -10,7 +10,8 @@ from robot.configuration.robot_config import RobotConfig
 from robot.drivers.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
 from robot.drivers.buses import Buses
 from robot.drivers.mpu6050 import MPU6050Settings
-from robot.drivers.pca9685 import OUTPUTS_PER_BOARD, PCA9685Settings
+from robot.drivers.pca9685 import PCA9685Settings
+from robot.drivers.pca9685_board import OUTPUTS
 from robot.drivers.servo_bus import ServoBus
 from robot.host.clock import Clock
 from sim_robot.electronics.ads1115 import ADS1115Emulator
@@ -31,7 +32,7 @@ WIDTHS_US: Final = (500.0, 2500.0)
 
 def configure(body: Body, levels: NoiseLevels) -> RobotConfig:
     """The configuration that fits this set; noise is announced to clients."""
-    boards = math.ceil(len(body.motors) / OUTPUTS_PER_BOARD)
+    boards = math.ceil(len(body.motors) / OUTPUTS)
     chips = math.ceil(len(body.touch) / INPUTS_PER_CHIP)
     return configuration(
         body,

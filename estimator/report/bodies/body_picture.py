@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from typing import Final
-
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from typing import TYPE_CHECKING, Final
 
 from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.shown_bodies import ShownBody
-from estimator.report.leg_styles import leg_colour
-from estimator.report.plots import leg_label
+from estimator.report.canvas import leg_patches, new_figure
 from protocol.text.printable import printable
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PANELS: Final = 3
 """Bodies in a picture, at most: the best, a rival or two, the truth."""
@@ -31,7 +30,7 @@ def body_picture(bodies: Sequence[ShownBody], legs: Sequence[str]) -> Figure:
     truth = [item for item in bodies if item.true]
     chosen = [item for item in bodies if not item.true][: PANELS - len(truth)] + truth
     radius = max(reach(item.standing) for item in chosen)
-    figure = Figure(figsize=(4.0 * len(chosen), 4.4), layout="constrained")
+    figure = new_figure(4.0 * len(chosen), 4.4)
     for axes, item in zip(figure.subplots(1, len(chosen), squeeze=False)[0], chosen, strict=True):
         axes.imshow(take_picture(item.standing, radius))
         axes.set_xticks([])
@@ -40,11 +39,10 @@ def body_picture(bodies: Sequence[ShownBody], legs: Sequence[str]) -> Figure:
         axes.set_title(item.title, loc="left")
         note = textwrap.fill(printable(item.note), _WIDTH)
         axes.set_xlabel(note, loc="left", fontsize="small", parse_math=False)
-    patches = [Patch(color=leg_colour(leg), label=leg_label(name)) for leg, name in enumerate(legs)]
     legend = figure.legend(
-        handles=patches,
+        handles=leg_patches(legs),
         loc="outside lower left",
-        ncols=min(len(patches), 3 * len(chosen)),
+        ncols=min(len(legs), 3 * len(chosen)),
         frameon=False,
         fontsize="small",
     )

@@ -6,10 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
@@ -18,17 +17,20 @@ from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.bodies.body_picture import body_picture
 from estimator.report.bodies.shown_bodies import ShownBodies, shown_bodies
+from estimator.report.canvas import as_png, as_svg
 from estimator.report.evaluation_files import read_true_body, read_validation, score_of
 from estimator.report.leg_styles import leg_colour
 from estimator.report.page.commands import commands
 from estimator.report.page.templates import render
-from estimator.report.plots import as_png, as_svg
 from estimator.report.posterior_summary import PosteriorSummary
 from estimator.report.posterior_tables import WHAT_TO_CHECK, percent
 from estimator.report.prediction_plot import plot_predictions
 from estimator.report.result import Result
 from estimator.report.run_plots import RunPlot, run_plots
 from estimator.storage.store import RunStore
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _PICTURE = "The bodies in the pose of the last interaction: {}."
 

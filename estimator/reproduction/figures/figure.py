@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from estimator.reproduction.output_files import write_csv, write_json, write_png
 from estimator.reproduction.runs.finished_run import FinishedRun
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Row = tuple[object, ...]
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from matplotlib.figure import Figure
-
+from estimator.report.canvas import new_figure
 from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.terminal_tables import number
 from estimator.reproduction.figures.figure import (
@@ -34,7 +33,7 @@ def make(finished_runs: FinishedRuns, budget: Budget) -> DrawnFigure:
         return DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False
         )
-    picture = Figure(figsize=(11, 7.4), layout="constrained")
+    picture = new_figure(11, 7.4)
     axes = picture.subplots(2, 2)
     rows: list[Row] = []
     for line, (run, panels) in enumerate(zip(finished, PANELS, strict=True)):

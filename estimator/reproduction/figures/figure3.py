@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from estimator.body.morphology import Array
+from estimator.report.canvas import new_figure
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import mean_and_deviation
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
@@ -18,6 +17,9 @@ from estimator.reproduction.figures.random_models import Quality, quality, rando
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import Budget, parametric_runs
 from estimator.reproduction.runs.variants import VARIANTS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 NAME: Final = "fig3"
 CAPTION: Final = (
@@ -81,7 +83,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Figur
         "longest_minus_shortest_m": chance.spread,
         "variance_m2": chance.variance,
     }
-    picture = Figure(figsize=(11, 8), layout="constrained")
+    picture = new_figure(11, 8)
     for axes, (panel, measure, words, scale) in zip(picture.subplots(2, 1), _MEASURES, strict=True):
         _draw(axes, cells, iterations, measure, scale)
         level = float(np.mean(by_chance[measure])) * scale

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from estimator.report.canvas import new_figure
 from estimator.report.plots import draw_errors, draw_lengths, mark_iterations
 from estimator.report.terminal_tables import number
 from estimator.reproduction.figures.figure import (
@@ -20,6 +19,9 @@ from estimator.reproduction.figures.figure import (
 )
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import Budget, PlannedRun, topological_runs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 NAME: Final = "fig4"
 CAPTION: Final = (
@@ -50,7 +52,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
     (run,) = finished_runs.read([chosen])
     right = np.array([run.configurations_right(item) for item in run.generations])
     names = _names(run)
-    picture = Figure(figsize=(12, 8), layout="constrained")
+    picture = new_figure(12, 8)
     axes = picture.subplots(2, 2, height_ratios=(1, 1))
     draw_errors(axes[0, 0], run.generations)
     draw_lengths(

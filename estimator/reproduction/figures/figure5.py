@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from estimator.body.morphology import Morphology
 from estimator.evaluation.truth.urdf import read_urdf
@@ -25,8 +23,8 @@ from estimator.report.bodies.scene import (
     model_solids,
     robot_solids,
 )
+from estimator.report.canvas import leg_patches, new_figure
 from estimator.report.evaluation_files import TRUTH
-from estimator.report.leg_styles import leg_colour
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.figures.figure4 import choose
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns, observed
@@ -69,7 +67,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
     poses = [observed(item) for item in (run.interactions[0], *run.predictions[:1])]
     subjects = [[_robot(run, finished_runs, pose), *_models(run, pose)] for pose in poses]
     radius = max(reach(item.solids) for line in subjects for item in line)
-    picture = Figure(figsize=(14, 6.2), layout="constrained")
+    picture = new_figure(14, 6.2)
     axes = picture.subplots(len(poses), len(subjects[0]), squeeze=False)
     for line, (name, pose) in enumerate(zip(ROWS, poses, strict=False)):
         for panel, column, item in zip("abcd", axes[line], subjects[line], strict=False):
@@ -80,9 +78,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
             if not line:
                 column.set_title(f"{panel}   {item.name}", loc="left")
         axes[line, 0].set_ylabel(f"{name}\n{_angles(run, pose)}")
-    patches = [
-        Patch(color=leg_colour(leg), label=joint) for leg, joint in enumerate(run.score.joints)
-    ]
+    patches = leg_patches(run.score.joints)
     picture.legend(handles=patches, loc="outside lower center", ncols=len(patches), frameon=False)
     rows = [
         _row(name, panel, item, _angles(run, pose))

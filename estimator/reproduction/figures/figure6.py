@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
-
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, Final
 
 from estimator.readings.modalities.registry import MODALITIES
+from estimator.report.canvas import new_figure
 from estimator.reproduction.claims.statistics import Share, share
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
 from estimator.reproduction.runs.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, Budget, topological_runs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _CAPTION: Final = (
     "Each column: how many local configurations the best model has right (black: right; white: "
@@ -71,7 +72,7 @@ def make(
     informative = finished[0].score.configurations_informative
     chance = finished[0].score.configurations_chance
     successes = share(sum(run.successful for run in finished), len(finished))
-    picture = Figure(figsize=(max(6.0, 0.42 * len(finished) + 2.5), 5), layout="constrained")
+    picture = new_figure(max(6.0, 0.42 * len(finished) + 2.5), 5)
     _draw(picture.subplots(), finished, chance)
     alike = sum(
         run.score.configurations_right_up_to_equivalence == run.score.configurations_total

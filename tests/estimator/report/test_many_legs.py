@@ -8,7 +8,7 @@ import pytest
 from estimator.body.morphology import Base
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.plots import as_png
+from estimator.report.canvas import as_png
 from estimator.report.posterior_plots import plot_interval_lengths
 from estimator.storage.beliefs import Belief
 

@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.report.canvas import as_png, as_svg
 from estimator.report.leg_styles import MARKERS
-from estimator.report.plots import as_png, as_svg, draw_lengths, plot_errors, plot_lengths
+from estimator.report.plots import draw_lengths, plot_errors, plot_lengths
 from estimator.storage.records import Counters, Generation
 from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities, make_problem
 

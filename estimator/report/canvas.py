@@ -1,0 +1,55 @@
+"""Figures before and after they are drawn; the first one loads Matplotlib, which takes a second."""
+
+from __future__ import annotations
+
+import importlib
+import io
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from estimator.report.leg_styles import leg_colour, leg_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+_DPI: Final = 120
+_NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, its size in inches."""
+    figure: Figure = importlib.import_module("matplotlib.figure").Figure(
+        figsize=(width, height), layout="constrained"
+    )
+    return figure
+
+
+def new_axes() -> tuple[Figure, Axes]:
+    """A figure with one panel."""
+    figure = new_figure(7.0, 4.2)
+    return figure, figure.add_subplot()
+
+
+def leg_patches(names: Sequence[str]) -> list[Patch]:
+    """A legend's patch for each leg, in its colour; ``names`` are those of the legs' joints."""
+    patch: type[Patch] = importlib.import_module("matplotlib.patches").Patch
+    return [patch(color=leg_colour(leg), label=leg_label(name)) for leg, name in enumerate(names)]
+
+
+def as_png(figure: Figure) -> bytes:
+    """A figure as a picture."""
+    content = io.BytesIO()
+    figure.savefig(content, dpi=_DPI)
+    return content.getvalue()
+
+
+def as_svg(figure: Figure) -> str:
+    """A figure as an SVG element, the same bytes each time, with its text as text."""
+    content = io.StringIO()
+    fixed = {"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}
+    with importlib.import_module("matplotlib").rc_context(fixed):
+        figure.savefig(content, format="svg", dpi=_DPI, transparent=True, metadata=_NO_METADATA)
+    text = content.getvalue()
+    return text[text.index("<svg") :]
