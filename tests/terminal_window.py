@@ -35,7 +35,7 @@ class TerminalWindow:
 
     def until(self, pattern: str) -> str:
         """Reads what is shown until it matches; returns it, and forgets it."""
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 120
         while re.search(pattern, self._text) is None:
             left = max(0.0, deadline - time.monotonic())
             assert select.select([self._near], [], [], left)[0], self._text
@@ -49,7 +49,7 @@ class TerminalWindow:
 
     def ended(self) -> int:
         """Waits for the end; returns the exit code. The terminal must be as it was before."""
-        code = self.process.wait(20)
+        code = self.process.wait(120)
         assert termios.tcgetattr(self._far) == self._before
         return code
 
@@ -57,7 +57,7 @@ class TerminalWindow:
         """Closes the window, as a lost connection does."""
         os.close(self._near)
         self._near = -1
-        self.process.wait(20)
+        self.process.wait(120)
 
     def close(self) -> None:
         """Ends the program."""

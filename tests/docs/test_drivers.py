@@ -80,7 +80,7 @@ class Bench:
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=300,
         )
         assert ended.returncode == 0, ended
         return ended.stdout
@@ -94,13 +94,12 @@ class Bench:
             try:
                 yield
                 process.send_signal(signal.SIGTERM)
-                assert process.wait(20) == 0
+                assert process.wait(120) == 0
             finally:
                 process.kill()
                 process.wait()
 
 
-@pytest.mark.timeout(120)
 def test_a_robot_runs_on_drivers_from_outside(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     assert "hip is written" in bench.done("calibrate", typed="\n".join([*HIP, "skip", ""]))
@@ -123,7 +122,7 @@ def test_a_robot_runs_on_drivers_from_outside(tmp_path: Path) -> None:
     finally:
         window.close()
     uri, log = free_address(), tmp_path / "log"
-    with bench.robotd(uri, log), RobotClient(uri, timeout=20) as client:
+    with bench.robotd(uri, log), RobotClient(uri, timeout=120) as client:
         (joint,) = client.capabilities.joints
         assert joint.resolution < 0.001
         client.acquire()

@@ -24,7 +24,6 @@ from estimator.report.result_schema import result_schema
 from sim_robot.world.sensor_noise import NoiseLevels, load_noise
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.timeout(240)
 PAGE = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
 SCHEMA = json.loads((ROOT / "docs" / "result.schema.json").read_text(encoding="utf-8"))
 URDF = ROOT / "sim_robot" / "bodies" / "quadruped.urdf"
@@ -134,7 +133,7 @@ def run_in(folder: Path, program: str) -> str:
         capture_output=True,
         text=True,
         check=True,
-        timeout=30,
+        timeout=120,
     ).stdout
 
 

@@ -140,10 +140,10 @@ def test_the_page_can_be_followed(
 
     def client() -> None:
         try:
-            assert started.event.wait(20)
+            assert started.event.wait(120)
             hold = shlex.split(COMMANDS[-1])[4:]
             seen.append(protocol_main([uri, *hold]))
-            with RobotClient(uri, timeout=20) as robot:
+            with RobotClient(uri, timeout=120) as robot:
                 robot.acquire()
                 targets = {joint.name: 0.1 for joint in robot.capabilities.joints}
                 seen.append(robot.perform(targets))

@@ -58,7 +58,7 @@ class Process:
     def wait_for(self, line: str) -> None:
         """Returns once it has written a line."""
         with self._changed:
-            printed = self._changed.wait_for(lambda: line in "".join(self._log), 50)
+            printed = self._changed.wait_for(lambda: line in "".join(self._log), 300)
         assert printed, "".join(self._log)
 
     def ends_within(self, seconds: float) -> bool:

@@ -48,7 +48,7 @@ def daemon(
 @contextmanager
 def controller(uri: str) -> Iterator[RobotClient]:
     """A client in control."""
-    with RobotClient(uri, timeout=30) as client:
+    with RobotClient(uri, timeout=120) as client:
         client.acquire()
         yield client
 
@@ -74,11 +74,11 @@ class Motion:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._thread.join(40)
+        self._thread.join(300)
         assert not self._thread.is_alive()
 
 
-def wait_until(condition: Callable[[], bool], timeout: float = 30) -> None:
+def wait_until(condition: Callable[[], bool], timeout: float = 120) -> None:
     """Looks again and again."""
     deadline = time.monotonic() + timeout
     while not condition():

@@ -23,7 +23,7 @@ def test_a_fault_comes_in_its_interaction_and_goes_by_itself() -> None:
         with pytest.raises(RobotError, match="WAIT") as down:
             client.perform(flat)
         assert down.value.code == "fault"
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + 120
         while client.status().state == "fault":  # which ends by the clock on the wall
             assert time.monotonic() < deadline
             with suppress(RobotError):
@@ -34,6 +34,6 @@ def test_a_fault_comes_in_its_interaction_and_goes_by_itself() -> None:
 @pytest.mark.parametrize("fault", ["daq.stuk_wait", "daq", "servo_board.brown_out+1s"])
 def test_a_fault_that_cannot_be_is_refused_before_anything_starts(fault: str) -> None:
     command = [sys.executable, "-m", "sim_robot", "--fault", fault]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 2
     assert "argument --fault" in done.stderr

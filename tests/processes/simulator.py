@@ -73,9 +73,9 @@ class Simulator:
     def kill(self) -> None:
         """SIGKILL, as a power cut."""
         self._process.kill()
-        self._end(timeout=10)
+        self._end(timeout=120)
 
-    def terminate(self, timeout: float = 10) -> tuple[int, str]:
+    def terminate(self, timeout: float = 120) -> tuple[int, str]:
         """SIGTERM, as a service manager; returns exit code and standard output."""
         self._process.terminate()
         return self._end(timeout)

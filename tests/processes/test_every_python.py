@@ -28,7 +28,7 @@ def test_a_simulated_robot_is_identified(tmp_path: Path) -> None:
             capture_output=True,
             text=True,
             check=False,
-            timeout=110,
+            timeout=300,
         )
     assert identified.returncode == 0, identified.stderr
     result = json.loads((tmp_path / "run" / "result.json").read_text(encoding="utf-8"))

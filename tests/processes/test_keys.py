@@ -23,7 +23,7 @@ def test_an_address_that_others_can_reach_needs_keys() -> None:
         [sys.executable, "-m", "sim_robot", "--bind", "tcp://0.0.0.0:*"],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 1

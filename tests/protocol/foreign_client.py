@@ -17,7 +17,7 @@ import msgpack
 import zmq
 
 RESEND = 2  # s
-PATIENCE = 10.0  # s
+PATIENCE = 60.0  # s
 
 
 class Robot:

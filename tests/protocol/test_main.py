@@ -58,7 +58,7 @@ def test_watch_shows_what_changes_until_it_is_interrupted() -> None:
             assert watch.stdout.readline() == "stopped: A client sent stop.\n"
             assert f"python -m protocol {robot.uri} clear" in watch.stdout.readline()
             watch.send_signal(signal.SIGINT)
-            assert watch.wait(20) == 0
+            assert watch.wait(120) == 0
         finally:
             watch.kill()
             watch.wait()

@@ -32,7 +32,7 @@ def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
         [NODE, str(PROGRAMS / program), *arguments],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=False,
     )
 

@@ -32,7 +32,7 @@ class SteppedClock:
             deadline = self._now + max(seconds, 0.0)
             self._deadline = deadline
             self._changed.notify_all()
-            arrived = self._changed.wait_for(lambda: self._free or self._now >= deadline, 30)
+            arrived = self._changed.wait_for(lambda: self._free or self._now >= deadline, 120)
             assert arrived, "nobody moved the clock"
             self._deadline = None
             self._now = max(self._now, deadline)
@@ -50,7 +50,7 @@ class SteppedClock:
         """Moves on to ``time``, one sleeper after another, and waits until one sleeps beyond."""
         with self._changed:
             while True:
-                slept = self._changed.wait_for(lambda: self._deadline is not None, 30)
+                slept = self._changed.wait_for(lambda: self._deadline is not None, 120)
                 assert slept, "the control loop does not sleep"
                 assert self._deadline is not None
                 if self._deadline > time:
@@ -86,7 +86,7 @@ class Bench:
             return [e.reply for e in self.events if isinstance(e, Finished) and e.ticket == ticket]
 
         with self._arrived:
-            assert self._arrived.wait_for(replies, 20), "the request did not end"
+            assert self._arrived.wait_for(replies, 120), "the request did not end"
             assert len(replies()) == 1
             return replies()[0]
 

@@ -14,8 +14,6 @@ import sys
 import venv
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 DEBIAN_12 = ("pyzmq==24.0.1", "msgpack==1.0.3", "pyserial==3.5", "smbus2==0.4.2")
 
@@ -48,7 +46,7 @@ with still_robot(WallClock(), housekeeping=None, log=log) as robot:
             seen = client.perform(targets)
             place = client.capabilities.telemetry
             with TelemetrySubscriber(place, keys="client-keys") as telemetry:
-                print(telemetry.next(timeout=5).state)
+                print(telemetry.next(timeout=120).state)
         robot.controller.shut_down()
         server.request_stop()
         thread.join()
@@ -65,7 +63,6 @@ build_meta.build_sdist("dist")
 """
 
 
-@pytest.mark.timeout(180)
 def test_a_daemon_and_a_client_run_on_debian_12_versions(tmp_path: Path) -> None:
     venv.create(tmp_path / "venv", with_pip=True)
     python = tmp_path / "venv" / "bin" / "python"
@@ -100,7 +97,7 @@ def test_a_daemon_and_a_client_run_on_debian_12_versions(tmp_path: Path) -> None
         [str(python), "-I", "-W", "error", "-c", SCRIPT, str(source)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         cwd=tmp_path,
         check=False,
     )

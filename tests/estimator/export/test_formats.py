@@ -80,7 +80,7 @@ def test_check_urdf_accepts_it(tree: Morphology, tmp_path: Path) -> None:
     path = tmp_path / "tree.urdf"
     path.write_text(urdf(described(tree)), encoding="utf-8")
     ended = subprocess.run(
-        ["check_urdf", path], capture_output=True, text=True, check=False, timeout=20
+        ["check_urdf", path], capture_output=True, text=True, check=False, timeout=120
     )
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert "Successfully Parsed XML" in ended.stdout

@@ -135,11 +135,10 @@ def break_off(pid: int, number: signal.Signals) -> None:
             os.killpg(pid, number)
         else:
             os.kill(pid, number)
-        _, left = psutil.wait_procs(family, timeout=30)
+        _, left = psutil.wait_procs(family, timeout=120)
         assert not left
 
 
-@pytest.mark.timeout(300)
 @pytest.mark.parametrize("physics", ["statics", "pybullet"])
 def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
     tmp_path: Path, nursery: Nursery, physics: str

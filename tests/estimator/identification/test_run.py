@@ -199,7 +199,7 @@ def test_killed_while_the_robot_moves_the_outcome_is_fetched(
     robot, witness = ModelRobot(manual=True), Witness()
     with serving(robot) as uri:
         process = start_identify(tmp_path, uri)
-        assert robot.begun.acquire(timeout=20)
+        assert robot.begun.acquire(timeout=120)
         kill(process)
         robot.complete()
         robot.manual = False
@@ -244,10 +244,10 @@ def test_the_daemon_restarts_in_mid_motion(
     robot, witness = ModelRobot(manual=True), Witness()
     with serving(robot) as uri:
         process = start_identify(tmp_path, uri)
-        assert robot.begun.acquire(timeout=20)
+        assert robot.begun.acquire(timeout=120)
     fresh = ModelRobot()
     with serving(fresh, bind=uri):
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=120)
         assert process.returncode == 1
         assert "the robot's daemon restarted while the motion was under way" in said
         assert f"Go on with: estimator resume {tmp_path / 'run'}" in said

@@ -146,7 +146,7 @@ def test_an_interrupt_cancels_what_is_outstanding(
         begun.append(pid)
         if len(begun) == 1:
             _thread.interrupt_main()
-        assert released.wait(20)
+        assert released.wait(120)
 
     with gate(asked) as address:
         held = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
@@ -213,7 +213,7 @@ def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
     )
     assert refused.exit_code == 1
     assert "estimator: No Dask scheduler answers at tcp://127.0.0.1" in refused.stderr
-    assert time.monotonic() - started < 6
+    assert time.monotonic() - started < 25
     assert not (tmp_path / "run").exists()
 
 
@@ -333,7 +333,7 @@ def test_a_run_in_turns_whose_worker_is_killed_ends_as_it_would_have(
     for name in ("score.json", "readings.csv"):
         here, there = done_here / name, RUN.directory(tmp_path) / name
         assert there.read_text() == here.read_text()
-    assert psutil.wait_procs(orphans, timeout=10)[1] == []
+    assert psutil.wait_procs(orphans, timeout=120)[1] == []
 
 
 def test_an_interrupt_ends_runs_and_their_robots(
@@ -352,7 +352,7 @@ def test_an_interrupt_ends_runs_and_their_robots(
     with pytest.raises(KeyboardInterrupt), ClusterWorkers(connected, tmp_path) as workers:
         list(workers.do([long]))
     watch.join()
-    assert psutil.wait_procs(left, timeout=30)[1] == []
+    assert psutil.wait_procs(left, timeout=120)[1] == []
 
 
 def test_a_figure_from_runs_on_a_cluster(

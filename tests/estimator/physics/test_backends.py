@@ -81,7 +81,7 @@ def test_a_run_with_the_physics_of_another_package(
         capture_output=True,
         text=True,
         check=False,
-        timeout=60,
+        timeout=300,
     )
     assert identified.returncode == 0, identified.stderr
     result = json.loads((run / "result.json").read_text())

@@ -367,7 +367,7 @@ print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
             capture_output=True,
             text=True,
             check=True,
-            timeout=100,
+            timeout=300,
             env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
         )
         assert done.stdout == "0.0\n"

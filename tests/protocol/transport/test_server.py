@@ -44,7 +44,7 @@ def raw(kind: int, endpoint: str) -> Iterator[zmq.Socket[bytes]]:
 
 
 def still_serves(server: Server) -> bool:
-    with RobotClient(server.endpoint, timeout=5.0) as client:
+    with RobotClient(server.endpoint, timeout=120.0) as client:
         return client.status().state == "idle"
 
 
@@ -112,7 +112,7 @@ def test_what_is_no_zeromq_at_all(serve: Serve, robot: FakeRobot) -> None:
     server = serve(robot)
     port = Endpoint.parse(server.endpoint).port
     for greeting in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 500, b""):
-        with socket.create_connection(("127.0.0.1", port), timeout=5) as stranger:
+        with socket.create_connection(("127.0.0.1", port), timeout=120) as stranger:
             stranger.sendall(greeting)
     assert still_serves(server)
 
@@ -133,7 +133,7 @@ def test_a_flood_does_not_keep_a_stop_waiting(serve: Serve, robot: FakeRobot) ->
     thread = threading.Thread(target=flood)
     thread.start()
     try:
-        with RobotClient(server.endpoint, timeout=5.0) as client:
+        with RobotClient(server.endpoint, timeout=120.0) as client:
             assert client.stop().state == "stopped"
     finally:
         done.set()

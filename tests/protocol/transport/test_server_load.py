@@ -44,10 +44,10 @@ def test_closing_while_another_thread_waits(serve: Serve, slow_robot: FakeRobot)
     reader = RobotClient(server.endpoint)
     client.acquire()
     motion = in_background(lambda: client.perform(TARGETS))
-    assert slow_robot.begun.acquire(timeout=5)
+    assert slow_robot.begun.acquire(timeout=120)
     client.close()
     with pytest.raises((RobotError, RobotUnreachableError)):
-        motion.result(timeout=5)
+        motion.result(timeout=120)
     reader.close()
 
 
@@ -100,7 +100,7 @@ def test_a_signal_handler_may_stop_the_server(robot: FakeRobot) -> None:
     try:
         session = in_background(hello_then_signal)
         server.run()
-        assert session.result(timeout=5)
+        assert session.result(timeout=120)
     finally:
         signal.signal(signal.SIGUSR1, before)
         server.close()

@@ -101,7 +101,7 @@ def test_a_command_is_answered_before_all_whose_reads_it_ended(bench: Bench) -> 
     bench.events += bench.robot.controller.events()
     stopping = bench.submit(request(Stop))
     bench.clock.free()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 120
     while bench.state() != "stopped":
         assert time.monotonic() < deadline, bench.state()
     assert bench.robot.controller.shut_down()  # and with it everything has been told
@@ -214,9 +214,9 @@ def test_a_viewer_with_a_key_holds_up_nobody(
         stack.callback(bench.clock.free)
         steering.acquire()
         reads = [in_background(viewer.read) for viewer in viewers]
-        assert all(submitted.acquire(timeout=20) for _ in reads)
+        assert all(submitted.acquire(timeout=120) for _ in reads)
         relaxing = in_background(steering.relax)
-        waiting = islice(as_completed(reads, timeout=20), MAX_READS - 1)
+        waiting = islice(as_completed(reads, timeout=120), MAX_READS - 1)
         errors = [read.exception() for read in waiting]  # while time stands still for the robot
         bench.clock.free()
         assert relaxing.result(20).state == "relaxed"

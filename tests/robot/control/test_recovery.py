@@ -156,7 +156,7 @@ def test_a_reset_is_noticed_although_nobody_asks(kind: type[Hold | Relax | Stop]
         bench.ok(kind(id=1, client="test", session="s"))
         bench.pulses()
         robot.servo_board.power_cycle()
-        deadline = time.monotonic() + 10
+        deadline = time.monotonic() + 120
         while bench.state() != "fault":
             assert time.monotonic() < deadline, bench.state()
         assert "reset" in (robot.controller.snapshot().reason or "")

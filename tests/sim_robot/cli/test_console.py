@@ -81,7 +81,6 @@ def test_what_it_does_not_know_is_answered_with_what_it_does(
     assert "run it in a terminal" in said
 
 
-@pytest.mark.timeout(60)
 def test_a_lost_connection_costs_one_part_at_most(tmp_path: Path) -> None:
     file = tmp_path / "calibration.toml"
     window = TerminalWindow([*COMMAND, str(file)])

@@ -131,7 +131,7 @@ def test_garbage_never_breaks_the_board(chunks: list[bytes]) -> None:
 
 
 def test_pyserial_talks_to_it(emulator: SV203Emulator) -> None:
-    with serial.Serial(emulator.port, 9600, timeout=5.0, exclusive=True) as line:
+    with serial.Serial(emulator.port, 9600, timeout=120.0, exclusive=True) as line:
         line.write(b"BD1SV1M20RR51\r")
         assert line.read_until(b"\r") == b"20\r"
         assert emulator.bytes_read == 14
@@ -175,7 +175,7 @@ def test_the_name_survives_unplugging_and_the_pose_too(emulator: SV203Emulator) 
     emulator.replug()
     emulator.replug()
     assert emulator.bytes_read == 10
-    with serial.Serial(emulator.port, timeout=5.0) as line:
+    with serial.Serial(emulator.port, timeout=120.0) as line:
         line.write(b"BD1RR51\r")
         assert line.read_until(b"\r") == b"20\r"
 
@@ -223,7 +223,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 def test_the_port_of_one_that_was_killed_is_removed_by_the_next(emulator: SV203Emulator) -> None:
     done = subprocess.run(
-        [sys.executable, "-c", KILLED], capture_output=True, text=True, check=False, timeout=30
+        [sys.executable, "-c", KILLED], capture_output=True, text=True, check=False, timeout=120
     )
     left = Path(done.stdout.strip())
     assert left.is_symlink()

@@ -119,7 +119,7 @@ def test_a_fault_keeps_its_interactions() -> None:
 def test_a_fault_ends_by_the_clock_on_the_wall() -> None:
     bench = Panel()
     bench.order("daq.absent+0.05w")
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 120
     seen: list[list[str]] = []
     while (active := bench.panel.active()) or not seen:
         seen.append(active)
@@ -221,7 +221,7 @@ def test_the_control_socket_survives_nonsense(nonsense: bytes) -> None:
     bench = Panel()
     with FaultSocket(bench.panel, "tcp://127.0.0.1:*") as control:
         port = int(control.endpoint.rpartition(":")[2])
-        with socket.create_connection(("127.0.0.1", port), timeout=10.0) as stranger:
+        with socket.create_connection(("127.0.0.1", port), timeout=120.0) as stranger:
             stranger.sendall(nonsense + b"\n")
             with suppress(ConnectionResetError), stranger.makefile("rb") as stream:
                 assert json.loads(stream.readline())["ok"] is False

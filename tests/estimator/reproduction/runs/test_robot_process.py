@@ -41,7 +41,7 @@ def test_it_ends_with_whoever_started_it() -> None:
     (robot,) = psutil.Process(keeper.pid).children()
     keeper.kill()
     keeper.communicate()
-    robot.wait(timeout=10)
+    robot.wait(timeout=120)
     assert not robot.is_running()
 
 
