@@ -11,11 +11,11 @@ from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Models, Situation
+from estimator.posterior.information import SAMPLES
 from estimator.posterior.likelihood import Noise
 from estimator.posterior.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 
-SAMPLES: Final = 200
 _WORTH_SAYING: Final = 0.25  # bits about one trait
 _SAID: Final = 2
 _CERTAIN: Final = 0.95

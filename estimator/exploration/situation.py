@@ -12,6 +12,7 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
+from estimator.posterior.information import systematic
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, ObservedReadings, Program
@@ -70,7 +71,7 @@ class Models:
 
     def sample(self, count: int, rng: np.random.Generator) -> Models:
         """At most ``count`` equally likely models, drawn by their weights."""
-        rows = rng.choice(len(self.genes), min(count, len(self.genes)), p=self.weights)
+        rows = systematic(self.weights, count, float(rng.random()))
         return Models(
             genes=self.genes[rows],
             weights=np.full(len(rows), 1 / len(rows)),

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array, Morphology
+from estimator.posterior.information import information_gained
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.special import softmax
 from estimator.posterior.unknowns import Predictor
 from estimator.posterior.verdict import deviations, judge
 from estimator.storage.beliefs import (
@@ -51,6 +50,9 @@ def believe(
     alike = _like_the_first(modes, predictor, same_as)
     share = sum(mode.probability for mode, one in zip(modes, alike, strict=True) if one)
     verdict = judge(posterior, predictor, data, noise)
+    gained = None
+    if before is not None:
+        gained = information_gained(before, posterior, predictor, data, noise)
     return Belief(
         genes=tuple(map(tuple, posterior.values.tolist())),
         scales=tuple(map(tuple, posterior.scales.tolist())),
@@ -67,7 +69,7 @@ def believe(
         ),
         probability=min(share, posterior.seen),
         seen=posterior.seen,
-        gained=None if before is None else information_gained(before, predictor, data, noise),
+        gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(
             UnexplainedInteraction(interaction=item.interaction, sensors=item.sensors)
@@ -76,25 +78,6 @@ def believe(
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
     )
-
-
-def information_gained(
-    before: Posterior, predictor: Predictor, data: SensorData, noise: Noise
-) -> float:
-    """Information that the last interaction gave about the body, bits.
-
-    How far its readings move the weights of the samples that stood for the belief before, as a
-    divergence in bits. Over readings as those samples foretell them its mean is the expected
-    information gain, with the same bound: the logarithm of the number of samples.
-    """
-    likelihood, last = Likelihood(data, noise), len(data) - 1
-    misfits = likelihood.misfits_of(predictor, before.values)
-    fits = likelihood.of(misfits, np.ones(len(misfits)), before.scales)[:, last]
-    logs = np.log(before.weights) + fits
-    weights = softmax(logs)
-    known = weights > 0
-    ratios = np.log(weights[known] / before.weights[known])
-    return float(weights[known] @ ratios) / math.log(2)
 
 
 def _medians(posterior: Posterior, predictor: Predictor) -> Array:

@@ -43,7 +43,7 @@ class Felt:
     values: Array
     beyond: Flags | None = None
 
-    def __getitem__(self, turns: NDArray[np.intp]) -> Felt:
+    def __getitem__(self, turns: NDArray[np.intp] | slice) -> Felt:
         """Those of some of the interactions."""
         beyond = None if self.beyond is None else self.beyond[turns]
         return Felt(values=self.values[turns], beyond=beyond)
@@ -98,6 +98,10 @@ class Density(ABC):
     @abstractmethod
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """Of n predictions from what was felt, into an array of shape (n, misfits)."""
+
+    def least_misfit(self, known: Known) -> Array:
+        """That of the prediction that fits best, shape (k, misfits)."""
+        return np.zeros((len(known.count), self.misfits))
 
     @abstractmethod
     def residual(self, felt: Felt, readings: Readings) -> Array:
@@ -232,6 +236,13 @@ class ClearanceDensity(Density):
         into[:, 0] = np.nan_to_num(felt.values[:, 0] - readings.clearance)
         if felt.beyond is not None:
             into[readings.saturated & felt.beyond, 0] = -np.inf
+
+    def least_misfit(self, known: Known) -> Array:
+        """That of a model which is where the robot is, be it beyond the range."""
+        least = super().least_misfit(known)
+        if known.beyond is not None:
+            least[known.beyond] = -np.inf
+        return least
 
     def residual(self, felt: Felt, readings: Readings) -> Array:
         """The distance, m; 0 beyond the range too."""

@@ -133,6 +133,11 @@ class SensorData:
     def __len__(self) -> int:
         return len(self.programs)
 
+    def __getitem__(self, turns: slice) -> SensorData:
+        """Some of the interactions."""
+        felt = {name: values[turns] for name, values in self.felt.items()}
+        return SensorData(programs=self.programs[turns], felt=felt, cap=self.cap)
+
     def misfits(self, readings: Readings, turns: Columns) -> Array:
         """The misfits of n readings, each in one of the interactions.
 
@@ -274,6 +279,13 @@ class Likelihood:
         """
         inlier, outlier = self.terms(misfits, width, scales, turns)
         return np.logaddexp(inlier, outlier)
+
+    def best(self, width: Array, scales: Array) -> Array:
+        """What no body exceeds, shape (n, k); see ``of``."""
+        misfits = np.zeros((len(width), len(self._data), MISFITS))
+        for name, density in DENSITIES.items():
+            misfits[..., _COLUMNS[name]] = density.least_misfit(self._known[name])
+        return self.of(misfits, width, scales)
 
     def terms(
         self, misfits: Array, width: Array, scales: Array, turns: Columns | None = None

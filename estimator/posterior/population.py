@@ -150,7 +150,7 @@ class Population:
         order = np.argsort(-self._fits[rows], axis=1, kind="stable")
         widths, scales = self._widths[rows], self.scales[rows]
         misfits = np.zeros((rows.size, count, MISFITS))
-        fits = self._likelihood.of(misfits, widths, scales)
+        fits = self._likelihood.best(widths, scales)
         bodies = self._predictor.unknowns.bodies(fresh)
         alive = np.flatnonzero(~self._predictor.unknowns.forbidden(fresh))
         start, simulated = 0, 0

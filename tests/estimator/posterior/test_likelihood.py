@@ -94,3 +94,24 @@ def test_a_model_beyond_the_range_is_certain_of_a_reading_at_its_end() -> None:
     expected = 1 - NOISE.outlier + NOISE.outlier * 0.1
     found = densities([beyond], one_reading(saturated=True))[0]
     assert found == pytest.approx(expected)
+
+
+def test_no_body_fits_better_than_the_best_that_any_could() -> None:
+    seen = [
+        Observation(angles=(0.0,), touch=(True, False), tilt=(0.2, -0.1), clearance=0.1),
+        Observation(
+            angles=(0.0,),
+            touch=(True, False),
+            tilt=(0.2, -0.1),
+            clearance=CAP,
+            clearance_saturated=True,
+        ),
+    ]
+    data = SensorData.of(seen, ("touch", "tilt", "clearance"), CAP)
+    likelihood, turns = Likelihood(data, NOISE), np.arange(2)
+    for reading, alike in ((one_reading(), 0), (one_reading(saturated=True), 1)):
+        misfits = data.misfits(reading[np.zeros(2, dtype=np.intp)], turns)[None]
+        found = likelihood.of(misfits, np.ones(1), np.zeros((1, 2)))[0]
+        best = likelihood.best(np.ones(1), np.zeros((1, 2)))[0]
+        assert found[alike] == pytest.approx(best[alike])
+        assert np.all(found <= best)

@@ -1,0 +1,61 @@
+"""How much an interaction has told about the body."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.posterior import Posterior
+from estimator.posterior.special import logsumexp
+from estimator.posterior.unknowns import Columns, Predictor
+
+SAMPLES: Final = 200
+"""Among so many samples information is measured: at most their number's logarithm."""
+
+
+def information_gained(
+    before: Posterior, after: Posterior, predictor: Predictor, data: SensorData, noise: Noise
+) -> float:
+    """Information that the last interaction gave about the body, bits.
+
+    Each sample of what is believed now is told from samples of what was believed before, by the
+    density of what was felt, as the expected information gain does it with readings that samples
+    foretell. If the posteriors are right the mean over interactions is therefore the same.
+
+    Args:
+        before: The posterior before the last interaction.
+        after: The one after it.
+        predictor: Computes readings.
+        data: What the robot felt, in all interactions.
+        noise: How far readings stray.
+    """
+    last = data[-1:]
+    likelihood = Likelihood(last, noise)
+
+    def fits(posterior: Posterior, rows: Columns) -> Array:
+        misfits = likelihood.misfits_of(predictor, posterior.values[rows])
+        return likelihood.of(misfits, np.ones(len(rows)), posterior.scales[rows])[:, 0]
+
+    others = fits(before, systematic(before.weights, SAMPLES - 1, 0.5))
+    own = fits(after, np.arange(len(after.values)))
+    mean = np.logaddexp(own, logsumexp(others)) - math.log(1 + len(others))
+    return float(after.weights @ (own - mean)) / math.log(2)
+
+
+def systematic(weights: Array, count: int, start: float) -> Columns:
+    """Indices of ``count`` samples, each as often as its weight says to within one.
+
+    Args:
+        weights: Adding up to 1, shape (n,).
+        count: How many; at most as many as there are samples are drawn.
+        start: Between 0 and 1: uniform, the expected counts are exact.
+    """
+    count = min(count, len(weights))
+    ends = np.cumsum(weights)
+    places = (np.arange(count) + start) / count * ends[-1]
+    rows: Columns = np.searchsorted(ends, places, side="right")
+    return rows
