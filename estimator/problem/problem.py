@@ -135,7 +135,9 @@ class Problem(Strict):
         """
         touch = capabilities.sensor("touch")
         robot = Inventory(
-            joints=len(capabilities.joints), touch_sensors=touch.count if touch else 0
+            joints=len(capabilities.joints),
+            touch_sensors=touch.count if touch else 0,
+            names=tuple(joint.name for joint in capabilities.joints) if self._robot.names else (),
         )
         return self if robot == self._robot else self.parse(self._source, self._origin, robot)
 

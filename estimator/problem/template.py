@@ -2,6 +2,7 @@
 
 What a file says of robots in general becomes what it says of one, before anything is checked:
 
+* joints may go by their names: the numbers that the robot gives them take their place;
 * ``motors.driven`` may be ``"all"``, or a table from numbers of joints to lists of joints, with
   ``other`` for the rest: ``{ 8 = [1, 2, 3, 4], other = "all" }``;
 * a part with ``each = "driven"`` stands for one such part per driven joint, in their order.
@@ -11,7 +12,8 @@ What is not understood here is left as it is, for the checks that follow to comp
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -25,10 +27,12 @@ class Inventory:
     Attributes:
         joints: How many joints it has.
         touch_sensors: How many touch sensors.
+        names: Of its joints, where the file goes by them.
     """
 
     joints: int
     touch_sensors: int
+    names: tuple[str, ...] = ()
 
 
 PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)
@@ -38,7 +42,22 @@ def supposed_robot(raw: Mapping[str, Any]) -> Inventory:
     """Returns a robot to write a file out for before any is known: the paper's if the file allows.
 
     Where all joints are driven and each part names its own, it has as many joints as they name.
+    Joints that go by their names have the lowest numbers that are free, in the order of the file.
     """
+    names = _supposed_names(raw)
+    return replace(_supposed_joints(_by_number(raw, names)), names=names)
+
+
+def _supposed_names(raw: Mapping[str, Any]) -> tuple[str, ...]:
+    said = [holder[key] for _, holder, key in _joints(raw)]
+    names = list(dict.fromkeys(one for one in said if isinstance(one, str) and one))
+    for number in sorted({one for one in said if isinstance(one, int) and one > 0}):
+        if number <= len(names):
+            names.insert(number - 1, "")
+    return tuple(names)
+
+
+def _supposed_joints(raw: Mapping[str, Any]) -> Inventory:
     motors = raw.get("motors")
     driven = motors.get("driven") if isinstance(motors, dict) else None
     if isinstance(driven, dict):
@@ -75,6 +94,7 @@ def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any],
     Raises:
         ValueError: Key and reason.
     """
+    raw = _by_number(raw, robot.names)
     written = dict(raw)
     driven = None
     motors = raw.get("motors")
@@ -91,6 +111,38 @@ def write_out(raw: Mapping[str, Any], robot: Inventory) -> tuple[dict[str, Any],
     if isinstance(rules, list):
         written["parts"] = parts
     return written, origins
+
+
+def _joints(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
+    """Each place where the file says a joint: its name, what holds it, and under which key."""
+    motors, rules = raw.get("motors"), raw.get("parts")
+    driven = motors.get("driven") if isinstance(motors, dict) else None
+    for value in driven.values() if isinstance(driven, dict) else [driven]:
+        for index in range(len(value) if isinstance(value, list) else 0):
+            yield "motors.driven", value, index
+    for number, rule in enumerate(rules if isinstance(rules, list) else [], start=1):
+        for key in ("motor", "locked"):
+            if isinstance(rule, dict) and key in rule:
+                yield f"parts[{number}].{key}", rule, key
+
+
+def _by_number(raw: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, Any]:
+    """The same with joints by number that went by their names.
+
+    Raises:
+        ValueError: The robot has no such joint.
+    """
+    written = deepcopy(raw)
+    for where, holder, key in _joints(written):
+        name = holder[key]
+        if isinstance(name, str):
+            if not name or name not in names:
+                known = ", ".join(filter(None, names))
+                raise ValueError(
+                    f"{where}: the robot has no joint named {name!r}; its joints are {known}"
+                )
+            holder[key] = names.index(name) + 1
+    return written
 
 
 def _driven(value: Any, joints: int) -> Any:
