@@ -22,6 +22,7 @@ from estimator.posterior.likelihood import Noise, SensorData
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.recheck import recheck
 from estimator.posterior.sampler import Effort, Sampler
+from estimator.posterior.thickness import better_thickness
 from estimator.posterior.unknowns import Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -147,6 +148,9 @@ class PosteriorMethod:
             checked.posterior, self._sampler.predictor, data, self._noise, self._same_as
         ).model_copy(
             update={
+                "thickness": better_thickness(
+                    checked.posterior, self._sampler.predictor, data, self._noise
+                ),
                 "gained": belief.gained,
                 "simulated": checked.simulated,
                 "effective": checked.effective,

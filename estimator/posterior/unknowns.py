@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -79,16 +80,24 @@ class Predictor:
     Args:
         unknowns: The cube.
         physics: Computes it; its own, so that populations can work side by side.
+        thickness: Factor on the radii of all parts.
 
     Attributes:
         unknowns: As above.
         spared: Simulations that early rejection has made unnecessary.
     """
 
-    def __init__(self, unknowns: Unknowns, physics: ArrayMarginPhysics):
+    def __init__(
+        self, unknowns: Unknowns, physics: ArrayMarginPhysics, *, thickness: float = 1.0
+    ) -> None:
         self.unknowns = unknowns
         self.spared = 0
         self._physics = physics
+        self._thickness = thickness
+
+    def with_thickness(self, factor: float) -> Predictor:
+        """The same for parts whose radii are so many times the problem's; physics is shared."""
+        return Predictor(self.unknowns, self._physics, thickness=factor)
 
     @property
     def simulations(self) -> int:
@@ -111,7 +120,10 @@ class Predictor:
             programs: rad, shape (m, motors).
             leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
         """
-        return self._physics.read_bodies(bodies[rows], programs, leans)
+        chosen = bodies[rows]
+        if self._thickness != 1.0:
+            chosen = replace(chosen, radius=self._thickness * chosen.radius)
+        return self._physics.read_bodies(chosen, programs, leans)
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""

@@ -208,6 +208,11 @@ def verdict_on_fit(belief: Belief) -> str:
     if belief.contradicting:
         listed = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
         reasons.append(f"explains what touch sensor {listed} feels")
+    if belief.thickness:
+        reasons.append(
+            f"explains the readings as well as one whose parts are {belief.thickness:g} times as "
+            "thick, so no length can be trusted"
+        )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {', or '.join(reasons)}."
 
 

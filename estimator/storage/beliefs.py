@@ -98,6 +98,8 @@ class Belief(_Record):
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
+        thickness: At the end of a run, factor on the radii of all parts by which the readings are
+            explained far better; ``None``: none is.
         simulated: How many samples the reference back-end simulated; 0: it was not asked.
         effective: Effective sample size of those.
         decides: At the end of a run, where rivals are left that a movement might tell apart.
@@ -115,6 +117,7 @@ class Belief(_Record):
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...] = ()
+    thickness: float | None = None
     simulated: int = 0
     effective: float | None = None
     decides: NextMovement | None = None
@@ -122,4 +125,6 @@ class Belief(_Record):
     @property
     def explained(self) -> bool:
         """Whether some body of the problem explains the readings, as far as can be told."""
-        return len(self.unexplained) <= ACCIDENTS and not (self.noisy or self.contradicting)
+        return len(self.unexplained) <= ACCIDENTS and not (
+            self.noisy or self.contradicting or self.thickness
+        )

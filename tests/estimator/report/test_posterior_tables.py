@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from estimator.identification.run import problem_of
+from estimator.report.posterior_summary import verdict_on_fit
 from estimator.report.result import summarise
 from estimator.report.terminal_tables import print_result
 from estimator.storage.beliefs import BelievedMode, NextMovement
@@ -57,3 +58,15 @@ def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
     assert result.posterior is not None
     assert result.posterior.equivalent == ()
     assert result.posterior.probability == 1.0
+
+
+def test_a_thickness_that_explains_far_better_is_no_explanation(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        (belief, _) = run.beliefs()[-1]
+    assert belief.explained
+    doubted = belief.model_copy(update={"thickness": 0.5})
+    assert not doubted.explained
+    assert verdict_on_fit(doubted) == (
+        "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one whose parts are 0.5 "
+        "times as thick, so no length can be trusted."
+    )
