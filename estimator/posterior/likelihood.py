@@ -229,16 +229,20 @@ class Likelihood:
         if surely:
             return misfits
         left = self._unexplained(misfits, turns)
-        for number in range(1, len(LEANS)):
-            if not left.size:
-                break
-            readings = predictor.read(bodies, rows[left], data.programs[turns[left]], LEANS[number])
-            others = data.misfits(readings, turns[left])
-            others[:, ASTRAY] = number
-            astray = np.ones(len(left), dtype=bool)
-            astray[self._unexplained(others, turns[left])] = False
-            misfits[left[astray]] = others[astray]
-            left = left[~astray]
+        if not left.size:
+            return misfits
+        sides = len(LEANS) - 1
+        each = np.repeat(left, sides)
+        leans = np.tile(LEANS[1:], (len(left), 1))
+        readings = predictor.read(bodies, rows[each], data.programs[turns[each]], leans)
+        others = data.misfits(readings, turns[each])
+        others[:, ASTRAY] = np.tile(np.arange(1, len(LEANS)), len(left))
+        explained = np.ones(len(each), dtype=bool)
+        explained[self._unexplained(others, turns[each])] = False
+        explained = explained.reshape(-1, sides)
+        astray = np.flatnonzero(explained.any(axis=1))
+        first = np.argmax(explained[astray], axis=1)
+        misfits[left[astray]] = others[astray * sides + first]
         return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> Readings:
