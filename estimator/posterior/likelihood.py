@@ -237,9 +237,8 @@ class Likelihood:
         readings = predictor.read(bodies, rows[each], data.programs[turns[each]], leans)
         others = data.misfits(readings, turns[each])
         others[:, ASTRAY] = np.tile(np.arange(1, len(LEANS)), len(left))
-        explained = np.ones(len(each), dtype=bool)
-        explained[self._unexplained(others, turns[each])] = False
-        explained = explained.reshape(-1, sides)
+        explained = np.ones((len(left), sides), dtype=bool)
+        explained.flat[self._unexplained(others, turns[each])] = False
         astray = np.flatnonzero(explained.any(axis=1))
         first = np.argmax(explained[astray], axis=1)
         misfits[left[astray]] = others[astray * sides + first]
