@@ -25,8 +25,8 @@ from estimator.posterior.verdict import explains
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
-_CONSIDERED: Final = 12.0  # nats below the best
-_WEIGHED: Final = 9.0
+_CONSIDERED: Final = 16.0  # nats below the best fit, which may be a mere spike
+_WEIGHED: Final = 9.0  # nats below the best evidence
 _NEIGHBOURS: Final = 16  # of each population, as further centres of a mode
 _MOST: Final = 120  # modes whose evidence is estimated
 _AGREED: Final = 0.8  # share of the posterior that both have met
@@ -204,12 +204,12 @@ class Sampler:
                 steps = self._effort.steps * (_LONGER if lost else 1)
                 for search in searches:
                     search.start_anew(all_levels=lost)
-        heavy = guesses > guesses[0] - _WEIGHED
-        modes = [
-            estimator.of(point, self._neighbours(point, fits[0]), self._rng)
-            for point in points[heavy]
-        ]
-        return self._weigh(points[heavy], modes, discovered)
+        modes: list[ModeEvidence] = []
+        for point, guess in zip(points, guesses, strict=True):
+            if modes and guess < max(one.log_evidence for one in modes) - _WEIGHED:
+                break
+            modes.append(estimator.of(point, self._neighbours(point, fits[0]), self._rng))
+        return self._weigh(points[: len(modes)], modes, discovered)
 
     def _neighbours(self, point: Array, best: float) -> Array:
         """Chains with a point's attachments that fit nearly as well as the best body."""

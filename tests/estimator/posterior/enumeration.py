@@ -11,11 +11,17 @@ from estimator.body.morphology import Array
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+_COARSE = 4  # values of each length,
+_FINE = 16  # and where attachments matter: less than
+_MATTERS = 9.0  # nats below the total
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
 
 
 def enumerated(
-    predictor: Predictor, data: SensorData, noise: Noise, counts: tuple[int, ...], grid: int
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    counts: tuple[int, ...],
 ) -> dict[Attachments, float]:
     """Probability of every set of attachments.
 
@@ -24,28 +30,36 @@ def enumerated(
         data: What the robot felt.
         noise: How far readings stray.
         counts: How many values each choice has.
-        grid: Values of each length.
     """
+    keys = list(itertools.product(*(range(count) for count in counts)))
+    likelihood = Likelihood(data, noise)
+    logs = _log_evidences(predictor, likelihood, np.array(keys), counts, _COARSE)
+    for row in np.flatnonzero(logs > logsumexp(logs) - _MATTERS):
+        one = np.array(keys[row : row + 1])
+        logs[row] = _log_evidences(predictor, likelihood, one, counts, _FINE)[0]
+    return dict(zip(keys, np.exp(logs - logsumexp(logs)).tolist(), strict=True))
+
+
+def _log_evidences(
+    predictor: Predictor, likelihood: Likelihood, keys: Array, counts: tuple[int, ...], grid: int
+) -> Array:
+    """Of some sets of attachments, by summing over a grid of lengths and of noise factors."""
     unknowns = predictor.unknowns
     middles = (np.arange(grid) + 0.5) / grid
     lengths = np.array(list(itertools.product(middles, repeat=unknowns.continuous.size)))
-    factors = SCALE_SPREAD * np.array(list(itertools.product(_NODES, repeat=2)))
-    weights = np.log(np.outer(_WEIGHTS, _WEIGHTS).ravel() / (2 * np.pi))
-    likelihood = Likelihood(data, noise)
-    logs: dict[Attachments, float] = {}
-    for key in itertools.product(*(range(count) for count in counts)):
-        values: Array = np.zeros((len(lengths), unknowns.size))
-        values[:, unknowns.choices] = (np.array(key) + 0.5) / np.array(counts)
-        values[:, unknowns.continuous] = lengths
-        misfits = likelihood.misfits_of(predictor, values)
-        width = np.ones(len(values))
-        terms = [
-            likelihood.of(misfits, width, np.tile(factor, (len(values), 1))).sum(axis=1) + weight
-            for factor, weight in zip(factors, weights, strict=True)
-        ]
-        logs[key] = float(logsumexp(terms))
-    total = logsumexp(list(logs.values()))
-    return {key: float(np.exp(log - total)) for key, log in logs.items()}
+    values: Array = np.zeros((len(keys), len(lengths), unknowns.size))
+    values[..., unknowns.choices] = ((keys + 0.5) / np.array(counts))[:, None]
+    values[..., unknowns.continuous] = lengths
+    misfits = likelihood.misfits_of(predictor, values.reshape(-1, unknowns.size))
+    width = np.ones(len(misfits))
+    logs = np.full((len(keys), len(lengths)), -np.inf)
+    for one, share in zip(_NODES, _WEIGHTS, strict=True):
+        for two, part in zip(_NODES, _WEIGHTS, strict=True):
+            factors = np.tile([SCALE_SPREAD * one, SCALE_SPREAD * two], (len(misfits), 1))
+            fits = likelihood.of(misfits, width, factors).sum(axis=1).reshape(logs.shape)
+            logs = np.logaddexp(logs, fits + np.log(share * part / (2 * np.pi)))
+    found: Array = logsumexp(logs, axis=1) - np.log(len(lengths))
+    return found
 
 
 def distance(one: dict[Attachments, float], other: dict[Attachments, float]) -> float:

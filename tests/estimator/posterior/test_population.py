@@ -88,7 +88,7 @@ def start_exactly(
 def test_chains_agree_with_enumeration(narrow: Predictor) -> None:
     point = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
     data = draw(narrow, point, programs(2, seed=3), np.random.default_rng(6))
-    exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6), grid=6)
+    exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
     population = Population(narrow, np.random.default_rng(2), levels=4, width=64)
     population.observe(data, WIDE)
     counts: Counter[Attachments] = Counter()
