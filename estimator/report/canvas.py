@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Final
 
 from estimator.report.leg_styles import leg_colour, leg_label
+from protocol.system.interrupts import interrupts_deferred
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,10 +21,10 @@ _NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure, its size in inches."""
-    figure: Figure = importlib.import_module("matplotlib.figure").Figure(
-        figsize=(width, height), layout="constrained"
-    )
-    return figure
+    with interrupts_deferred():
+        make: type[Figure] = importlib.import_module("matplotlib.figure").Figure
+        importlib.import_module("matplotlib.backends.backend_agg")  # which draws it
+    return make(figsize=(width, height), layout="constrained")
 
 
 def new_axes() -> tuple[Figure, Axes]:

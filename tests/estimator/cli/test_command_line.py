@@ -229,7 +229,7 @@ def test_version() -> None:
     assert ended.stdout == f"estimator (bodyschema) {metadata.version('bodyschema')}\n"
 
 
-@pytest.mark.parametrize("library", ["numpy", "matplotlib.backends"])
+@pytest.mark.parametrize("library", ["numpy", "rich.progress"])
 def test_ctrl_c_while_the_libraries_load_is_no_traceback(library: str) -> None:
     code = f"""
 import os, signal, sys

@@ -1,3 +1,5 @@
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -117,3 +119,22 @@ def test_a_drawing_for_a_page_has_its_text_and_is_the_same_each_time() -> None:
     assert one == two
     assert one.startswith("<svg")
     assert ">subjective error of each model</text>" in one
+
+
+def test_ctrl_c_waits_until_the_library_is_loaded() -> None:
+    code = """
+import os, signal, sys
+class Interruption:
+    def find_spec(self, name, path=None, target=None):
+        if name == "matplotlib.backends":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interruption())
+from estimator.report.canvas import as_png, new_axes
+try:
+    new_axes()
+except KeyboardInterrupt:
+    assert as_png(new_axes()[0])
+    print("interrupted")
+"""
+    ended = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert ended.stdout == "interrupted\n"
