@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -94,6 +95,12 @@ def _explain() -> None:
 
 @contextmanager
 def announced() -> Iterator[None]:
-    """Says on stderr, once, why it takes so long, if anything has to be compiled within."""
-    with event.install_listener("numba:compile", _Announcement()):
-        yield
+    """Says on stderr, once, why it takes so long, if anything has to be compiled within.
+
+    One process does so at a time; the others wait, and load what it has kept.
+    """
+    with Path(__file__).open("rb") as lock:
+        with suppress(OSError):  # a file system that locks nothing: each compiles for itself
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        with event.install_listener("numba:compile", _Announcement()):
+            yield
