@@ -62,7 +62,7 @@ class Identification:
         """Goes through all interactions, each followed by the method.
 
         Args:
-            after_iteration: Called whenever an iteration is over.
+            after_iteration: Called whenever something was learnt, and another interaction follows.
 
         Raises:
             InteractionError: The robot did not do its part; ``run`` of a new object goes on.
@@ -75,10 +75,12 @@ class Identification:
         try:
             for number in numbers:
                 observations.append(self._act(number, observations))
+                news = self._method.done(number) < self._method.work(number)
                 self._method.learn(number, observations)
-                after_iteration()
-                if self._method.is_sure(number):
+                if number == numbers[-1] or self._method.is_sure(number):
                     break
+                if news:
+                    after_iteration()
         finally:
             if self._link is not None:
                 self._link.close()

@@ -30,8 +30,13 @@ import numpy
 import estimator.cli.command_line
 from estimator.__main__ import main
 from estimator.body.arrays import Bodies
+from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
+from estimator.report.canvas import as_png, as_svg, new_axes
 StaticsPhysics().read_bodies(Bodies.of([]), numpy.zeros(0))
+PyBulletPhysics().close()
+for draw in (as_png, as_svg):
+    draw(new_axes()[0])
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 for line in sys.stdin:
     order = json.loads(line)
