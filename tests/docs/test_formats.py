@@ -22,6 +22,7 @@ from estimator import Result, identify
 from estimator.cli.command_line import app
 from estimator.report.result_schema import result_schema
 from sim_robot.world.sensor_noise import NoiseLevels, load_noise
+from tests.estimator.little_effort import little_effort
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
@@ -48,7 +49,7 @@ def by_posterior(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "readings.csv").write_text(table)
     (folder / "robot.json").write_text(robot)
     (script,) = blocks("`robot.json`", "sh")
-    with pytest.MonkeyPatch.context() as here:
+    with pytest.MonkeyPatch.context() as here, little_effort():
         here.chdir(folder)
         for line in script.splitlines():
             estimator(*shlex.split(line)[1:], "--jobs", "1")

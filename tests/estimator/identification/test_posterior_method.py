@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,13 +14,11 @@ from estimator.identification import posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import in_this_process
-from estimator.posterior.sampler import Effort
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
+from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, ModelRobot, make_order, serving
-
-SMALL = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
 
 
 class Interrupting(Listener):
@@ -39,9 +38,10 @@ class Interrupting(Listener):
             raise KeyboardInterrupt
 
 
-@pytest.fixture(autouse=True)
-def little_effort(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(posterior_method, "Effort", lambda: SMALL)
+@pytest.fixture(scope="module", autouse=True)
+def soon_done() -> Iterator[None]:
+    with little_effort():
+        yield
 
 
 def order(folder: Path, uri: str) -> Order:
@@ -67,9 +67,7 @@ def whole(folder: Path, interrupt_after: int | None = None) -> Result:
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Path]:
     folder = tmp_path_factory.mktemp("posterior")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(posterior_method, "Effort", lambda: SMALL)
-        return whole(folder), folder / "run"
+    return whole(folder), folder / "run"
 
 
 def test_lengths_are_found_with_intervals_that_hold_them(

@@ -8,22 +8,19 @@ from typing import TypeAlias
 
 import pytest
 
-from estimator.identification import posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import MethodName, identify
 from estimator.live import run_follower
 from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import RunView
 from estimator.physics.backends import in_this_process
-from estimator.posterior.sampler import Effort
 from estimator.readings.observation import Observation
 from estimator.report.run_files import write_report
+from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 
 FollowedRun: TypeAlias = tuple[Path, list[RunView]]
 """A run directory, and how the run stood whenever something had happened."""
-
-SMALL = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
 
 
 class Following(Listener):
@@ -59,8 +56,7 @@ def follow_run(folder: Path, method: MethodName, *, interrupt: bool = False) -> 
     Returns:
         How it stood whenever something had happened, an interruption included.
     """
-    with pytest.MonkeyPatch.context() as patch, serving(ModelRobot()) as uri:
-        patch.setattr(posterior_method, "Effort", lambda: SMALL)
+    with pytest.MonkeyPatch.context() as patch, little_effort(), serving(ModelRobot()) as uri:
         patch.setattr(run_follower, "_AT_LEAST", 0.0)
         patch.setattr(run_follower, "_IDLE", 0)
         patch.setattr(run_follower, "_SILENT", 0.0)

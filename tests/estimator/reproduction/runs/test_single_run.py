@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -14,12 +16,13 @@ from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION
 from estimator.report.result import Result
 from estimator.report.run_files import RESULT
 from estimator.reproduction.runs.finished_run import FinishedRun
-from estimator.reproduction.runs.plan import PlannedRun, work_of
+from estimator.reproduction.runs.plan import PlannedRun, topological_runs, work_of
 from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
 from estimator.reproduction.runs.single_run import complete_run, has_begun, is_finished, work_done
 from estimator.storage.database import DATABASE
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
+from tests.estimator.reproduction.conftest import TINY
 
 
 class Breaking(Listener):
@@ -54,19 +57,28 @@ def history(run: PlannedRun, root: Path) -> tuple[list[Generation], list[Observa
     return generations, felt
 
 
+@pytest.fixture(scope="module", autouse=True)
+def few_predictions() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, body: str) -> tuple[Path, float]:
+    """Where a run is that nothing broke off, and how much work it said that it had done."""
+    (run,) = topological_runs(1, TINY)
+    place, counting = tmp_path_factory.mktemp("whole"), Breaking()
+    (place / TRUTH).write_text(body)
+    complete_run(run, place, counting)
+    return place, counting.work
+
+
 def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
-    topological: PlannedRun,
-    root: Path,
-    tmp_path_factory: pytest.TempPathFactory,
-    body: str,
-    monkeypatch: pytest.MonkeyPatch,
+    topological: PlannedRun, root: Path, whole: tuple[Path, float]
 ) -> None:
-    monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
-    whole = tmp_path_factory.mktemp("whole")
-    (whole / TRUTH).write_text(body)
-    counting = Breaking()
-    complete_run(topological, whole, counting)
-    assert counting.work == work_of(topological)
+    uninterrupted, work = whole
+    assert work == work_of(topological)
 
     breaks = 0
     while not is_finished(topological, root):
@@ -75,13 +87,13 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
         except KeyboardInterrupt:
             breaks += 1
     assert breaks == 4  # of 4 generations, then 2 predictions, twice, and 2 performances
-    assert history(topological, root) == history(topological, whole)
+    assert history(topological, root) == history(topological, uninterrupted)
     for name in (SCORE, VALIDATION):
-        ours, theirs = (topological.directory(place) / name for place in (root, whole))
+        ours, theirs = (topological.directory(place) / name for place in (root, uninterrupted))
         assert ours.read_text() == theirs.read_text()
     results = [
         Result.model_validate_json((topological.directory(place) / RESULT).read_text())
-        for place in (root, whole)
+        for place in (root, uninterrupted)
     ]
     assert results[0].best_models == results[1].best_models
     finished = FinishedRun.read(topological, root)
@@ -90,10 +102,10 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
 
 
 def test_what_is_damaged_or_of_another_version_is_written_again(
-    topological: PlannedRun, root: Path, monkeypatch: pytest.MonkeyPatch
+    topological: PlannedRun, tmp_path: Path, whole: tuple[Path, float]
 ) -> None:
-    monkeypatch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
-    complete_run(topological, root, Breaking())
+    root = tmp_path / "copy"
+    shutil.copytree(whole[0], root)
     assert is_finished(topological, root)
     before = history(topological, root)
     damages = {SCORE: b'{"of": "another version"}', RESULT: b"{}", VALIDATION: b"\xff damaged"}
