@@ -7,8 +7,8 @@ the control loop with a clock of their own.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
@@ -23,6 +23,7 @@ from robot.service.daemon import build_controller
 from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
+from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.faults.fault_panel import FaultPanel
@@ -60,16 +61,22 @@ class StillWorld:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StillRobot:
-    """The robot, and the parts behind it."""
+class OnElectronics:
+    """A robot on emulated electronics."""
 
     config: RobotConfig
     buses: Buses
     devices: Devices
+    panel: FaultPanel
     controller: Controller
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillRobot(OnElectronics):
+    """The same with a PC-104's boards, and the parts behind it."""
+
     servos: SV203
     world: StillWorld
-    panel: FaultPanel
     servo_board: SV203Emulator
     daq: DMM32Emulator
     distance: VL6180XEmulator
@@ -111,36 +118,43 @@ def example_config(port: str, *, boards: Sequence[int] = (1,)) -> RobotConfig:
 
 
 @contextmanager
-def still_robot(
-    clock: Clock,
+def on_electronics(
+    config: RobotConfig,
+    electronics: Mapping[str, FaultSwitch],
+    buses: Buses,
     *,
+    stand: bool = False,
     housekeeping: float | None,
     log: logging.Logger,
     manager: ServiceManager | None = None,
-    boards: Sequence[int] = (1,),
-) -> Iterator[StillRobot]:
-    """Builds the robot of ``example_config``; its control loop is not yet started."""
-    with ExitStack() as stack:
-        board = SV203Emulator(boards=boards)
-        stack.callback(board.close)
-        config = example_config(board.port, boards=boards)
-        world = StillWorld.around(config)
+) -> Iterator[OnElectronics]:
+    """Opens the drivers and builds the control loop, which is not yet started.
 
-        daq = DMM32Emulator(world.input, clock)
-        distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+    Args:
+        config: The robot.
+        electronics: What can fail, by its name on the fault panel.
+        buses: What leads to it.
+        stand: Whether the servos are on, in the zero pose.
+        housekeeping: As ``build_controller`` takes it, like those that follow.
+        log: Likewise.
+        manager: Likewise.
+    """
+    with ExitStack() as stack:
 
         def look() -> None:
             panel.advance()
 
-        host = HostClock(WatchedClock(clock, look))
-        panel = FaultPanel(
-            {"servo_board": board, "daq": daq, "distance": distance, "clock": host}, host.now
-        )
+        host = HostClock(WatchedClock(buses.clock, look))
+        panel = FaultPanel({**electronics, "clock": host}, host.now)
         stack.callback(panel.close)
-        buses = Buses(clock=host, open_ports=lambda base: daq, open_i2c=lambda path: distance)
+        buses = replace(buses, clock=host)
         devices = open_devices(config, buses)
         stack.callback(devices.close)
-        assert isinstance(devices.servos, SV203)
+        if stand:
+            devices.servos.read_counts([joint.output for joint in config.joints])
+            devices.servos.set_counts(
+                {joint.output: joint.quantise(0.0) for joint in config.joints}
+            )
         controller = build_controller(
             config,
             devices,
@@ -150,15 +164,40 @@ def still_robot(
             log=log,
             manager=manager,
         )
-        yield StillRobot(
-            config=config,
-            buses=buses,
-            devices=devices,
-            controller=controller,
-            servos=devices.servos,
-            world=world,
-            panel=panel,
-            servo_board=board,
-            daq=daq,
-            distance=distance,
+        yield OnElectronics(
+            config=config, buses=buses, devices=devices, panel=panel, controller=controller
         )
+
+
+@contextmanager
+def still_robot(
+    clock: Clock,
+    *,
+    housekeeping: float | None,
+    log: logging.Logger,
+    manager: ServiceManager | None = None,
+    boards: Sequence[int] = (1,),
+) -> Iterator[StillRobot]:
+    """Builds the robot of ``example_config``; its control loop is not yet started."""
+    with closing(SV203Emulator(boards=boards)) as board:
+        config = example_config(board.port, boards=boards)
+        world = StillWorld.around(config)
+        daq = DMM32Emulator(world.input, clock)
+        distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+        with on_electronics(
+            config,
+            {"servo_board": board, "daq": daq, "distance": distance},
+            Buses(clock=clock, open_ports=lambda base: daq, open_i2c=lambda path: distance),
+            housekeeping=housekeeping,
+            log=log,
+            manager=manager,
+        ) as robot:
+            assert isinstance(robot.devices.servos, SV203)
+            yield StillRobot(
+                **vars(robot),
+                servos=robot.devices.servos,
+                world=world,
+                servo_board=board,
+                daq=daq,
+                distance=distance,
+            )

@@ -17,8 +17,22 @@ BELLY = 0.085 / 2
 RIGHT_ANGLE = math.radians(90)
 
 
-def legs(length: float, *, radius: float = 0.006, pieces: int = 1, hinge: int = 2) -> Morphology:
-    """Four equal straight legs, each of one or two rigid pieces; the last piece feels touch."""
+def legs(
+    *lengths: float,
+    radius: float = 0.006,
+    pieces: int = 1,
+    hinge: int = 2,
+    density: float = 1000.0,
+) -> Morphology:
+    """Four straight legs, each of one or two rigid pieces; the last piece feels touch.
+
+    Args:
+        *lengths: Of each leg, m; or one for all of them.
+        radius: Of all pieces, m.
+        pieces: Of a leg.
+        hinge: On the main body.
+        density: Of all pieces, kg/m³.
+    """
     upper = [
         Part(
             parent=BASE,
@@ -29,13 +43,13 @@ def legs(length: float, *, radius: float = 0.006, pieces: int = 1, hinge: int = 
             motor=leg,
             sensor=leg if pieces == 1 else None,
         )
-        for leg in range(4)
+        for leg, length in enumerate(lengths * (4 // len(lengths)))
     ]
     lower = [
         replace(part, parent=part.mount, mount=1, motor=None, sensor=part.mount) for part in upper
     ]
     parts = tuple(upper) if pieces == 1 else (*upper, *lower)
-    return Morphology(base=BODY, parts=parts, density=1000.0)
+    return Morphology(base=BODY, parts=parts, density=density)
 
 
 def read_one(physics: Physics, body: Morphology, *angles: float) -> Readings:

@@ -17,10 +17,8 @@ from estimator.errors import MorphologyError, PhysicsError
 from estimator.physics.base import Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
-from tests.estimator.physics.four_legs import MakeBody, random_pairs
+from tests.estimator.physics.four_legs import BELLY, BODY, MakeBody, legs, random_pairs
 
-BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
-BELLY = 0.085 / 2
 SURE = math.radians(8)
 
 
@@ -28,29 +26,6 @@ SURE = math.radians(8)
 def statics() -> Iterator[StaticsPhysics]:
     with StaticsPhysics() as physics:
         yield physics
-
-
-def legs(
-    *lengths: float, radius: float = 0.006, pieces: int = 1, density: float = 1000.0
-) -> Morphology:
-    """Four straight legs, each of one or two rigid pieces; the last piece feels touch."""
-    upper = [
-        Part(
-            parent=BASE,
-            mount=leg,
-            hinge=2,
-            length=length / pieces,
-            radius=radius,
-            motor=leg,
-            sensor=leg if pieces == 1 else None,
-        )
-        for leg, length in enumerate(lengths)
-    ]
-    lower = [
-        replace(part, parent=part.mount, mount=1, motor=None, sensor=part.mount) for part in upper
-    ]
-    parts = tuple(upper) if pieces == 1 else (*upper, *lower)
-    return Morphology(base=BODY, parts=parts, density=density)
 
 
 def read_one(physics: StaticsPhysics, body: Morphology, *degrees: float) -> Readings:
@@ -68,7 +43,7 @@ def assert_same(one: Readings, two: Readings) -> None:
 def test_four_equal_legs_lift_the_body_level(
     statics: StaticsPhysics, length: float, pieces: int, radius: float
 ) -> None:
-    body = legs(*[length] * 4, radius=radius, pieces=pieces)
+    body = legs(length, radius=radius, pieces=pieces)
     felt = read_one(statics, body, -30, -30, -30, -30)
     lift = (length - radius) * math.sin(math.radians(30)) + radius - BELLY
     assert felt.clearance == pytest.approx([lift], abs=1e-9)
@@ -94,7 +69,7 @@ def test_one_leg_pushes_its_side_up(
     """The body rests on the leg's tip and on the opposite lower edge: plane geometry."""
     program, length, radius = [30.0] * 4, 0.15, 0.006
     program[leg] = -down
-    felt = read_one(statics, legs(*[length] * 4, radius=radius), *program)
+    felt = read_one(statics, legs(length, radius=radius), *program)
     turn = math.radians(down)
     along = 0.07 + (length - radius) * math.cos(turn) + 0.07  # edge to centre of the tip's sphere
     below = (length - radius) * math.sin(turn) - BELLY
@@ -115,14 +90,14 @@ def test_gaps_decide_touch_and_doubt(statics: StaticsPhysics) -> None:
 
 
 def test_clearance_is_capped(statics: StaticsPhysics) -> None:
-    felt = read_one(statics, legs(*[0.3] * 4), *[-90.0] * 4)
+    felt = read_one(statics, legs(0.3), *[-90.0] * 4)
     assert felt.clearance.tolist() == [0.2]
     assert felt.saturated.all()
 
 
 def test_a_body_may_start_above_its_belly(statics: StaticsPhysics) -> None:
     """Parts thicker than the main body carry it from the start."""
-    felt = read_one(statics, legs(*[0.2] * 4, radius=0.05), 0, 0, 0, 0)
+    felt = read_one(statics, legs(0.2, radius=0.05), 0, 0, 0, 0)
     assert felt.clearance == pytest.approx([0.05 - BELLY])
     assert felt.touch.all()
 
@@ -157,13 +132,13 @@ def test_the_path_margin_is_the_inclination_that_topples(statics: StaticsPhysics
         topples = math.atan(width / height)
         (margin,) = statics.path_margins([(bare, np.zeros(0))])
         assert topples / 1.25 < margin <= topples
-    (flat,) = statics.path_margins([(legs(*[0.1] * 4), np.zeros(4))])
+    (flat,) = statics.path_margins([(legs(0.1), np.zeros(4))])
     assert flat == pytest.approx(math.atan(0.5))  # the steepest that is tried
 
 
 def test_joints_get_no_farther_than_their_time_allows(statics: StaticsPhysics) -> None:
     """300 steps at 60 degrees per second are 300 degrees."""
-    body = replace(legs(*[0.1] * 4), base=replace(BODY, size=(0.4, 0.4, 0.4)))
+    body = replace(legs(0.1), base=replace(BODY, size=(0.4, 0.4, 0.4)))
     late, there = read_one(statics, body, 310, 0, 0, 0), read_one(statics, body, 300, 0, 0, 0)
     assert np.degrees(late.joint_miss) == pytest.approx([10])
     assert (late.valid[0], there.valid[0]) == (False, True)
@@ -317,14 +292,14 @@ def test_one_program_serves_many_bodies(
 
 def test_work_is_counted(statics: StaticsPhysics) -> None:
     fresh = StaticsPhysics()
-    fresh.read([(legs(*[0.1] * 4), np.radians([-30, 0, 0, 0]))] * 5)
+    fresh.read([(legs(0.1), np.radians([-30, 0, 0, 0]))] * 5)
     assert (fresh.simulations, fresh.steps) == (5, 5 * 20)
     fresh.close()
     fresh.close()
 
 
 def test_bad_batches_are_refused(statics: StaticsPhysics) -> None:
-    body = legs(*[0.1] * 4)
+    body = legs(0.1)
     for angle in (math.nan, math.inf):
         with pytest.raises(PhysicsError, match="a motor program must be finite"):
             read_one(statics, body, angle, 0, 0, 0)
