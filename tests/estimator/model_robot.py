@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import in_motor_order
+from estimator.report.run_files import write_report
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, RobotEvent, Snapshot
 from protocol.transport.server import Server
@@ -24,6 +27,9 @@ from protocol.wire.states import State
 
 JOINTS = ("left", "front", "right", "back")
 TRUE_LENGTHS = (0.17, 0.15, 0.18, 0.16)
+without_plots: Final = partial(write_report, plots=False)
+"""What a run writes beside its plots and its page, which take longer than a small run itself."""
+
 PROBLEM = """
 name = "legs"
 description = "Four legs of one part each."

@@ -18,7 +18,14 @@ from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
-from tests.estimator.model_robot import PROBLEM, TRUE_LENGTHS, ModelRobot, make_order, serving
+from tests.estimator.model_robot import (
+    PROBLEM,
+    TRUE_LENGTHS,
+    ModelRobot,
+    make_order,
+    serving,
+    without_plots,
+)
 
 
 class Interrupting(Listener):
@@ -60,8 +67,8 @@ def whole(folder: Path, interrupt_after: int | None = None) -> Result:
         if interrupt_after is None:
             return identify(run, asked, in_this_process, listener, report=write_report)
         with pytest.raises(KeyboardInterrupt):
-            identify(run, asked, in_this_process, listener, report=write_report)
-        return resume(run, in_this_process, Interrupting(), robot=uri, report=write_report)
+            identify(run, asked, in_this_process, listener, report=without_plots)
+        return resume(run, in_this_process, Interrupting(), robot=uri, report=without_plots)
 
 
 @pytest.fixture(scope="module")
@@ -126,7 +133,9 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(tmp_path: P
 def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=9, sure=0.9)
-        result = identify(tmp_path / "run", asked, in_this_process, Listener(), report=write_report)
+        result = identify(
+            tmp_path / "run", asked, in_this_process, Listener(), report=without_plots
+        )
     assert result.complete
     assert result.interactions < 9
     assert result.posterior is not None
@@ -148,5 +157,5 @@ def test_what_the_method_cannot_do_is_refused(
     with serving(ModelRobot()) as uri:
         asked = Order(**{**vars(order(tmp_path, uri)), **changes})
         with pytest.raises(EstimatorError, match=reason):
-            identify(tmp_path / "run", asked, in_this_process, Listener(), report=write_report)
+            identify(tmp_path / "run", asked, in_this_process, Listener(), report=without_plots)
     assert not (tmp_path / "run").exists()

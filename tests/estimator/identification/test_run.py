@@ -24,7 +24,7 @@ from estimator.report.terminal_tables import print_result
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
-from tests.estimator.model_robot import ModelRobot, make_order, serving
+from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
 
 
 def here(name: str, settings: WorldSettings) -> Physics:
@@ -96,9 +96,9 @@ def test_an_interrupted_run_resumes_to_the_same_result(
                 make_order(tmp_path, uri),
                 here,
                 Witness(pieces),
-                report=write_report,
+                report=without_plots,
             )
-        result = resume(tmp_path / "run", here, Witness(), report=write_report)
+        result = resume(tmp_path / "run", here, Witness(), report=without_plots)
     assert outcome(result) == outcome(uninterrupted[0])
     assert len(robot.motions) == 2
 
@@ -107,7 +107,7 @@ def test_a_finished_run_needs_no_robot_to_resume(
     uninterrupted: tuple[Result, Path],
 ) -> None:
     result, directory = uninterrupted
-    assert outcome(resume(directory, here, Witness(), report=write_report)) == outcome(result)
+    assert outcome(resume(directory, here, Witness(), report=without_plots)) == outcome(result)
 
 
 def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Result, Path]) -> None:
@@ -117,7 +117,7 @@ def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Res
         make_order(tmp_path, f"replay:{directory}"),
         here,
         Witness(),
-        report=write_report,
+        report=without_plots,
     )
     assert outcome(again) == outcome(result)
 
@@ -154,7 +154,7 @@ def test_its_own_readings_serve_as_readings_by_hand(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"file:{directory}/readings.csv")
-    again = identify(tmp_path / "run", order, here, Witness(), report=write_report)
+    again = identify(tmp_path / "run", order, here, Witness(), report=without_plots)
     assert again.interactions == 2
     for one, two in zip(again.legs, result.legs, strict=True):
         assert (one.joint, one.touched) == (two.joint, two.touched)
@@ -166,7 +166,7 @@ def test_the_number_of_processes_does_not_show(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"replay:{directory}")
-    again = identify(tmp_path / "run", order, on_this_computer(2), Witness(), report=write_report)
+    again = identify(tmp_path / "run", order, on_this_computer(2), Witness(), report=without_plots)
     assert outcome(again) == outcome(result)
 
 
@@ -203,7 +203,7 @@ def test_killed_while_the_robot_moves_the_outcome_is_fetched(
         kill(process)
         robot.complete()
         robot.manual = False
-        result = resume(tmp_path / "run", here, witness, report=write_report)
+        result = resume(tmp_path / "run", here, witness, report=without_plots)
     assert "Interaction 1 was under way; its outcome was still there." in witness.heard
     assert len(robot.motions) == 2
     assert outcome(result) == outcome(uninterrupted[0])
@@ -230,7 +230,7 @@ def test_killed_while_it_models_nothing_is_lost(
             with pytest.raises(subprocess.TimeoutExpired):
                 process.wait(0.02)
         kill(process)
-        result = resume(tmp_path / "run", here, Witness(), report=write_report)
+        result = resume(tmp_path / "run", here, Witness(), report=without_plots)
     assert outcome(result) == outcome(uninterrupted[0])
     assert len(robot.motions) == 2
     done, reference = history(tmp_path / "run"), history(uninterrupted[1])
@@ -252,7 +252,7 @@ def test_the_daemon_restarts_in_mid_motion(
         assert "the robot's daemon restarted while the motion was under way" in said
         assert f"Go on with: estimator resume {tmp_path / 'run'}" in said
         assert not fresh.motions
-        result = resume(tmp_path / "run", here, witness, report=write_report)
+        result = resume(tmp_path / "run", here, witness, report=without_plots)
     assert any("performed anew" in sentence for sentence in witness.heard)
     assert len(fresh.motions) == 2
     assert outcome(result) == outcome(uninterrupted[0])
@@ -264,9 +264,9 @@ def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
     with serving(robot) as uri:
         with pytest.raises(InteractionError, match="back on its belly"):
             identify(
-                tmp_path / "run", make_order(tmp_path, uri), here, Witness(), report=write_report
+                tmp_path / "run", make_order(tmp_path, uri), here, Witness(), report=without_plots
             )
-        result = resume(tmp_path / "run", here, Witness(), report=write_report)
+        result = resume(tmp_path / "run", here, Witness(), report=without_plots)
     assert result.complete
     assert len(robot.motions) == 3
 
@@ -282,7 +282,7 @@ def test_nothing_is_left_behind_where_no_robot_answers(
         pass
     order = make_order(tmp_path, uri)
     with pytest.raises(RobotUnreachableError, match="no robot daemon runs"):
-        identify(tmp_path / "run", order, here, Witness(), report=write_report)
+        identify(tmp_path / "run", order, here, Witness(), report=without_plots)
     assert not (tmp_path / "run").exists()
 
 
@@ -310,19 +310,21 @@ def test_what_cannot_be_done_is_refused_with_a_sentence(
 ) -> None:
     order = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), **changes)
     with pytest.raises(kind, match=sentence):
-        identify(tmp_path / "run", order, on_this_computer(1), Witness(), report=write_report)
+        identify(tmp_path / "run", order, on_this_computer(1), Witness(), report=without_plots)
     assert not (tmp_path / "run").exists()
 
 
 def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:
     robot = ModelRobot()
     with serving(robot) as uri, pytest.raises(KeyboardInterrupt):
-        identify(tmp_path / "run", make_order(tmp_path, uri), here, Witness(1), report=write_report)
+        identify(
+            tmp_path / "run", make_order(tmp_path, uri), here, Witness(1), report=without_plots
+        )
     other = ModelRobot()
     object.__setattr__(other.capabilities, "base_mass", 9.0)
     with (
         serving(other) as uri,
         pytest.raises(InteractionError, match="other joints, sensors or another main body"),
     ):
-        resume(tmp_path / "run", here, Witness(), report=write_report, robot=uri)
+        resume(tmp_path / "run", here, Witness(), report=without_plots, robot=uri)
     assert not other.motions

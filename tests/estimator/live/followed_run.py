@@ -15,9 +15,8 @@ from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import RunView
 from estimator.physics.backends import in_this_process
 from estimator.readings.observation import Observation
-from estimator.report.run_files import write_report
 from tests.estimator.little_effort import little_effort
-from tests.estimator.model_robot import ModelRobot, make_order, serving
+from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
 
 FollowedRun: TypeAlias = tuple[Path, list[RunView]]
 """A run directory, and how the run stood whenever something had happened."""
@@ -63,7 +62,7 @@ def follow_run(folder: Path, method: MethodName, *, interrupt: bool = False) -> 
         order = replace(make_order(folder, uri), method=method, explore="disagreement")
         following = Following(folder / "run", interrupt=interrupt)
         try:
-            identify(folder / "run", order, in_this_process, following, report=write_report)
+            identify(folder / "run", order, in_this_process, following, report=without_plots)
         except KeyboardInterrupt:
             assert interrupt
             following.look()

@@ -26,9 +26,8 @@ from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
-from tests.estimator.model_robot import make_capabilities, make_order
+from tests.estimator.model_robot import make_capabilities, make_order, without_plots
 from tests.estimator.outside_package import PHYSICS, THUMB, install
 
 ROOT = Path(__file__).parents[3]
@@ -91,11 +90,11 @@ def test_a_run_with_the_physics_of_another_package(
         assert store.settings.plugins == {"bodyschema-thumb": "0.3"}
 
     with pytest.raises(EstimatorError, match="no physics 'thumb': choose pybullet, mujoco"):
-        resume(run, in_this_process, Listener(), report=write_report)
+        resume(run, in_this_process, Listener(), report=without_plots)
     said: list[str] = []
     monkeypatch.setattr(Listener, "say", lambda self, sentence: said.append(sentence))
     monkeypatch.syspath_prepend(str(install(tmp_path / "newer", THUMB, version="0.4")))
-    resume(run, in_this_process, Listener(), report=write_report)
+    resume(run, in_this_process, Listener(), report=without_plots)
     assert said == [
         "Note: the run was started with bodyschema-thumb 0.3, and goes on with bodyschema-thumb "
         "0.4."
