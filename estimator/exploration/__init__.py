@@ -8,6 +8,7 @@ Module                  What is in it
 ``information``         the rule ``information``: expected information gain, and it in words
 ``disagreement``        the rule ``disagreement``
 ``choosing``            candidates, their refinement, and how sure their predictions are
+``few_limbs``           programs that leave most limbs as they lie
 ``information_gain``    expected information of programs, by nested Monte Carlo
 ``gain_kernel``         the compiled part of it
 ======================= =========================================================================

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
+from estimator.exploration.few_limbs import LimbGenes, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
@@ -50,12 +51,20 @@ class Chooser:
         predictor: Computes readings.
         gain: Computes information.
         ends: Lowest and highest target of each motor, rad, shape (motors, 2).
+        limbs: Of which few are moved at a time, while much is open.
     """
 
-    def __init__(self, predictor: Predictor, gain: InformationGain, ends: Array) -> None:
+    def __init__(
+        self,
+        predictor: Predictor,
+        gain: InformationGain,
+        ends: Array,
+        limbs: Sequence[LimbGenes] = (),
+    ) -> None:
         self._predictor = predictor
         self._gain = gain
         self._ends = ends
+        self._limbs = limbs
 
     def choose(self, samples: Models, rng: np.random.Generator) -> InformativeProgram:
         """The motor program that is expected to tell most.
@@ -65,7 +74,12 @@ class Chooser:
             rng: The choice's own.
         """
         low, high = self._ends.T
-        programs = rng.uniform(low, high, (_CANDIDATES, len(low)))
+        programs = with_few_limbs(
+            rng.uniform(low, high, (_CANDIDATES, len(low))),
+            self._limbs,
+            self._predictor.unknowns.decided(samples.genes),
+            rng,
+        )
         bits = self._bits(samples, self._forecast(samples, programs), rng, _DRAWS)
         programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
         bits = self._bits(samples, self._sure_forecast(samples, programs), rng, _DRAWS)
@@ -74,6 +88,7 @@ class Chooser:
                 programs[np.argsort(-bits, kind="stable")[:_REFINED]], _VARIANTS, axis=0
             )
             near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
+            near = np.where(best == 0, 0.0, near)
             programs = np.concatenate([programs, near])
             more = self._bits(samples, self._sure_forecast(samples, near), rng, _DRAWS)
             bits = np.concatenate([bits, more])

@@ -10,9 +10,11 @@ Module                  What is in it
 ``recheck``             a simulator reweights samples
 ``information``         how much an interaction has told
 ``discovery``           the search that says where the posterior is
+``wandering``           the posterior while the readings cannot tell of all parts
 ``evidence``            how much probability each set of attachments holds
 ``population``          chains on levels of noise: evolutionary Monte Carlo
 ``moves``               their proposals
+``rows``                other ways to put one part on, and who then has to move
 ``slopes``              how readings change with lengths, and which lengths fit best
 ``likelihood``          the mixture: how likely an interaction is, given a body
 ``densities``           how likely one modality's readings are; ``special`` has their functions

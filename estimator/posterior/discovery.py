@@ -7,6 +7,7 @@ leaves the posterior invariant, and nothing of it needs to: it only says where t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,15 +16,16 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.population import Population
+from estimator.posterior.rows import other_rows
 from estimator.posterior.slopes import Lengths, best_of_each
-from estimator.posterior.unknowns import Attachments, Predictor
+from estimator.posterior.unknowns import Attachments, Predictor, Unknowns
 
 _WATCHED: Final = 3  # levels, from the coldest up
 _EVERY: Final = 5  # steps
 _POLISHED: Final = 200
 _LEADERS: Final = 4  # in one sweep
 _SWEEPS: Final = 3
-_ROWS: Final = 800  # random rows tried per part of a leader
+_ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished
 _STARTS: Final = 24
 _SWEEP_WIDTH: Final = 4.0
@@ -125,12 +127,12 @@ class _Visited:
         chosen = [row for row, key in enumerate(keys) if key not in self._swept][:_LEADERS]
         for row in chosen:
             self._swept.add(keys[row])
-            trials = []
-            for columns in self._unknowns.parts:
-                trial = np.repeat(leaders[row : row + 1], _ROWS, axis=0)
-                trial[:, columns] = rng.random((_ROWS, columns.size))
-                trials.append(trial)
-            values = self._unknowns.permitted(np.concatenate(trials))
+            values = np.concatenate(
+                [
+                    other_rows(leaders[row], columns, self._unknowns, rng)
+                    for columns in self._unknowns.parts
+                ]
+            )
             fits = lengths.fits(values, _SWEEP_WIDTH, surely=True)
             order = best_of_each(self._unknowns.keys(values), fits)[:_PROMISING]
             self._add_polished(values[order], lengths)
@@ -140,8 +142,8 @@ class _Visited:
     def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
         """The same attachments from other lengths: one start may lead to a lesser peak."""
         columns = self._unknowns.continuous
-        trial = np.repeat(leader[None], _ROWS, axis=0)
-        trial[:, columns] = rng.random((_ROWS, columns.size))
+        trial = np.repeat(leader[None], _ELSEWHERE, axis=0)
+        trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
         order = np.argsort(-lengths.fits(trial, _SWEEP_WIDTH, surely=True), kind="stable")[:_STARTS]
         starts: Array = trial[order]
         return starts
@@ -150,3 +152,26 @@ class _Visited:
         better, fits = lengths.polished(values)
         self._polished.update(self._unknowns.keys(better))
         self.add(better, fits)
+
+
+def share_seen(
+    keys: Sequence[Attachments],
+    shares: Array,
+    discovered: Sequence[Bodies],
+    unknowns: Unknowns,
+) -> float:
+    """How much of the posterior the populations have met, by what they met in common.
+
+    As in counting animals by catching them twice: of what one population met, the share that the
+    others met too is their chance of meeting anything.
+    """
+    met = [set(unknowns.keys(one.values)) for one in discovered]
+    missed = 1.0
+    for index, own in enumerate(met):
+        others = set().union(*(one for place, one in enumerate(met) if place != index))
+        theirs = sum(share for key, share in zip(keys, shares, strict=True) if key in others)
+        both = sum(
+            share for key, share in zip(keys, shares, strict=True) if key in others and key in own
+        )
+        missed *= 1 - both / theirs if theirs > 0 else 1.0
+    return 1.0 - missed

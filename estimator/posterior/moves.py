@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.rows import exchange_places
 from estimator.posterior.unknowns import Columns, Unknowns
 
 _SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform
@@ -19,6 +20,7 @@ _LARGEST: Final = 0.2
 _ALL_LENGTHS: Final = 0.5  # of the random steps move all lengths, the others some
 _SOME: Final = 0.3
 _JITTER: Final = 1e-4
+_HINGED_ANEW: Final = 0.5  # of the parts that change places
 
 
 class Move(IntEnum):
@@ -77,19 +79,27 @@ def propose(
         those = chosen[which == part]
         fresh[np.ix_(those, columns)] = rng.random((those.size, columns.size))
     if unknowns.places:
+        exchange_places(fresh, values[rows], unknowns)
         _swap(fresh, np.flatnonzero(kinds == Move.SWAP), unknowns, rng)
     return fresh
 
 
 def _swap(fresh: Array, chosen: Columns, unknowns: Unknowns, rng: np.random.Generator) -> None:
-    """Exchanges the places of two parts, in some of the points."""
+    """Exchanges the places of two parts, in some of the points, and may hinge both anew.
+
+    A leg in another's place with another hinge often feels much like the other.
+    """
     which = rng.integers(len(unknowns.places), size=chosen.size)
-    for kind, columns in enumerate(unknowns.places):
+    for kind, (columns, hinges) in enumerate(zip(unknowns.places, unknowns.hinges, strict=True)):
         rows = chosen[which == kind][:, None]
         first = rng.integers(len(columns), size=rows.size)
         second = (first + rng.integers(1, len(columns), size=rows.size)) % len(columns)
         one, other = fresh[rows, columns[first]], fresh[rows, columns[second]]
         fresh[rows, columns[first]], fresh[rows, columns[second]] = other, one
+        anew = rng.random(rows.size) < _HINGED_ANEW
+        for part, own in enumerate(hinges):
+            those = rows[anew & ((first == part) | (second == part)), 0]
+            fresh[np.ix_(those, own)] = rng.random((those.size, own.size))
 
 
 def exchange_parts(

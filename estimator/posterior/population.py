@@ -14,6 +14,7 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.physics.base import Flags
 from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.posterior.moves import exchange_parts, propose
 from estimator.posterior.unknowns import SCALE_SPREAD, Columns, Predictor
@@ -70,11 +71,17 @@ class Population:
         self.scales[hot] = self._rng.normal(0, SCALE_SPREAD, self.scales[hot].shape)
         self._look(hot)
 
-    def replace_coldest(self, values: Array, scales: Array) -> None:
-        """Puts other points on level 0, shape (width, size); only before sampling."""
+    def replace_coldest(self, values: Array, scales: Array, *, surely: bool = False) -> None:
+        """Puts other points on level 0, shape (width, size); only before sampling.
+
+        Args:
+            values: The points.
+            scales: Their noise factors.
+            surely: From here on, as in ``Likelihood.misfits_at``.
+        """
         cold = slice(0, self.width)
         self.values[cold], self.scales[cold] = values, scales
-        self._surely = False
+        self._surely = surely
         self._look(cold)
 
     def step(self) -> None:
@@ -100,6 +107,13 @@ class Population:
         level = np.ones(len(self.values[rows]))
         fits: Array = self._likelihood.of(self._misfits[rows], level, self.scales[rows]).sum(axis=1)
         return fits
+
+    def unexplained(self) -> Flags:
+        """Which of the coldest chains leave some interaction unexplained, shape (width,)."""
+        rows = slice(0, self.width)
+        shares = self._likelihood.inlier_share(self._misfits[rows], scales=self.scales[rows])
+        some: Flags = np.any(shares < 0.5, axis=1)
+        return some
 
     def state(self) -> Mapping[str, Any]:
         """All that ``from_state`` needs, for JSON."""
@@ -184,11 +198,12 @@ class Population:
                 self.values[pair[:half]], self.values[pair[half:]], self._predictor.unknowns, rng
             )
         )
+        allowed = ~self._predictor.unknowns.forbidden(fresh).reshape(2, half).any(axis=0)
+        pair, fresh = pair[np.tile(allowed, 2)], fresh[np.tile(allowed, 2)]
         misfits = self._likelihood.misfits_of(self._predictor, fresh, surely=self._surely)
         fits = self._likelihood.of(misfits, self._widths[pair], self.scales[pair])
-        gain = (fits - self._fits[pair]).sum(axis=1)
-        gain[self._predictor.unknowns.forbidden(fresh)] = -np.inf
-        accepted = np.tile(np.log(rng.random(half)) < gain[:half] + gain[half:], 2)
+        gain = (fits - self._fits[pair]).sum(axis=1).reshape(2, -1).sum(axis=0)
+        accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)
         taken = pair[accepted]
         self.values[taken], self._misfits[taken] = fresh[accepted], misfits[accepted]
         self._fits[taken] = fits[accepted]

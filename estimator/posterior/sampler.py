@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayMarginPhysics
-from estimator.posterior.discovery import Bodies, Discovery
+from estimator.posterior.discovery import Bodies, Discovery, share_seen
 from estimator.posterior.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.population import Population
@@ -22,6 +23,7 @@ from estimator.posterior.slopes import best_of_each
 from estimator.posterior.special import softmax
 from estimator.posterior.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.verdict import explains
+from estimator.posterior.wandering import wandered
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
@@ -30,7 +32,9 @@ _WEIGHED: Final = 9.0  # nats below the best evidence
 _NEIGHBOURS: Final = 16  # of each population, as further centres of a mode
 _MOST: Final = 120  # modes whose evidence is estimated
 _AGREED: Final = 0.8  # share of the posterior that both have met
-_TELLING: Final = 4  # interactions, after which the populations ought to agree
+_ALIKE: Final = 0.4  # the same of chains that only wander
+_TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
+_TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to,
 _LONGER: Final = 4  # each of so many times the steps
 _BURN_IN: Final = 5  # times the steps of sampling, where few draws stand for a mode,
@@ -85,6 +89,8 @@ class Sampler:
     ) -> None:
         self._noise = noise
         self._effort = effort
+        known = not unknowns.parents.any()
+        self._telling = max(_TELLING, math.ceil(unknowns.bits / _TOLD) if known else 0)
         self._predictors = [Predictor(unknowns, make_physics()) for _ in range(effort.populations)]
         *own, common = seeds
         pairs = [seed.spawn(2) for seed in own]
@@ -162,6 +168,8 @@ class Sampler:
         The search goes on in rounds, each with the hotter half of the chains drawn anew, until the
         readings are explained, the populations agree, and a round has found nothing that matters.
         The rounds it may take grow with the interactions, since few readings leave many bodies.
+        As long as they cannot tell of all limbs, no attachments are weighed (see ``wandering``),
+        unless the populations agree before, or do not find what explains the readings.
         Where populations that ought to agree do not, or nothing explains the readings, all chains
         start anew and have longer: what one pose that ended elsewhere has led them to may be far
         from the truth.
@@ -169,6 +177,19 @@ class Sampler:
         Args:
             data: All of them.
         """
+        late = len(data) >= self._telling
+        if self._telling > _TELLING:
+            wandering, explained = wandered(
+                self._populations,
+                data,
+                self._noise,
+                self.predictor.unknowns,
+                self._searching,
+                rounds=self._effort.rounds,
+                steps=self._effort.steps,
+            )
+            if explained and not late and wandering.seen < _ALIKE:
+                return wandering
         searches = [
             Discovery(population, predictor, data, self._noise, rng)
             for population, predictor, rng in zip(
@@ -191,16 +212,18 @@ class Sampler:
                 order = np.argsort(-guesses, kind="stable")[:_MOST]
                 points, guesses = points[order], guesses[order]
                 shares = softmax(guesses)
-                seen = _share_seen(predictor.unknowns.keys(points), shares, discovered, predictor)
                 keys = predictor.unknowns.keys(points)
+                seen = share_seen(keys, shares, discovered, predictor.unknowns)
                 fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
                 known.update(keys)
                 explained = explains(points[0], predictor, data, self._noise)
                 if explained and seen >= _AGREED and fresh <= _NEGLIGIBLE:
                     break
+                if explained and not late and self._telling > _TELLING:
+                    break
                 number += 1
                 agreed = explained and seen >= _AGREED
-                lost = lost or (number > 1 and len(data) >= _TELLING and not agreed)
+                lost = lost or (number > 1 and late and not agreed)
                 steps = self._effort.steps * (_LONGER if lost else 1)
                 for search in searches:
                     search.start_anew(all_levels=lost)
@@ -279,7 +302,7 @@ class Sampler:
             scales=scales,
             weights=np.full(len(values), 1 / len(values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            seen=_share_seen(keys, shares, discovered, self.predictor),
+            seen=share_seen(keys, shares, discovered, self.predictor.unknowns),
         )
 
 
@@ -292,29 +315,6 @@ def _spread_out(weights: Array, wanted: int) -> Array:
         if 1 / np.sum(spread**2) >= wanted or power < _LEAST_POWER:
             return spread
         power /= 2
-
-
-def _share_seen(
-    keys: Sequence[Attachments],
-    shares: Array,
-    discovered: Sequence[Bodies],
-    predictor: Predictor,
-) -> float:
-    """How much of the posterior the populations have met, by what they met in common.
-
-    As in counting animals by catching them twice: of what one population met, the share that the
-    others met too is their chance of meeting anything.
-    """
-    met = [set(predictor.unknowns.keys(one.values)) for one in discovered]
-    missed = 1.0
-    for index, own in enumerate(met):
-        others = set().union(*(one for place, one in enumerate(met) if place != index))
-        theirs = sum(share for key, share in zip(keys, shares, strict=True) if key in others)
-        both = sum(
-            share for key, share in zip(keys, shares, strict=True) if key in others and key in own
-        )
-        missed *= 1 - both / theirs if theirs > 0 else 1.0
-    return 1.0 - missed
 
 
 def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:

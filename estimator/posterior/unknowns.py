@@ -31,10 +31,14 @@ class Unknowns:
         size: Dimensions.
         continuous: Columns of the lengths and of nuisance parameters.
         choices: Columns of what is chosen from a few values.
+        counts: How many values each column chooses from, shape (size,); 0: any in a range.
+        parents: Which columns choose what a part sits on, shape (size,).
+        bits: Information that says which of all attachments a body has, were they equally likely.
         parts: Columns that belong to one part, for each part that has any; nuisance parameters
             belong to the main body.
-        places: Columns that say where parts sit, of parts that may not share a mount: in each array
-            one row a part, and the same columns for each.
+        places: Columns that say where parts sit, of parts that may have each other's mounts and not
+            share them: in each array one row a part, and the same columns for each.
+        hinges: Columns of these parts' hinges, part by part.
     """
 
     def __init__(self, genome: Genome):
@@ -43,11 +47,21 @@ class Unknowns:
         self.size = len(genes)
         self.continuous: Columns = _where([not gene.choices for gene in genes])
         self.choices: Columns = _where([gene.choices > 1 for gene in genes])
+        self.counts: Columns = np.array([gene.choices for gene in genes], dtype=np.intp)
+        self.parents: Flags = np.array([gene.trait == "parent" for gene in genes])
+        self.bits = float(np.log2(self.counts[self.choices]).sum())
         self.parts: tuple[Columns, ...] = tuple(
             _where([gene.part == part for gene in genes])
             for part in sorted({gene.part for gene in genes})
         )
         self.places: tuple[Columns, ...] = _places(genome)
+        self.hinges: tuple[tuple[Columns, ...], ...] = tuple(
+            tuple(
+                _where([one.part == genes[row[0]].part and one.trait == "hinge" for one in genes])
+                for row in places
+            )
+            for places in self.places
+        )
 
     def forbidden(self, values: Array) -> Flags:
         """Which of n points the problem does not allow: there the prior is 0."""
@@ -67,7 +81,11 @@ class Unknowns:
 
     def attachments(self, values: Array) -> NDArray[np.int64]:
         """What n points choose, shape (n, choices)."""
-        return self._genome.choices(values)[:, self.choices]
+        return self.decided(values)[:, self.choices]
+
+    def decided(self, values: Array) -> NDArray[np.int64]:
+        """The same by column, −1 for what is any in a range; shape (n, size)."""
+        return self._genome.choices(values)
 
     def keys(self, values: Array) -> list[Attachments]:
         """The same as tuples, to be compared and counted."""
@@ -145,14 +163,14 @@ class Predictor:
 def _places(genome: Genome) -> tuple[Columns, ...]:
     if not genome.forbids:
         return ()
-    rows: dict[tuple[str, ...], list[list[int]]] = {}
+    rows: dict[tuple[int | None, ...], list[list[int]]] = {}
     for part in sorted({gene.part for gene in genome.genes}):
         own = [
-            (gene.trait, column)
+            (gene.parent, column)
             for column, gene in enumerate(genome.genes)
             if gene.part == part and gene.trait in ("parent", "mount")
         ]
-        rows.setdefault(tuple(trait for trait, _ in own), []).append([at for _, at in own])
+        rows.setdefault(tuple(parent for parent, _ in own), []).append([at for _, at in own])
     return tuple(np.array(some) for kind, some in rows.items() if kind and len(some) > 1)
 
 

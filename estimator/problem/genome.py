@@ -35,6 +35,7 @@ class Gene:
         choices: How many values it chooses from, at most: the main body may have other mounts than
             parts have. 0 for what is any in a range.
         name: For people.
+        parent: What the part sits on, where that is known.
         unit: For people, of what is any in a range.
     """
 
@@ -42,6 +43,7 @@ class Gene:
     trait: Literal["parent", "mount", "hinge", "length", "nuisance"]
     choices: int
     name: str
+    parent: int | None = None
     unit: str = ""
 
 
@@ -354,6 +356,7 @@ def _genes(problem: Problem, index: int) -> list[Gene]:
             trait=trait,
             choices=choices,
             name=f"{trait} of {rule.name}",
+            parent=rule.parent,
             unit="" if choices else "mm",
         )
         for trait, unknown, choices in traits

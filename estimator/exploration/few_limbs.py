@@ -1,0 +1,97 @@
+"""Motor programs that move few limbs, where more is open than some readings can tell.
+
+A reading of many limbs at once tells as much as one of a few, but of nothing in particular: what
+it leaves open can only be found by trying all limbs together. A limb that stays as it lies hardly
+matters, so with few moved a robot of many legs is found leg by leg. This needs to be known: which
+part sits on which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.morphology import BASE, Array
+from estimator.posterior.unknowns import Columns
+from estimator.problem.genome import Genome
+
+_OPEN: Final = 24.0
+"""Bits about attachments that moved limbs hold together, at most: as much as three of
+two parts. One alone often lifts into the air, and tells nothing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimbGenes:
+    """One limb: a part that nothing sits on, with all that it sits on.
+
+    Attributes:
+        motors: That move it.
+        choices: Columns of the genes that say how its parts are attached.
+    """
+
+    motors: Columns
+    choices: Columns
+
+
+def limbs_of(genome: Genome) -> tuple[LimbGenes, ...]:
+    """The limbs of a problem's bodies; none where it is not known which part sits on which."""
+    if any(gene.trait == "parent" for gene in genome.genes):
+        return ()
+    body = genome.bodies(np.zeros((1, genome.size)))
+    parents, motors = body.parent[0].tolist(), body.motor[0]
+    limbs = []
+    for tip in sorted(set(range(len(parents))) - set(parents)):
+        chain = [tip]
+        while parents[chain[-1]] != BASE:
+            chain.append(parents[chain[-1]])
+        limbs.append(
+            LimbGenes(
+                motors=motors[chain][motors[chain] >= 0],
+                choices=np.flatnonzero(
+                    [gene.part in chain and gene.choices > 1 for gene in genome.genes]
+                ),
+            )
+        )
+    return tuple(limbs)
+
+
+def with_few_limbs(
+    programs: Array,
+    limbs: Sequence[LimbGenes],
+    decided: NDArray[np.int64],
+    rng: np.random.Generator,
+) -> Array:
+    """The programs, with limbs left as they lie where they move too many of which much is open.
+
+    Each program moves limbs in a random order, as long as what is open about them is little enough;
+    at least one. Where little is open about all limbs the programs stay as they are.
+
+    Args:
+        programs: rad, shape (p, motors).
+        limbs: From ``limbs_of``.
+        decided: What equally likely samples choose, by gene, shape (n, genes).
+        rng: Draws the orders.
+    """
+    bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs])
+    if bits.sum() <= _OPEN:
+        return programs
+    order = rng.permuted(np.tile(np.arange(len(limbs)), (len(programs), 1)), axis=1)
+    moved = np.cumsum(bits[order], axis=1) <= _OPEN
+    moved[:, 0] = True
+    still = np.ones(programs.shape, dtype=bool)
+    for row, limb in zip(*np.nonzero(moved), strict=True):
+        still[row, limbs[order[row, limb]].motors] = False
+    return np.where(still, 0.0, programs)
+
+
+def _entropy(chosen: NDArray[np.int64]) -> float:
+    """Of columns that are taken for independent, bits."""
+    total = 0.0
+    for column in chosen.T:
+        shares = np.unique(column, return_counts=True)[1] / len(column)
+        total -= float(shares @ np.log2(shares))
+    return total

@@ -1,0 +1,63 @@
+"""Programs of robots with many legs move few of them at a time, as long as much is open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Array, Base
+from estimator.exploration.few_limbs import limbs_of, with_few_limbs
+from estimator.physics.base import Flags
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+
+BASE = Base(size=(0.24, 0.12, 0.06), mass=0.8)
+
+
+def genome_of(name: str) -> Genome:
+    problem = Problem.load(name)
+    mounts = problem.tables.base_mounts(BASE.size)
+    return Genome(problem, Base(size=BASE.size, mass=BASE.mass, mounts=mounts))
+
+
+def moved(programs: Array) -> Flags:
+    """Which of the six legs of a hexapod of two or three joints each program moves."""
+    legs: Flags = np.any(programs.reshape(len(programs), -1, 6) != 0, axis=1)
+    return legs
+
+
+@pytest.mark.parametrize(("name", "joints"), [("hexapod-12", 2), ("hexapod-18", 3)])
+def test_limbs_are_chains_from_the_tip_to_the_main_body(name: str, joints: int) -> None:
+    genome = genome_of(name)
+    limbs = limbs_of(genome)
+    assert len(limbs) == 6
+    for leg, limb in enumerate(limbs):
+        assert sorted(limb.motors.tolist()) == [leg + 6 * row for row in range(joints)]
+        parts = [genome.genes[column].part for column in limb.choices.tolist()]
+        traits = [genome.genes[column].trait for column in limb.choices.tolist()]
+        assert sorted(set(parts)) == sorted(limb.motors.tolist())
+        assert sorted(traits) == ["hinge"] * joints + ["mount"] * joints
+
+
+def test_without_known_parents_there_are_no_limbs_to_go_by() -> None:
+    assert limbs_of(genome_of("topological")) == ()
+
+
+def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
+    genome, rng = genome_of("hexapod-12"), np.random.default_rng(1)
+    limbs = limbs_of(genome)
+    programs = rng.uniform(0.1, 0.5, (300, 12))
+    samples = rng.random((200, genome.size))
+    few = with_few_limbs(programs, limbs, genome.choices(samples), rng)
+    assert set(moved(few).sum(axis=1).tolist()) <= {2, 3}
+    assert np.all(moved(few).mean(axis=0) > 0.25)  # every leg has its turn
+    assert np.all((few == 0) | (few == programs))
+    together = few.reshape(300, 2, 6) != 0
+    assert np.array_equal(together[:, 0], together[:, 1])  # both joints of a leg
+    known = np.tile(samples[:1], (200, 1))
+    assert with_few_limbs(programs, limbs, genome.choices(known), rng) is programs
+    legs = np.concatenate([limb.choices for limb in limbs[:3]])
+    half = samples.copy()
+    half[:, legs] = samples[0, legs]
+    some = with_few_limbs(programs, limbs, genome.choices(half), rng)
+    assert moved(some)[:, :3].mean() > moved(few)[:, :3].mean()

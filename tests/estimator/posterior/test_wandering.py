@@ -1,0 +1,61 @@
+"""Robots with many legs: while readings cannot tell of all of them, chains only wander."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.likelihood import Likelihood, SensorData
+from estimator.posterior.sampler import Effort, Sampler
+from estimator.posterior.unknowns import Predictor, Unknowns
+from tests.estimator.exploration.test_few_limbs import genome_of
+from tests.estimator.two_unknown_rows import NOISE, draw
+
+SMALL = Effort(levels=4, width=16, steps=20, rounds=4)
+
+
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    return Predictor(Unknowns(genome_of("hexapod-12")), StaticsPhysics())
+
+
+@pytest.fixture(scope="module")
+def data(predictor: Predictor) -> SensorData:
+    """What a hexapod felt that moved two of its legs."""
+    rng = np.random.default_rng(5)
+    point = predictor.unknowns.permitted(rng.random((1, predictor.unknowns.size)))[0]
+    programs = np.zeros((1, 12))
+    programs[0, [0, 6, 3, 9]] = rng.uniform(-0.5, 0.5, 4)
+    return draw(predictor, point, programs, rng, outlier=0.0)
+
+
+def sampler(predictor: Predictor) -> Sampler:
+    seeds = np.random.SeedSequence(1).spawn(SMALL.populations + 1)
+    return Sampler(predictor.unknowns, StaticsPhysics, NOISE, SMALL, seeds)
+
+
+def test_one_reading_of_two_legs_is_explained_and_nothing_is_certain(
+    predictor: Predictor, data: SensorData
+) -> None:
+    posterior = sampler(predictor).learn(data)
+    likelihood = Likelihood(data, NOISE)
+    misfits = likelihood.misfits_of(predictor, posterior.values)
+    explained = likelihood.inlier_share(misfits, scales=posterior.scales)[:, 0] > 0.5
+    assert explained.mean() > 0.9
+    assert not predictor.unknowns.forbidden(posterior.values).any()
+    assert sum(mode.probability for mode in posterior.modes) == pytest.approx(1.0)
+    assert posterior.seen < 0.2
+    still = predictor.unknowns.decided(posterior.values)[:, predictor.unknowns.parts[1][0]]
+    shares = np.bincount(still, minlength=6) / len(still)
+    assert shares.min() > 0.03  # of a leg that did not move hardly anything is known
+
+
+def test_a_sampler_goes_on_from_its_state(predictor: Predictor, data: SensorData) -> None:
+    one, two = sampler(predictor), sampler(predictor)
+    one.learn(data)
+    state = one.state()
+    two.restore(state)
+    first, second = one.learn(data), two.learn(data)
+    assert np.array_equal(first.values, second.values)
+    assert [mode.probability for mode in first.modes] == [mode.probability for mode in second.modes]
