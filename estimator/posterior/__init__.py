@@ -6,7 +6,7 @@ Module                  What is in it
 ``sampler``             ``Sampler``: discovers, weighs and samples, interaction after interaction
 ``belief``              a posterior as it is kept and told
 ``verdict``             does any body that the problem allows explain the readings?
-``thickness``           would parts of another thickness explain the readings far better?
+``thickness``           would parts of another thickness explain the readings clearly better?
 ``recheck``             a simulator reweights samples
 ``information``         how much an interaction has told
 ``discovery``           the search that says where the posterior is

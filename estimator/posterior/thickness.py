@@ -1,4 +1,4 @@
-"""Would parts of another thickness explain the readings far better?
+"""Would parts of another thickness explain the readings clearly better?
 
 A radius that a problem states wrongly can be made up for by lengths: readings stay explained, and
 every length is off by more than its interval. Which radius the readings themselves speak for is
@@ -18,14 +18,14 @@ from estimator.posterior.slopes import Lengths
 from estimator.posterior.unknowns import Predictor
 
 _FACTORS: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)
-_FAR_BETTER: Final = 4.0  # nats, the interaction that speaks most for it left out
+_CLEARLY_BETTER: Final = 2.0  # nats, the interaction that speaks most for it left out
 _STARTS: Final = 12
 
 
 def better_thickness(
     posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise
 ) -> float | None:
-    """Factor on the radii of all parts by which the readings are explained far better, if any.
+    """Factor on the radii of all parts by which the readings are explained clearly better, if any.
 
     Lengths are fitted anew for each factor, from the best body and some samples. The interaction
     that gains most does not count, since one that ended elsewhere may gain much by accident.
@@ -39,7 +39,7 @@ def better_thickness(
     every = max(1, len(posterior.values) // _STARTS)
     starts = np.vstack([posterior.modes[0].point, posterior.values[::every]])
     as_stated = _best_fit(starts, predictor, data, noise)
-    best, factor_of_best = _FAR_BETTER, None
+    best, factor_of_best = _CLEARLY_BETTER, None
     for factor in _FACTORS:
         gains = _best_fit(starts, predictor.with_thickness(factor), data, noise) - as_stated
         gain = float(gains.sum() - gains.max())

@@ -99,7 +99,7 @@ class Belief(_Record):
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
         thickness: At the end of a run, factor on the radii of all parts by which the readings are
-            explained far better; ``None``: none is.
+            explained clearly better; ``None``: none is.
         simulated: How many samples the reference back-end simulated; 0: it was not asked.
         effective: Effective sample size of those.
         decides: At the end of a run, where rivals are left that a movement might tell apart.

@@ -60,7 +60,7 @@ def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
     assert result.posterior.probability == 1.0
 
 
-def test_a_thickness_that_explains_far_better_is_no_explanation(tmp_path: Path) -> None:
+def test_a_thickness_that_explains_clearly_better_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
         (belief, _) = run.beliefs()[-1]
     assert belief.explained
