@@ -35,7 +35,7 @@ def write(path: Path, genome: Genome, belief: Belief) -> None:
         rows.writerow(["weight", *names, "tilt noise factor", "clearance noise factor"])
         for weight, *values, scales in samples:
             rows.writerow(
-                [f"{weight:.6g}", *values, *(f"{math.exp(scale):.3f}" for scale in scales)]
+                [f"{weight:.12g}", *values, *(f"{math.exp(scale):.3f}" for scale in scales)]
             )
 
 
