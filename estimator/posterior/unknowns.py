@@ -138,14 +138,11 @@ class Predictor:
             programs: rad, shape (m, motors).
             leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
         """
-        chosen = bodies[rows]
-        if self._thickness != 1.0:
-            chosen = replace(chosen, radius=self._thickness * chosen.radius)
-        return self._physics.read_bodies(chosen, programs, leans)
+        return self._physics.read_bodies(self._chosen(bodies, rows), programs, leans)
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""
-        return self._physics.path_margins_of_bodies(bodies[rows], programs)
+        return self._physics.path_margins_of_bodies(self._chosen(bodies, rows), programs)
 
     def read_all(self, values: Array, programs: Array, leans: Array | None = None) -> Readings:
         """What each of n points feels in each of k programs: n · k rows, programs fastest.
@@ -158,6 +155,12 @@ class Predictor:
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
         return self.read(self.unknowns.bodies(values), rows, each, leans)
+
+    def _chosen(self, bodies: Bodies, rows: Columns) -> Bodies:
+        chosen = bodies[rows]
+        if self._thickness == 1.0:
+            return chosen
+        return replace(chosen, radius=self._thickness * chosen.radius)
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

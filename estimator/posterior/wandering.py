@@ -65,8 +65,8 @@ def wandered(
         return values, scales, fits
 
     with ThreadPoolExecutor(len(populations)) as threads:
-        found = list(threads.map(wander, populations, rngs))
-    values, scales, fits = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+        by_population = list(threads.map(wander, populations, rngs))
+    values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
     keys = unknowns.keys(values)
     best: dict[tuple[int, ...], list[int]] = {}
     for row in np.argsort(-fits, kind="stable").tolist():
@@ -86,7 +86,7 @@ def wandered(
         seen=share_seen(
             [mode.attachments for mode in modes],
             np.array([mode.probability for mode in modes]),
-            [Bodies(values=own, fits=fits) for own, _, fits in found],
+            [Bodies(values=own, fits=fits) for own, _, fits in by_population],
             unknowns,
         ),
     )

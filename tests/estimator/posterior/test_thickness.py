@@ -45,3 +45,11 @@ def test_one_movement_that_ended_elsewhere_says_nothing_of_thickness(predictor: 
         one.values[3] = thick.felt[name].values[3]
     elsewhere = replace(data, felt=felt)
     assert better_thickness(around(POINT), predictor, elsewhere, NOISE) is None
+
+
+def test_margins_are_of_the_same_parts_as_readings(predictor: Predictor) -> None:
+    bodies, rows = predictor.unknowns.bodies(POINT[None]), np.zeros(len(MOVED), dtype=np.intp)
+    thick = predictor.with_thickness(2.0).margins(bodies, rows, MOVED)
+    as_if = predictor.margins(replace(bodies, radius=2.0 * bodies.radius), rows, MOVED)
+    assert thick.tolist() == as_if.tolist()
+    assert thick.tolist() != predictor.margins(bodies, rows, MOVED).tolist()
