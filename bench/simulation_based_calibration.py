@@ -33,10 +33,10 @@ from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.belief import believe
 from estimator.posterior.information import SAMPLES, information_gained
-from estimator.posterior.likelihood import LEANS, Noise, SensorData, apart
+from estimator.posterior.model.likelihood import LEANS, Noise, SensorData, apart
+from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.sampler import Effort, Sampler
-from estimator.posterior.unknowns import SCALE_SPREAD, Predictor, Unknowns
+from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation

@@ -15,8 +15,8 @@ from estimator.exploration.few_limbs import LimbGenes, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
-from estimator.posterior.likelihood import LEANS
-from estimator.posterior.unknowns import Columns, Predictor
+from estimator.posterior.model.likelihood import LEANS
+from estimator.posterior.model.unknowns import Columns, Predictor
 
 _CANDIDATES: Final = 1000
 _DRAWS: Final = 100

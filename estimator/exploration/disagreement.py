@@ -9,8 +9,8 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Choice, Situation
-from estimator.posterior.densities import DENSITIES
-from estimator.posterior.likelihood import Noise
+from estimator.posterior.model.densities import DENSITIES
+from estimator.posterior.model.likelihood import Noise
 from estimator.readings.modalities.registry import MODALITIES
 
 CANDIDATES: Final = 300

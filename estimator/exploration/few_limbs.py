@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import BASE, Array
-from estimator.posterior.unknowns import Columns
+from estimator.posterior.model.unknowns import Columns
 from estimator.problem.genome import Genome
 
 _OPEN: Final = 24.0

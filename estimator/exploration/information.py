@@ -13,8 +13,8 @@ from estimator.exploration.few_limbs import limbs_of
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Models, Situation
 from estimator.posterior.information import SAMPLES
-from estimator.posterior.likelihood import Noise
-from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
 from estimator.physics.base import Flags, Readings
-from estimator.posterior.likelihood import Noise, apart
+from estimator.posterior.model.likelihood import Noise, apart
 
 
 @dataclass(frozen=True, kw_only=True)

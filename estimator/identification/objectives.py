@@ -18,7 +18,7 @@ from estimator.exploration.situation import Objective
 from estimator.identification.subjective_error import interaction_errors, largest
 from estimator.physics.base import Flags, Readings
 from estimator.plugins import Registry
-from estimator.posterior.likelihood import Noise
+from estimator.posterior.model.likelihood import Noise
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import ObservedReadings
 from protocol.wire.capabilities import Capabilities

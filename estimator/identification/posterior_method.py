@@ -18,12 +18,12 @@ from estimator.identification.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.belief import believe
-from estimator.posterior.likelihood import Noise, SensorData
+from estimator.posterior.checks.recheck import recheck
+from estimator.posterior.checks.thickness import better_thickness
+from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.recheck import recheck
-from estimator.posterior.sampler import Effort, Sampler
-from estimator.posterior.thickness import better_thickness
-from estimator.posterior.unknowns import Unknowns
+from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation

@@ -31,7 +31,7 @@ from estimator.physics.backends import (
 )
 from estimator.physics.base import ArrayMarginPhysics, WorldSettings
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.recheck import fine
+from estimator.posterior.checks.recheck import fine
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
 from estimator.readings.modalities.registry import MODALITIES, check_modalities

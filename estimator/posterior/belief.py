@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array, Morphology
+from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.unknowns import Predictor
-from estimator.posterior.verdict import deviations, judge
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.special import logsumexp
+from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.special import logsumexp
-from estimator.posterior.unknowns import Columns, Predictor
 
 SAMPLES: Final = 200
 """Among so many samples information is measured: at most their number's logarithm."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from estimator.body.morphology import Array
-from estimator.posterior.unknowns import Attachments
+from estimator.posterior.model.unknowns import Attachments
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array, Morphology
-from estimator.posterior.densities import SCALED
+from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement

@@ -14,7 +14,7 @@ from estimator.identification.objectives import OBJECTIVES
 from estimator.physics.backends import BACKENDS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.search.searches import SEARCHES
 from tests.estimator.two_unknown_rows import make_predictor
 

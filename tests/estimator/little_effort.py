@@ -9,7 +9,7 @@ from typing import Final
 import pytest
 
 from estimator.identification import posterior_method
-from estimator.posterior.sampler import Effort
+from estimator.posterior.sampling.sampler import Effort
 
 _LITTLE: Final = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
 

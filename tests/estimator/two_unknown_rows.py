@@ -6,8 +6,8 @@ import numpy as np
 
 from estimator.body.morphology import Array, Base
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.likelihood import Noise, SensorData
-from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation

@@ -6,7 +6,7 @@ import pytest
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
-from estimator.posterior.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
 
 ENDS = np.radians([[-30.0, 30.0]] * 4)

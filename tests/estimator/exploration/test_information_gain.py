@@ -7,7 +7,7 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.posterior.likelihood import Noise
+from estimator.posterior.model.likelihood import Noise
 
 CAP = 0.2
 NOISE = Noise(tilt=0.01, clearance=0.002)

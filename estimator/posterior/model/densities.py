@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags, Readings
-from estimator.posterior.special import log_ndtr
+from estimator.posterior.model.special import log_ndtr
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 

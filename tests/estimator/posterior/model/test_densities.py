@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from estimator.physics.base import Readings
-from estimator.posterior.densities import DENSITIES, SCALED
-from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
+from estimator.posterior.model.densities import DENSITIES, SCALED
+from estimator.posterior.model.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 

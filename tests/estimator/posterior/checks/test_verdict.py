@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.posterior.checks.verdict import deviations, explains, judge
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.unknowns import Predictor
-from estimator.posterior.verdict import deviations, explains, judge
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

@@ -5,7 +5,7 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
-from estimator.posterior.likelihood import MISFITS, SILENT, Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import MISFITS, SILENT, Likelihood, Noise, SensorData
 from estimator.readings.observation import Observation
 
 CAP = 0.2

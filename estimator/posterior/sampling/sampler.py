@@ -14,16 +14,16 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayMarginPhysics
-from estimator.posterior.discovery import Bodies, Discovery, share_seen
-from estimator.posterior.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.population import Population
+from estimator.posterior.checks.verdict import explains
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import best_of_each
+from estimator.posterior.model.special import softmax
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.slopes import best_of_each
-from estimator.posterior.special import softmax
-from estimator.posterior.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.verdict import explains
-from estimator.posterior.wandering import wandered
+from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
+from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
+from estimator.posterior.sampling.population import Population
+from estimator.posterior.sampling.wandering import wandered
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 

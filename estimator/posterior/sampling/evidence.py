@@ -16,10 +16,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.likelihood import Likelihood, SensorData
-from estimator.posterior.slopes import Lengths
-from estimator.posterior.special import log_gamma, logsumexp, softmax
-from estimator.posterior.unknowns import SCALE_SPREAD, Predictor
+from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.special import log_gamma, logsumexp, softmax
+from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor
 
 _FREEDOM: Final = 5.0  # of Student's t
 _SHARES: Final = np.array([0.65, 0.27, 0.08])  # close, broad, anywhere

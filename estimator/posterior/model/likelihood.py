@@ -24,15 +24,15 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags, Readings
-from estimator.posterior.densities import (
+from estimator.posterior.model.densities import (
     DENSITIES,
     MODEL_CLEARANCE,
     MODEL_TILT,
     SCALED,
     Felt,
 )
-from estimator.posterior.special import expit
-from estimator.posterior.unknowns import Columns, Predictor
+from estimator.posterior.model.special import expit
+from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from protocol.wire.capabilities import Capabilities

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.population import Population
-from estimator.posterior.rows import other_rows
-from estimator.posterior.slopes import Lengths, best_of_each
-from estimator.posterior.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.sampling.population import Population
+from estimator.posterior.sampling.rows import other_rows
 
 _WATCHED: Final = 3  # levels, from the coldest up
 _EVERY: Final = 5  # steps

@@ -15,8 +15,8 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
-from estimator.posterior.likelihood import ASTRAY, LEANS, Likelihood, SensorData
-from estimator.posterior.unknowns import Predictor
+from estimator.posterior.model.likelihood import ASTRAY, LEANS, Likelihood, SensorData
+from estimator.posterior.model.unknowns import Predictor
 
 NARROWING: Final = (4.0, 2.0, 1.0, 1.0, 1.0)
 """Factors on the noise, one step each."""

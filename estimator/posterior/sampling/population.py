@@ -15,9 +15,9 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags
-from estimator.posterior.likelihood import MISFITS, Likelihood, Noise, SensorData
-from estimator.posterior.moves import exchange_parts, propose
-from estimator.posterior.unknowns import SCALE_SPREAD, Columns, Predictor
+from estimator.posterior.model.likelihood import MISFITS, Likelihood, Noise, SensorData
+from estimator.posterior.model.unknowns import SCALE_SPREAD, Columns, Predictor
+from estimator.posterior.sampling.moves import exchange_parts, propose
 
 HOTTEST: Final = 25.0
 """Factor on the noise on the hottest level."""

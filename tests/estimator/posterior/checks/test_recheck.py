@@ -9,9 +9,9 @@ import pytest
 from estimator.body.morphology import Morphology
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.checks.recheck import fine, recheck
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.recheck import fine, recheck
-from estimator.posterior.unknowns import Predictor
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.unknowns import Columns, Unknowns
+from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _RANDOM: Final = 800  # points, where parents are unknown
 _LENGTHS: Final = 16  # tried with each choice, where they are known

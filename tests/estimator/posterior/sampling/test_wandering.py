@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.likelihood import Likelihood, SensorData
-from estimator.posterior.sampler import Effort, Sampler
-from estimator.posterior.unknowns import Predictor, Unknowns
+from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling.sampler import Effort, Sampler
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw
 

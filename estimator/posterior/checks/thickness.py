@@ -12,10 +12,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.slopes import Lengths
-from estimator.posterior.unknowns import Predictor
 
 _FACTORS: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)
 _CLEARLY_BETTER: Final = 2.0  # nats, the interaction that speaks most for it left out

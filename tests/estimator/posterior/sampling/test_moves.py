@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.posterior.moves import exchange_parts, propose, reflected
-from estimator.posterior.unknowns import Unknowns
+from estimator.posterior.model.unknowns import Unknowns
+from estimator.posterior.sampling.moves import exchange_parts, propose, reflected
 
 
 def test_values_are_folded_back_at_both_ends() -> None:

@@ -14,11 +14,11 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.discovery import Bodies, share_seen
-from estimator.posterior.likelihood import Noise, SensorData
-from estimator.posterior.population import Population
+from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.unknowns import Unknowns
+from estimator.posterior.sampling.discovery import Bodies, share_seen
+from estimator.posterior.sampling.population import Population
 
 _EVERY: Final = 5  # steps between two samples
 _LOST: Final = 12.0  # nats below the best

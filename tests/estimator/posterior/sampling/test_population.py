@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.population import HOTTEST, Population
-from estimator.posterior.unknowns import SCALE_SPREAD, Attachments, Predictor
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.unknowns import SCALE_SPREAD, Attachments, Predictor
+from estimator.posterior.sampling.population import HOTTEST, Population
 from estimator.readings.observation import Observation
-from tests.estimator.posterior.enumeration import distance, enumerated
+from tests.estimator.posterior.sampling.enumeration import distance, enumerated
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)

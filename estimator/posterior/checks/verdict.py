@@ -17,11 +17,11 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags
-from estimator.posterior.densities import DENSITIES, SCALED
-from estimator.posterior.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.densities import DENSITIES, SCALED
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.special import at_least
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
-from estimator.posterior.special import at_least
-from estimator.posterior.unknowns import Predictor
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.storage.beliefs import ACCIDENTS
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimator.posterior.checks.thickness import better_thickness
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.thickness import better_thickness
-from estimator.posterior.unknowns import Predictor
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

@@ -14,10 +14,10 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics, WorldSettings
-from estimator.posterior.likelihood import LEANS, Likelihood, Noise, SensorData, apart
+from estimator.posterior.model.likelihood import LEANS, Likelihood, Noise, SensorData, apart
+from estimator.posterior.model.special import logsumexp, softmax
+from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.special import logsumexp, softmax
-from estimator.posterior.unknowns import Predictor
 
 SAMPLES: Final = 32
 """Samples simulated, shared out among the modes by their probability."""

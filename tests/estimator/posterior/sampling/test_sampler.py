@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.evidence import EvidenceEstimator
-from estimator.posterior.likelihood import Likelihood, Noise
-from estimator.posterior.sampler import Effort, Sampler
-from estimator.posterior.slopes import Lengths
-from estimator.posterior.unknowns import Predictor
-from tests.estimator.posterior.enumeration import distance, enumerated
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.posterior.sampling.sampler import Effort, Sampler
+from tests.estimator.posterior.sampling.enumeration import distance, enumerated
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)

@@ -1,0 +1,10 @@
+"""What is looked at before a posterior is believed.
+
+=============== =================================================================================
+Module          What is in it
+=============== =================================================================================
+``verdict``     does any body that the problem allows explain the readings?
+``thickness``   would parts of another thickness explain them clearly better?
+``recheck``     a simulator reweights samples
+=============== =================================================================================
+"""

@@ -1,0 +1,14 @@
+"""Samples of the posterior, after each interaction.
+
+=============== =================================================================================
+Module          What is in it
+=============== =================================================================================
+``sampler``     ``Sampler``: discovers, weighs and samples
+``wandering``   the posterior while the readings cannot tell of all parts
+``discovery``   the search that says where the posterior is
+``evidence``    how much probability each set of attachments holds
+``population``  chains on levels of noise: evolutionary Monte Carlo
+``moves``       their proposals
+``rows``        other ways to put one part on, and who then has to move
+=============== =================================================================================
+"""
