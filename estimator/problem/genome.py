@@ -20,7 +20,7 @@ from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.physics.base import Flags
 from estimator.problem.free_mounts import spread
-from estimator.problem.nuisances import Nuisances, NuisanceValues
+from estimator.problem.nuisances import Nuisances
 from estimator.problem.outermost_parts import outermost_sensors, with_outermost_sensors
 from estimator.problem.problem import Problem
 
@@ -143,8 +143,8 @@ class Genome:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
         """
         values = self._checked(genes)
-        nuisances = self._nuisance_values(values)
-        rows = (array.tolist() for array in (*self._traits(values), nuisances.zeros))
+        nuisances, zeros = self._nuisance_values(values)
+        rows = (array.tolist() for array in (*self._traits(values), zeros))
         bodies = [
             self.assemble(
                 [
@@ -167,20 +167,14 @@ class Genome:
         ]
         if not self._nuisances.listed:
             return bodies
-        x, y, z = nuisances.centre.T.tolist()
-        across, along = nuisances.accelerometer.T.tolist()
         return [
             replace(
                 body,
                 density=density,
-                base=replace(self._base, centre=centre, accelerometer=turned),
+                base=replace(self._base, centre=(x, y, z), accelerometer=(across, along)),
             )
-            for body, density, centre, turned in zip(
-                bodies,
-                nuisances.density.tolist(),
-                zip(x, y, z, strict=True),
-                zip(across, along, strict=True),
-                strict=True,
+            for body, (density, x, y, z, across, along) in zip(
+                bodies, nuisances.tolist(), strict=True
             )
         ]
 
@@ -211,30 +205,14 @@ class Genome:
             SearchStateError: The shape is wrong or a gene lies outside [0, 1].
         """
         values = self._checked(genes)
-        body = self._any_body
-        rows = np.zeros(len(values), dtype=np.intp)
+        bodies = self._any_body[np.zeros(len(values), dtype=np.intp)]
         traits = self._traits(values)
-        nuisances, base = self._nuisance_values(values), body.base[rows]
-        base[:, 4] = nuisances.density
-        base[:, 5:8], base[:, 8:10] = nuisances.centre, nuisances.accelerometer
-        sensor = body.sensor[rows]
+        nuisances, zeros = self._nuisance_values(values)
+        sensor = bodies.sensor
         if self._problem.touch == "outermost":
             sensor = outermost_sensors(traits.parent, self._problem.sensors)
-        return Bodies(
-            count=body.count[rows],
-            parent=traits.parent,
-            mount=traits.mount,
-            hinge=traits.hinge,
-            motor=body.motor[rows],
-            sensor=sensor,
-            length=traits.length,
-            radius=body.radius[rows],
-            zero=nuisances.zeros,
-            base=base,
-            base_mounts=body.base_mounts,
-            part_mounts=body.part_mounts,
-            hinges=body.hinges,
-        )
+        base = np.hstack([bodies.base[:, : -nuisances.shape[1]], nuisances])
+        return replace(bodies, **traits._asdict(), zero=zeros, sensor=sensor, base=base)
 
     @cached_property
     def _any_body(self) -> Bodies:
@@ -295,14 +273,12 @@ class Genome:
     def _traits(self, values: Array) -> _Traits:
         """Parents, mounts, hinges and lengths of n genomes."""
         rules, tables = self._problem.parts, self._problem.tables
-        shape = (len(values), len(rules))
+        each = (len(values), 1)
         traits = _Traits(
-            np.tile(
-                [BASE if rule.parent is None else rule.parent for rule in rules], (shape[0], 1)
-            ),
-            np.zeros(shape, dtype=np.int64),
-            np.tile([known.hinge or 0 for known in tables.attached], (shape[0], 1)),
-            np.tile([rule.length[0] for rule in rules], (shape[0], 1)),
+            np.tile([BASE if rule.parent is None else rule.parent for rule in rules], each),
+            np.zeros((len(values), len(rules)), dtype=np.int64),
+            np.tile([known.hinge or 0 for known in tables.attached], each),
+            np.tile([rule.length[0] for rule in rules], each),
         )
         chosen = self.choices(values)
         for column, gene in enumerate(self.genes):
@@ -318,7 +294,7 @@ class Genome:
                 traits.mount[:, part] = np.where(on_base, known.on_base or 0, known.on_part or 0)
         return traits
 
-    def _nuisance_values(self, values: Array) -> NuisanceValues:
+    def _nuisance_values(self, values: Array) -> tuple[Array, Array]:
         return self._nuisances.values(values[:, self.size - len(self._nuisances.listed) :])
 
     def _checked(self, genes: Array) -> Array:

@@ -45,23 +45,6 @@ class Nuisance:
     quantile: Quantile
 
 
-@dataclass(frozen=True, kw_only=True)
-class NuisanceValues:
-    """The parameters of n bodies, SI.
-
-    Attributes:
-        density: Of the parts, shape (n,).
-        centre: Of the main body's mass, from its middle, shape (n, 3).
-        accelerometer: How it sits on the main body; see ``Base``, shape (n, 2).
-        zeros: Angle of each part's hinge where its motor stands at 0, shape (n, parts).
-    """
-
-    density: Array
-    centre: Array
-    accelerometer: Array
-    zeros: Array
-
-
 class Nuisances:
     """The parameters that a problem leaves open, in the order of their genes.
 
@@ -78,21 +61,21 @@ class Nuisances:
         self._known = np.array([density, *[0.0] * (_FIRST_ZERO - 1 + len(parts))])
         self.listed: tuple[Nuisance, ...] = tuple(_open(section, parts))
 
-    def values(self, genes: Array) -> NuisanceValues:
-        """What n points stand for.
+    def values(self, genes: Array) -> tuple[Array, Array]:
+        """What n points stand for, SI.
 
         Args:
             genes: Shape (n, parameters), each in [0, 1].
+
+        Returns:
+            Density of the parts, centre of the main body's mass (3) and how its accelerometer is
+            turned (2), as the last columns of ``Bodies.base``: shape (n, 6); and the angle of each
+            part's hinge where its motor stands at 0, shape (n, parts).
         """
         values = np.tile(self._known, (len(genes), 1))
         for one, shares in zip(self.listed, genes.T, strict=True):
             values[:, one.column] = one.quantile(shares)
-        return NuisanceValues(
-            density=values[:, 0],
-            centre=values[:, 1:4],
-            accelerometer=values[:, 4:_FIRST_ZERO],
-            zeros=values[:, _FIRST_ZERO:],
-        )
+        return values[:, :_FIRST_ZERO], values[:, _FIRST_ZERO:]
 
 
 def _open(section: NuisanceSection, parts: Sequence[PartRule]) -> Iterator[Nuisance]:
