@@ -19,7 +19,6 @@ from estimator.problem.genome import Genome
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait
 _SAID: Final = 2
-_CERTAIN: Final = 0.95
 
 
 def most_informative_program(situation: Situation) -> Choice:

@@ -17,11 +17,10 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.sampling.population import Population
+from estimator.posterior.sampling.population import EVERY, Population
 from estimator.posterior.sampling.rows import other_rows
 
 _WATCHED: Final = 3  # levels, from the coldest up
-_EVERY: Final = 5  # steps
 _POLISHED: Final = 200
 _LEADERS: Final = 4  # in one sweep
 _SWEEPS: Final = 3
@@ -78,7 +77,7 @@ class Discovery:
         population, visited = self._population, self._visited
         for step in range(steps):
             population.step()
-            if step % _EVERY == _EVERY - 1:
+            if step % EVERY == EVERY - 1:
                 levels = slice(0, _WATCHED * population.width)
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
         visited.polish(self._lengths)

@@ -22,6 +22,9 @@ from estimator.posterior.sampling.moves import exchange_parts, propose
 HOTTEST: Final = 25.0
 """Factor on the noise on the hottest level."""
 
+EVERY: Final = 5
+"""Steps between two samples."""
+
 _CROSSINGS: Final = 0.25  # per step
 _SCALE_STEP: Final = 0.3
 

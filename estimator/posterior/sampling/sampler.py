@@ -22,7 +22,7 @@ from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.sampling.population import Population
+from estimator.posterior.sampling.population import EVERY, Population
 from estimator.posterior.sampling.wandering import wandered
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
@@ -55,7 +55,6 @@ class Effort:
         rounds: Of the search, at most.
         draws: For a mode's evidence, in one round of three.
         frozen: Steps of valid sampling after the search.
-        every: Steps between two samples.
     """
 
     populations: int = 2
@@ -65,7 +64,6 @@ class Effort:
     rounds: int = 6
     draws: int = 200
     frozen: int = 20
-    every: int = 5
 
 
 class Sampler:
@@ -264,7 +262,7 @@ class Sampler:
         for step in range(steps):
             for population in self._populations:
                 population.step_coldest()
-            if step % self._effort.every == self._effort.every - 1:
+            if step % EVERY == EVERY - 1:
                 for population in self._populations:
                     cold = slice(0, population.width)
                     values.append(population.values[cold].copy())

@@ -18,9 +18,8 @@ from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.discovery import Bodies, share_seen
-from estimator.posterior.sampling.population import Population
+from estimator.posterior.sampling.population import EVERY, Population
 
-_EVERY: Final = 5  # steps between two samples
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.25  # of the chains, that may be lost in the end
 
@@ -57,7 +56,7 @@ def wandered(
         drawn = []
         for step in range(steps):
             population.step()
-            if step % _EVERY == _EVERY - 1:
+            if step % EVERY == EVERY - 1:
                 cold = slice(0, population.width)
                 fits = population.posterior_fits(1)
                 drawn.append((population.values[cold].copy(), population.scales[cold].copy(), fits))
