@@ -92,9 +92,9 @@ def draw_lengths(
             Of several legs on a mount the first has the arrow.
     """
     label(axes, "leg length of the best model (cm)")
-    bodies = [genome.decode(np.array(generation.best)) for generation in generations]
+    bodies = genome.decode_all(np.array([generation.best for generation in generations]))
     numbers = [generation.number for generation in generations]
-    legs = [[driven_limbs(body)[leg] for body in bodies] for leg in range(len(names))]
+    legs = list(zip(*map(driven_limbs, bodies), strict=True))
     markers = leg_markers(mounts or [limbs[-1].mount for limbs in legs])
     for leg, (name, limbs) in enumerate(zip(names, legs, strict=True)):
         colour = leg_colour(leg)
