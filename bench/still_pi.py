@@ -60,13 +60,7 @@ def pi_config() -> RobotConfig:
         joints=joints,
         touch=touch,
         daq=ADS1115Settings(bus=1, addresses=(0x48,), input_range="±4.096V"),
-        accelerometer=MPU6050Settings(
-            bus=1,
-            address=0x68,
-            mounting=("x", "y", "z"),
-            zero=(0.0, 0.0, 0.0),
-            per_g=(1.0, 1.0, 1.0),
-        ),
+        accelerometer=MPU6050Settings(bus=1, address=0x68),
     )
 
 

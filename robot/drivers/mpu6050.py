@@ -63,7 +63,9 @@ class MPU6050Settings(CalibratedAxes):
     channels: ClassVar[tuple[int, ...]] = ()
     bus: int
     address: int
-    mounting: tuple[str, ...]
+    mounting: tuple[str, ...] = DIRECTIONS[:3]
+    zero: tuple[float, ...] = (0.0, 0.0, 0.0)  # by the data sheet
+    per_g: tuple[float, ...] = (1.0, 1.0, 1.0)
 
     @property
     def claims(self) -> tuple[str, ...]:
@@ -81,8 +83,7 @@ class MPU6050Settings(CalibratedAxes):
                 f"is {mounting[0]}, left {mounting[1]} and up {mounting[2]}: a chip can be turned, "
                 "but not mirrored. Look at the arrows on it.",
             )
-        zero: tuple[float, ...] = (0.0, 0.0, 0.0)  # by the data sheet
-        per_g: tuple[float, ...] = (1.0, 1.0, 1.0)
+        zero, per_g = cls.zero, cls.per_g
         if any(table.has(key) for key in AXIS_KEYS[cls.unit]):
             zero, per_g = read_axes(table, cls.unit)
         return cls(

@@ -48,13 +48,7 @@ def configure(body: Body, levels: NoiseLevels) -> RobotConfig:
         )
         if chips
         else None,
-        accelerometer=MPU6050Settings(
-            bus=1,
-            address=0x68,
-            mounting=("x", "y", "z"),
-            zero=(0.0, 0.0, 0.0),
-            per_g=(1.0, 1.0, 1.0),
-        ),
+        accelerometer=MPU6050Settings(bus=1, address=0x68),
         first_foot=0,
         full_load=FULL_LOAD_VOLTS,
     )
