@@ -126,7 +126,8 @@ class PosteriorMethod:
         if wanted is None or number != self._learnt - 1:
             return False
         belief, _ = self._store.beliefs()[number]
-        if belief.probability < wanted or not belief.explained:
+        contradicted = self._problem.contradictions(self._store.capabilities)
+        if belief.probability < wanted or not belief.explained or contradicted:
             return False
         lengths = leg_lengths(self._genome.decode_all(np.array(belief.genes)))
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)

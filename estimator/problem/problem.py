@@ -8,7 +8,7 @@ a robot (``for_robot``) it is written out for the paper's.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import cached_property
 from importlib import resources
@@ -304,7 +304,12 @@ class Problem(Strict):
 
     def differences(self, capabilities: Capabilities) -> tuple[str, ...]:
         """Sentences about what the robot says otherwise than the problem, which prevents no run."""
-        return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities))
+        return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities, 0.1))
+
+    def contradictions(self, capabilities: Capabilities) -> tuple[str, ...]:
+        """The same about what makes lengths certain and wrong: parts that may touch the ground."""
+        carriers = {part.parent for part in self.parts}
+        return self._differing_radii(capabilities, 0.25, carriers)
 
     def _check_time(self, farthest: float) -> None:
         turn, slew = math.degrees(farthest), self.motors.slew_deg_per_s
@@ -318,24 +323,28 @@ class Problem(Strict):
 
     def _differing_speeds(self, capabilities: Capabilities) -> list[str]:
         slew = self.motors.slew_deg_per_s
-        speeds = {
-            capabilities.joints[motor].name: math.degrees(capabilities.joints[motor].speed)
-            for motor in self.motors.driven
-        }
+        driven = [capabilities.joints[motor] for motor in self.motors.driven]
+        speeds = [(joint.name, math.degrees(joint.speed)) for joint in driven]
         return [
             f"joint {name} moves at {speed:.1f} degrees per second, the models at {slew:g}"
-            for name, speed in speeds.items()
+            for name, speed in speeds
             if abs(speed - slew) > 0.01 * slew
         ]
 
-    def _differing_radii(self, capabilities: Capabilities) -> list[str]:
-        radii = capabilities.part_radii
-        if len(radii) != len(self.parts):
-            return []  # parts are not one to a joint, so there is nothing to compare
-        return [
-            f"part {part.name} has a radius of {radius * 1e3:.1f} mm according to the robot, of "
-            f"{part.radius * 1e3:.1f} mm according to the problem: lengths will be biased"
-            for index, part in enumerate(self.parts)
-            for radius in [radii[index if part.joint is None else part.joint]]
-            if abs(part.radius - radius) > 0.1 * radius
-        ]
+    def _differing_radii(
+        self, capabilities: Capabilities, tolerance: float, but: Collection[int | None] = ()
+    ) -> tuple[str, ...]:
+        stated = capabilities.part_radii or ()
+        if len(stated) != len(self.parts):
+            return ()  # parts are not one to a joint, so there is nothing to compare
+        parts: dict[tuple[float, float], list[str]] = {}
+        for index, part in enumerate(self.parts):
+            radius = stated[index if part.joint is None else part.joint]
+            if index not in but and abs(part.radius - radius) > tolerance * radius:
+                parts.setdefault((radius, part.radius), []).append(part.name)
+        return tuple(
+            f"the robot states a radius of {said * 1e3:.1f} mm for {', '.join(names)}, and the "
+            f"problem {ours * 1e3:.1f} mm: write radius = {said:.4g} there, or its lengths "
+            "will be wrong"
+            for (said, ours), names in parts.items()
+        )

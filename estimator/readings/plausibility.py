@@ -25,7 +25,7 @@ def implausible_body(robot: Capabilities) -> str | None:
     """What is wrong with the sizes and masses that a robot says it has."""
     low, high = LENGTHS
     sizes = [("base_size", size) for size in robot.base_size]
-    for name, length in [*sizes, *(("part_radii", radius) for radius in robot.part_radii)]:
+    for name, length in [*sizes, *(("part_radii", radius) for radius in robot.part_radii or ())]:
         if not low <= length <= high:
             return f"{name} holds {length:g} m, and must lie in {low:g} to {high:g} m"
     density = robot.base_mass / math.prod(robot.base_size)

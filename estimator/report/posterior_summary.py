@@ -152,14 +152,15 @@ def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | N
     if not beliefs:
         return None
     belief, _ = beliefs[-1]
+    contradictions = problem.contradictions(store.capabilities)
     genome = Genome(problem, problem.base(store.capabilities))
     weights = np.array(belief.weights)
     genes = np.array(belief.genes)
     bodies = genome.decode_all(genes)
     scales = np.exp(np.array(belief.scales))
     return PosteriorSummary(
-        explained=belief.explained,
-        verdict=verdict_on_fit(belief),
+        explained=belief.explained and not contradictions,
+        verdict=verdict_on_fit(belief, contradictions),
         unexplained=tuple(item.interaction + 1 for item in belief.unexplained),
         probability=_probability(genome, belief),
         attachments=_attachments(genome, belief, genes, weights),
@@ -185,8 +186,16 @@ def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | N
     )
 
 
-def verdict_on_fit(belief: Belief) -> str:
-    """Whether some body of the problem explains the readings, as a sentence."""
+def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
+    """Whether some body of the problem explains the readings, as sentences.
+
+    Args:
+        belief: What is believed.
+        contradictions: Between the problem and what the robot states.
+    """
+    if contradictions:
+        listed = "; ".join(contradictions)
+        return f"THIS PROBLEM IS NOT THE ROBOT'S: {listed}. {verdict_on_fit(belief)}"
     if belief.explained:
         rest = (
             f" but interaction {belief.unexplained[0].interaction + 1}, which may be an accident"

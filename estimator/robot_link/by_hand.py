@@ -100,8 +100,6 @@ def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
 
 def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
     """Returns capabilities that the table implies, and defaults for those that do not matter."""
-    joints = description.get("joints")
-    count = len(joints) if isinstance(joints, list) else len(table.joints)
     sensors = []
     for name, modality in MODALITIES.items():
         sensor = {"modality": name, "unit": modality.unit, "count": table.counts[name]}
@@ -112,7 +110,6 @@ def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
         "robot": "by hand",
         "software": "none",
         "config_hash": "none",
-        "part_radii": [description.get("part_radius", 0.006)] * count,
         "joints": [
             {"name": name, "lower": -math.pi, "upper": math.pi, "speed": _SLEW, "resolution": 0.0}
             for name in table.joints

@@ -70,7 +70,8 @@ class Capabilities(Record):
         config_hash: Changes whenever the daemon's configuration does.
         base_size: Main body along x, y, z, m.
         base_mass: Mass of the main body, kg.
-        part_radii: Radius of the part that each joint moves, in joint order, m.
+        part_radii: Radius of the part that each joint moves, in joint order, m; ``None`` where
+            not all of them are known.
         joints: In motor order.
         sensors: At most one per modality.
         telemetry: Endpoint of the publications; ``*`` or a wildcard host means the host that the
@@ -83,7 +84,9 @@ class Capabilities(Record):
     config_hash: str = checked(_name)
     base_size: tuple[float, ...] = checked(partial(field_checks.items, check=_positive, count=3))
     base_mass: float = checked(_positive)
-    part_radii: tuple[float, ...] = checked(partial(field_checks.items, check=_positive))
+    part_radii: tuple[float, ...] | None = checked_optional(
+        partial(field_checks.items, check=_positive)
+    )
     joints: tuple[Joint, ...] = checked(partial(field_checks.items, check=nested(Joint)))
     sensors: tuple[Sensor, ...] = checked(partial(field_checks.items, check=nested(Sensor)))
     telemetry: str = checked(field_checks.text)
@@ -94,7 +97,7 @@ class Capabilities(Record):
         names = [joint.name for joint in self.joints]
         if not names or len(set(names)) != len(names):
             raise LocalProtocolError(f"'joints' must be one or more with different names: {names}")
-        if len(self.part_radii) != len(names):
+        if self.part_radii is not None and len(self.part_radii) != len(names):
             raise LocalProtocolError(
                 f"'part_radii' must have one item per joint, not {len(self.part_radii)}"
             )

@@ -87,13 +87,16 @@ def _interpolate(table: Sequence[tuple[float, float]], x: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class DrivenJoint:
-    """A joint, the output that drives it, its mechanical limits (rad) and its calibration."""
+    """A joint, the output that drives it, its mechanical limits (rad) and its calibration.
+
+    ``part_radius``, m, is that of the part it moves, ``None`` where nobody knows.
+    """
 
     name: str
     output: int
     lower_limit: float
     upper_limit: float
-    part_radius: float
+    part_radius: float | None
     scale: JointScale
 
     @cached_property

@@ -134,13 +134,14 @@ def describe(config: RobotConfig) -> Capabilities:
                 upper=config.distance.sensor.reach,
             )
         )
+    radii = [joint.part_radius for joint in config.joints if joint.part_radius is not None]
     return Capabilities(
         robot=config.name,
         software=f"bodyschema {metadata.version('bodyschema')}",
         config_hash=config.hash,
         base_size=config.body.size,
         base_mass=config.body.mass,
-        part_radii=tuple(joint.part_radius for joint in config.joints),
+        part_radii=tuple(radii) if len(radii) == len(config.joints) else None,
         joints=tuple(
             Joint(
                 name=joint.name,

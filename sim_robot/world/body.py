@@ -59,14 +59,14 @@ def body_path(name_or_file: str) -> Path:
 
 @dataclass(frozen=True, kw_only=True)
 class Motor:
-    """A driven joint: limits in rad, torque in N·m, and the radius of the part it moves, m."""
+    """A driven joint: limits in rad, torque in N·m, and the radius, if any, of what it moves, m."""
 
     name: str
     link: str
     lower: float
     upper: float
     effort: float
-    radius: float
+    radius: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,8 +193,8 @@ def _motor(joint: Joint, robot: Robot) -> Motor:
     )
 
 
-def _radius(name: str, robot: Robot) -> float:
-    """Radius of the first shape on a link or on what is fixed to it; 6 mm without any."""
+def _radius(name: str, robot: Robot) -> float | None:
+    """Radius of the first shape on a link or on what is fixed to it; ``None`` without any."""
     links = {link.name: link for link in robot.links}
     for link in sorted(_group(name, robot), key=lambda item: item != name):
         for collision in links[link].collisions:
@@ -203,7 +203,7 @@ def _radius(name: str, robot: Robot) -> float:
                 return shape.radius
             if isinstance(shape, Box):
                 return min(vector(shape.size)) / 2
-    return 0.006
+    return None
 
 
 def _group(name: str, robot: Robot) -> frozenset[str]:

@@ -20,6 +20,7 @@ def make_posterior_run(
     lengths: Sequence[tuple[float, ...]],
     *,
     hinge: float | None = None,
+    radius: float = 0.006,
     rivals: Sequence[BelievedMode] = (),
     decides: NextMovement | None = None,
 ) -> RunStore:
@@ -29,12 +30,13 @@ def make_posterior_run(
         folder: Where it is to be, as ``posterior``.
         lengths: Of the four legs of each body, m.
         hinge: Gene of the back leg's hinge, where that is to be found.
+        radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
         decides: What would tell most.
     """
-    text = PROBLEM
+    text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if hinge is not None:
-        text = 'hinge = "unknown"'.join(PROBLEM.rsplit('hinge = "up"', 1))
+        text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
     with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,))[0] as model:
         settings = model.settings.model_copy(update={"method": "posterior"})
     bodies = []

@@ -157,9 +157,30 @@ def test_a_robot_that_differs_is_reported() -> None:
     slow = replace(robot().joints[0], speed=math.radians(30))
     other = replace(other, joints=(slow, *robot().joints[1:]))
     sentences = Problem.load("parametric").check_robot(other, ("tilt",))
-    assert len(sentences) == 5
-    assert "joint hip_left moves at 30.0 degrees per second, the models at 60" in sentences[0]
-    assert "left lower has a radius of 12.0 mm according to the robot, of 6.0 mm" in sentences[1]
+    assert sentences == (
+        "joint hip_left moves at 30.0 degrees per second, the models at 60",
+        "the robot states a radius of 12.0 mm for left lower, front lower, right lower, "
+        "back lower, and the problem 6.0 mm: write radius = 0.012 there, or its lengths will be "
+        "wrong",
+    )
+
+
+@pytest.mark.parametrize(
+    ("upper", "lower", "differs", "contradicts"),
+    [(13, 6, 0, 0), (13, 7, 1, 0), (13, 9, 1, 1), (20, 6, 1, 0)],
+)
+def test_a_radius_far_from_the_robots_is_a_contradiction_where_it_touches_the_ground(
+    upper: int, lower: int, differs: int, contradicts: int
+) -> None:
+    problem = Problem.load("parametric")
+    stated = replace(robot(), part_radii=(upper / 1000,) * 4 + (lower / 1000,) * 4)
+    assert len(problem.differences(stated)) == differs
+    assert len(problem.contradictions(stated)) == contradicts
+
+
+def test_a_robot_that_states_no_radius_differs_in_none() -> None:
+    silent = replace(robot(), part_radii=None)
+    assert not Problem.load("parametric").check_robot(silent, ("touch", "tilt", "clearance"))
 
 
 def test_a_robot_that_cannot_serve_is_refused() -> None:
@@ -200,7 +221,7 @@ def test_all_joints_may_be_driven_with_explicit_parts(driven: str) -> None:
     robot = make_capabilities()
     with pytest.raises(ProblemError, match=r"motors\.driven"):
         problem.for_robot(robot)
-    three = replace(robot, joints=robot.joints[:3], part_radii=robot.part_radii[:3])
+    three = replace(robot, joints=robot.joints[:3], part_radii=None)
     assert len(problem.for_robot(three).parts) == 3
 
 

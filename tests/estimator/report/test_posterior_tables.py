@@ -70,3 +70,15 @@ def test_a_thickness_that_explains_clearly_better_is_no_explanation(tmp_path: Pa
         "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one whose parts are 0.5 "
         "times as thick, so no length can be trusted."
     )
+
+
+def test_a_radius_that_the_robot_states_otherwise_is_no_explanation(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, radius=0.013) as run:
+        result = summarise(run, problem_of(run))
+    assert result.posterior is not None
+    assert not result.posterior.explained
+    assert result.posterior.verdict == (
+        "THIS PROBLEM IS NOT THE ROBOT'S: the robot states a radius of 6.0 mm for left, and the "
+        "problem 13.0 mm: write radius = 0.006 there, or its lengths will be wrong. Some body that "
+        "this problem allows explains every interaction."
+    )

@@ -47,8 +47,8 @@ def test_a_radius_other_than_the_robots_is_warned_about(tmp_path: Path) -> None:
     with store:
         warning = summarise(store, problem).warnings[0]
     assert warning == (
-        "Part left has a radius of 6.0 mm according to the robot, of 9.0 mm according to the "
-        "problem: lengths will be biased."
+        "The robot states a radius of 6.0 mm for left, and the problem 9.0 mm: write "
+        "radius = 0.006 there, or its lengths will be wrong."
     )
 
 

@@ -32,6 +32,7 @@ def test_three_lines_by_hand_are_a_robot(tmp_path: Path) -> None:
     sensor = link.capabilities.sensor("clearance")
     assert sensor is not None
     assert sensor.upper == 0.15
+    assert link.capabilities.part_radii is None
     assert link.recorded is not None
     (program,) = link.recorded
     observation = link.perform(0, program, link.ticket(), lambda phase, fraction: None)

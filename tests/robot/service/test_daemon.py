@@ -5,9 +5,10 @@ from __future__ import annotations
 import logging
 import signal
 import sys
+from dataclasses import replace
 
-from bench.still_robot import still_robot
-from robot.service.daemon import serve
+from bench.still_robot import example_config, still_robot
+from robot.service.daemon import describe, serve
 from tests.robot.stepped import SteppedClock
 
 SIGNALS = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
@@ -56,3 +57,11 @@ def test_a_signal_that_nohup_has_taken_stays_ignored() -> None:
         assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_radii_are_public_where_all_are_known() -> None:
+    config = example_config("")
+    assert describe(config).part_radii == (0.013,) * 4 + (0.006,) * 4
+    first, *others = config.joints
+    unknown = replace(config, joints=(replace(first, part_radius=None), *others))
+    assert describe(unknown).part_radii is None

@@ -55,7 +55,9 @@ def test_visuals_and_hints_are_dropped(tmp_path: Path) -> None:
     file = tmp_path / "body.urdf"
     leg = LEG.replace("</link>", '<visual><geometry><mesh filename="x.stl"/></geometry></visual>')
     file.write_text(robot(BASE, f"{leg}</link>", joint(), '<gazebo reference="leg"/>'))
-    assert "mesh" not in load_body(file).urdf
+    body = load_body(file)
+    assert "mesh" not in body.urdf
+    assert [motor.radius for motor in body.motors] == [None]  # nothing is known of it
 
 
 def test_fixed_links_belong_to_the_sensor_of_what_moves_them(tmp_path: Path) -> None:
