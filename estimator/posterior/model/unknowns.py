@@ -39,6 +39,8 @@ class Unknowns:
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
         hinges: Columns of these parts' hinges, part by part.
+        joined: Columns of parts that are best put on in another way together, where all parents are
+            known: of two with something to choose of which one sits on the other, or of one alone.
     """
 
     def __init__(self, genome: Genome):
@@ -62,6 +64,7 @@ class Unknowns:
             )
             for places in self.places
         )
+        self.joined: tuple[Columns, ...] = () if self.parents.any() else _joined(genome)
 
     def forbidden(self, values: Array) -> Flags:
         """Which of n points the problem does not allow: there the prior is 0."""
@@ -175,6 +178,18 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
         ]
         rows.setdefault(tuple(parent for parent, _ in own), []).append([at for _, at in own])
     return tuple(np.array(some) for kind, some in rows.items() if kind and len(some) > 1)
+
+
+def _joined(genome: Genome) -> tuple[Columns, ...]:
+    own: dict[int, list[int]] = {}
+    for column, gene in enumerate(genome.genes):
+        own.setdefault(gene.part, []).append(column)
+    carriers = {gene.part: gene.parent for gene in genome.genes if gene.choices > 1}
+    pairs = [(parent, part) for part, parent in carriers.items() if parent in carriers]
+    alone = [(part,) for part in carriers if not any(part in pair for pair in pairs)]
+    return tuple(
+        np.array([column for part in one for column in own[part]]) for one in pairs + alone
+    )
 
 
 def _where(chosen: list[bool]) -> Columns:

@@ -17,17 +17,22 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.population import EVERY, Population
 from estimator.posterior.sampling.rows import other_rows
 
 _WATCHED: Final = 3  # levels, from the coldest up
 _POLISHED: Final = 200
+_POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
 _LEADERS: Final = 4  # in one sweep
 _SWEEPS: Final = 3
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished
 _STARTS: Final = 24
 _SWEEP_WIDTH: Final = 4.0
+_CLIMBING: Final = 2  # bodies whose neighbours are tried at once
+_HIGHER: Final = 0.5  # nats, for which it is worth going on
+_SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +57,7 @@ class Discovery:
         data: What the robot felt.
         noise: How far readings stray.
         rng: The population's own, apart from its chains'.
+        climbs: Whether it tries the neighbours of the best bodies, not other rows of single parts.
     """
 
     def __init__(
@@ -61,10 +67,15 @@ class Discovery:
         data: SensorData,
         noise: Noise,
         rng: np.random.Generator,
+        *,
+        climbs: bool,
     ) -> None:
         population.observe(data, noise)
         self._population = population
-        self._lengths = Lengths(predictor, data, Likelihood(data, noise))
+        likelihood = Likelihood(data, noise)
+        self._lengths = Lengths(predictor, data, likelihood)
+        self._neighbours = Neighbours(predictor, data, likelihood, rng) if climbs else None
+        self._several = len(data) >= _SEVERAL
         self._visited = _Visited(predictor)
         self._rng = rng
 
@@ -80,11 +91,20 @@ class Discovery:
             if step % EVERY == EVERY - 1:
                 levels = slice(0, _WATCHED * population.width)
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
-        visited.polish(self._lengths)
+        if self._neighbours:
+            visited.polish(self._lengths, _POLISHED_BESIDE)
+            while self._several and visited.climb(self._neighbours):
+                pass
+            return visited.best()
+        visited.polish(self._lengths, _POLISHED)
         for _ in range(_SWEEPS):
             if not visited.sweep(self._lengths, self._rng):
                 break
         return visited.best()
+
+    def best(self) -> Bodies:
+        """All sets of attachments that were met so far."""
+        return self._visited.best()
 
     def start_anew(self, *, all_levels: bool) -> None:
         """Draws the chains of all levels from the prior, or those of the hotter half."""
@@ -112,10 +132,10 @@ class _Visited:
             fits=np.array([fit for fit, _ in kept]),
         )
 
-    def polish(self, lengths: Lengths) -> None:
+    def polish(self, lengths: Lengths, count: int) -> None:
         values = self.best().values
         fresh = [key not in self._polished for key in self._unknowns.keys(values)]
-        values = values[np.flatnonzero(fresh)[:_POLISHED]]
+        values = values[np.flatnonzero(fresh)[:count]]
         if len(values):
             self._add_polished(values, lengths)
 
@@ -137,6 +157,18 @@ class _Visited:
             self._add_polished(values[order], lengths)
             self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
         return bool(chosen)
+
+    def climb(self, neighbours: Neighbours) -> bool:
+        """Tries the neighbours of the best few; False when that finds nothing much better."""
+        bodies = self.best()
+        keys = self._unknowns.keys(bodies.values)
+        fresh = [row for row, key in enumerate(keys) if key not in self._swept][:_CLIMBING]
+        for row in fresh:
+            self._swept.add(keys[row])
+            better, fits = neighbours.of(bodies.values[row])
+            self._polished.update(self._unknowns.keys(better))
+            self.add(better, fits)
+        return bool(self.best().fits[0] > bodies.fits[0] + _HIGHER)
 
     def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
         """The same attachments from other lengths: one start may lead to a lesser peak."""

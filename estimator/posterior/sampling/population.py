@@ -14,7 +14,6 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags
 from estimator.posterior.model.likelihood import MISFITS, Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Columns, Predictor
 from estimator.posterior.sampling.moves import exchange_parts, propose
@@ -110,13 +109,6 @@ class Population:
         level = np.ones(len(self.values[rows]))
         fits: Array = self._likelihood.of(self._misfits[rows], level, self.scales[rows]).sum(axis=1)
         return fits
-
-    def unexplained(self) -> Flags:
-        """Which of the coldest chains leave some interaction unexplained, shape (width,)."""
-        rows = slice(0, self.width)
-        shares = self._likelihood.inlier_share(self._misfits[rows], scales=self.scales[rows])
-        some: Flags = np.any(shares < 0.5, axis=1)
-        return some
 
     def state(self) -> Mapping[str, Any]:
         """All that ``from_state`` needs, for JSON."""

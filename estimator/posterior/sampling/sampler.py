@@ -37,6 +37,8 @@ _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few 
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to,
 _LONGER: Final = 4  # each of so many times the steps
+_ENOUGH: Final = 2  # rounds, where chains have wandered before, and
+_DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
 _BURN_IN: Final = 5  # times the steps of sampling, where few draws stand for a mode,
 _BURN_INS: Final = 4  # so often, chains that got lost taken back in between
 _LEAST_POWER: Final = 1e-3
@@ -167,7 +169,8 @@ class Sampler:
         readings are explained, the populations agree, and a round has found nothing that matters.
         The rounds it may take grow with the interactions, since few readings leave many bodies.
         As long as they cannot tell of all limbs, no attachments are weighed (see ``wandering``),
-        unless the populations agree before, or do not find what explains the readings.
+        unless the populations agree before, or do not find what explains the readings; afterwards
+        few rounds are left to do.
         Where populations that ought to agree do not, or nothing explains the readings, all chains
         start anew and have longer: what one pose that ended elsewhere has led them to may be far
         from the truth.
@@ -175,31 +178,33 @@ class Sampler:
         Args:
             data: All of them.
         """
-        late = len(data) >= self._telling
-        if self._telling > _TELLING:
-            wandering, explained = wandered(
-                self._populations,
-                data,
-                self._noise,
-                self.predictor.unknowns,
-                self._searching,
-                rounds=self._effort.rounds,
-                steps=self._effort.steps,
-            )
-            if explained and not late and wandering.seen < _ALIKE:
-                return wandering
+        late, wanders = len(data) >= self._telling, self._telling > _TELLING
         searches = [
-            Discovery(population, predictor, data, self._noise, rng)
+            Discovery(population, predictor, data, self._noise, rng, climbs=wanders)
             for population, predictor, rng in zip(
                 self._populations, self._predictors, self._searching, strict=True
             )
         ]
+        known: set[Attachments] = set()
+        if wanders:
+            wandering = wandered(
+                self._populations,
+                searches,
+                self.predictor.unknowns,
+                self._searching,
+                steps=self._effort.steps,
+            )
+            best = max((search.best() for search in searches), key=lambda one: one.fits[0])
+            told = late or wandering.seen >= _ALIKE
+            if not told and explains(best.values[0], self.predictor, data, self._noise):
+                return wandering
+            known.update(*(self.predictor.unknowns.keys(one.best().values) for one in searches))
         predictor = self.predictor
         likelihood = Likelihood(data, self._noise)
-        estimator = EvidenceEstimator(predictor, data, likelihood, draws=self._effort.draws)
-        rounds = min(self._effort.rounds, len(data))
+        draws = self._effort.draws * (_DRAWS if wanders else 1)
+        estimator = EvidenceEstimator(predictor, data, likelihood, draws=draws)
+        rounds = _ENOUGH if wanders else min(self._effort.rounds, len(data))
         steps, number, lost = self._effort.steps, 0, False
-        known: set[Attachments] = set()
         with ThreadPoolExecutor(len(searches)) as threads:
             while number < rounds + (_MORE if lost else 0):
                 discovered = list(threads.map(Discovery.search, searches, itertools.repeat(steps)))
@@ -217,11 +222,11 @@ class Sampler:
                 explained = explains(points[0], predictor, data, self._noise)
                 if explained and seen >= _AGREED and fresh <= _NEGLIGIBLE:
                     break
-                if explained and not late and self._telling > _TELLING:
+                if explained and not late and wanders:
                     break
                 number += 1
                 agreed = explained and seen >= _AGREED
-                lost = lost or (number > 1 and late and not agreed)
+                lost = lost or (number > 1 and late and not wanders and not agreed)
                 steps = self._effort.steps * (_LONGER if lost else 1)
                 for search in searches:
                     search.start_anew(all_levels=lost)

@@ -14,57 +14,55 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.discovery import Bodies, share_seen
+from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
 from estimator.posterior.sampling.population import EVERY, Population
 
 _LOST: Final = 12.0  # nats below the best
-_STRAGGLERS: Final = 0.25  # of the chains, that may be lost in the end
+_STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
+_ROUNDS: Final = 3  # at most, until there are no more of them
 
 
 def wandered(
     populations: Sequence[Population],
-    data: SensorData,
-    noise: Noise,
+    searches: Sequence[Discovery],
     unknowns: Unknowns,
     rngs: Sequence[np.random.Generator],
     *,
-    rounds: int,
     steps: int,
-) -> tuple[Posterior, bool]:
-    """What is believed after the interactions so far, and whether some chain explains them all.
+) -> Posterior:
+    """What is believed after the interactions so far.
 
     Args:
         populations: Their chains are moved.
-        data: What the robot felt.
-        noise: How far readings stray.
+        searches: With each of them.
         unknowns: The cube.
         rngs: Of each population, apart from its chains'.
-        rounds: At most, until few chains of the coldest level are lost.
         steps: Of each round, and of sampling after them.
     """
 
-    def wander(population: Population, rng: np.random.Generator) -> tuple[Array, Array, Array]:
-        population.observe(data, noise)
-        for _ in range(rounds):
-            for _ in range(steps):
-                population.step()
-            if _taken_back(population, rng) <= _STRAGGLERS:
+    def wander(
+        population: Population, search: Discovery, rng: np.random.Generator
+    ) -> tuple[Array, Array, Array]:
+        for _ in range(_ROUNDS):
+            if _taken_back(population, search.search(steps), rng) <= _STRAGGLERS:
                 break
+        cold = slice(0, population.width)
+        population.replace_coldest(population.values[cold], population.scales[cold])
         drawn = []
         for step in range(steps):
-            population.step()
+            population.step_coldest()
             if step % EVERY == EVERY - 1:
-                cold = slice(0, population.width)
                 fits = population.posterior_fits(1)
                 drawn.append((population.values[cold].copy(), population.scales[cold].copy(), fits))
+        population.replace_coldest(*drawn[-1][:2], surely=True)
         values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
         return values, scales, fits
 
     with ThreadPoolExecutor(len(populations)) as threads:
-        by_population = list(threads.map(wander, populations, rngs))
+        by_population = list(threads.map(wander, populations, searches, rngs))
     values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
     keys = unknowns.keys(values)
     best: dict[tuple[int, ...], list[int]] = {}
@@ -77,7 +75,7 @@ def wandered(
         ),
         key=lambda mode: -mode.probability,
     )
-    posterior = Posterior(
+    return Posterior(
         values=values,
         scales=scales,
         weights=np.full(len(values), 1 / len(values)),
@@ -89,20 +87,20 @@ def wandered(
             unknowns,
         ),
     )
-    return posterior, not all(population.unexplained().all() for population in populations)
 
 
-def _taken_back(population: Population, rng: np.random.Generator) -> float:
-    """Share of the coldest chains that are lost; those far below the best are where others are.
+def _taken_back(population: Population, bodies: Bodies, rng: np.random.Generator) -> float:
+    """Share of the coldest chains that were lost; they go on from bodies that fit.
 
-    Lost are also all that leave some interaction unexplained.
+    Args:
+        population: Its coldest chains are moved.
+        bodies: That were met, best first.
+        rng: Draws among them.
     """
-    cold = np.arange(population.width)
-    fits = population.posterior_fits(1)
-    low = fits < fits.max() - _LOST
-    lost = low | population.unexplained()
-    if lost.all():
-        return 1.0
-    rows = np.where(low, rng.choice(cold[~low], cold.size), cold)
-    population.replace_coldest(population.values[rows], population.scales[rows], surely=True)
-    return float(lost.mean())
+    cold = slice(0, population.width)
+    values, scales = population.values[cold].copy(), population.scales[cold].copy()
+    lost = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _LOST)
+    values[lost] = bodies.values[rng.choice(len(bodies.fits), lost.size, p=softmax(bodies.fits))]
+    scales[lost] = 0.0
+    population.replace_coldest(values, scales, surely=True)
+    return lost.size / population.width

@@ -1,0 +1,136 @@
+"""Bodies that differ from one in a limb, or in two that have changed places.
+
+A leg put on in another way is another in all of its parts at once, and so is the one whose mount
+it takes: none of these changes alone makes a body better, so chains that change one row hardly ever
+get from one to the other. Here all of them are tried, the likely ones with better lengths. This
+finds where the posterior is; it does not leave it invariant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.sampling.rows import exchange_places
+
+_LENGTHS: Final = 5  # tried with each choice: those that the parts have, and random ones
+_WIDTH: Final = 4.0  # of the noise, by which they are compared
+_KEPT: Final = 8  # of the rows of one pair of parts
+_NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
+_SETTLED: Final = 2  # rows of that other one are kept
+_POLISHED: Final = 32  # of all
+_TRIED_FIRST: Final = 1 / 3  # of the interactions; with this share
+_GO_ON: Final = 0.25  # of the points, the others are tried
+_FEWEST: Final = 200  # points that go on
+_SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
+
+
+class Neighbours:
+    """Finds better bodies near others, where it is known which part sits on which.
+
+    Args:
+        predictor: Computes readings.
+        data: What the robot felt.
+        likelihood: Of ``data``.
+        rng: Draws lengths.
+    """
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        data: SensorData,
+        likelihood: Likelihood,
+        rng: np.random.Generator,
+    ) -> None:
+        self._predictor = predictor
+        self._unknowns = predictor.unknowns
+        self._turns = np.arange(len(data))
+        self._likelihood = likelihood
+        self._lengths = Lengths(predictor, data, likelihood)
+        self._rng = rng
+
+    def of(self, leader: Array) -> tuple[Array, Array]:
+        """Points near one of shape (size,), with good lengths, and their log-likelihoods.
+
+        At most ``_POLISHED``; no two have the same attachments when they are chosen.
+        """
+        found = []
+        for columns in self._unknowns.joined:
+            points = self._ranked(self._rows(leader[None], columns))
+            found.append(points[:_KEPT])
+            for newcomers, displaced in self._newcomers(points, leader, columns):
+                found += [
+                    self._ranked(self._rows(newcomers, other, kept=(displaced,)))[:_SETTLED]
+                    for other in self._unknowns.joined
+                    if displaced in other
+                ]
+        points = np.concatenate(found)
+        fits = self._lengths.fits(points, _WIDTH, surely=True)
+        best = best_of_each(self._unknowns.keys(points), fits)[:_POLISHED]
+        return self._lengths.polished(points[best])
+
+    def _rows(self, leaders: Array, columns: Columns, kept: Collection[int] = ()) -> Array:
+        """Leaders with all that some columns choose, but for those kept, each at several lengths.
+
+        A part that takes another's place leaves its own to it.
+        """
+        unknowns = self._unknowns
+        counts = unknowns.counts[columns]
+        lengths = columns[counts == 0]
+        choices = np.array([one for one in columns[counts > 0] if one not in kept])
+        cells = np.array(list(product(*map(range, unknowns.counts[choices])))) + 0.5
+        before = np.repeat(leaders, len(cells) * _LENGTHS, axis=0)
+        points = before.copy()
+        several = np.repeat(cells / unknowns.counts[choices], _LENGTHS, axis=0)
+        points[:, choices] = np.tile(several, (len(leaders), 1))
+        drawn = np.arange(len(points)) % _LENGTHS > 0
+        points[np.ix_(drawn, lengths)] = self._rng.random((np.count_nonzero(drawn), lengths.size))
+        exchange_places(points, before, unknowns)
+        return unknowns.permitted(points)
+
+    def _ranked(self, points: Array) -> Array:
+        """The best point of each set of attachments, best first; unlikely ones are left out.
+
+        Interactions in which the points differ most are tried first, the others with those alone
+        that fit best in these.
+        """
+        count, rng = len(points), self._rng
+        sample = rng.choice(count, max(2, round(_SAMPLED * count)), replace=False)
+        spread = self._fits(points[sample], self._turns).std(axis=0)
+        order = np.argsort(-spread, kind="stable")
+        first = max(2, round(_TRIED_FIRST * order.size))
+        fits = self._fits(points, order[:first]).sum(axis=1)
+        if first < order.size:
+            best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * count))]
+            points = points[best]
+            fits = fits[best] + self._fits(points, order[first:]).sum(axis=1)
+        ranked: Array = points[best_of_each(self._unknowns.keys(points), fits)]
+        return ranked
+
+    def _newcomers(
+        self, points: Array, leader: Array, columns: Columns
+    ) -> Iterator[tuple[Array, int]]:
+        """For each part that lost its mount, the column that says so and the first such points."""
+        chosen, before = (self._unknowns.decided(values) for values in (points, leader[None]))
+        for places in self._unknowns.places:
+            for column in np.setdiff1d(places[:, 0], columns).tolist():
+                lost = np.flatnonzero(chosen[:, column] != before[0, column])[:_NEWCOMERS]
+                if lost.size:
+                    yield points[lost], column
+
+    def _fits(self, points: Array, turns: Columns) -> Array:
+        """Log-likelihoods in some interactions under wide noise, shape (n, turns)."""
+        each = np.tile(turns, len(points))
+        rows = np.repeat(np.arange(len(points)), len(turns))
+        bodies = self._unknowns.bodies(points)
+        misfits = self._likelihood.misfits_at(self._predictor, bodies, rows, each, surely=True)
+        wide, scales = np.full(len(rows), _WIDTH), np.zeros((len(rows), 2))
+        fits = self._likelihood.of(misfits[:, None], wide, scales, each[:, None])
+        return fits.reshape(len(points), len(turns))

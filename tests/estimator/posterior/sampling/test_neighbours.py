@@ -1,0 +1,86 @@
+"""Legs that sit in each other's places are found together, where no single change is better."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Array
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling.neighbours import Neighbours
+from estimator.posterior.sampling.rows import other_rows
+from tests.estimator.exploration.test_few_limbs import genome_of
+from tests.estimator.two_unknown_rows import NOISE, draw
+
+_POSES: Final = 6
+
+
+@pytest.fixture(scope="module")
+def predictor() -> Predictor:
+    return Predictor(Unknowns(genome_of("hexapod-12")), StaticsPhysics())
+
+
+@pytest.fixture(scope="module")
+def truth(predictor: Predictor) -> Array:
+    unknowns = predictor.unknowns
+    point = np.random.default_rng(1).random((1, unknowns.size))
+    truth: Array = unknowns.permitted(point)[0]
+    return truth
+
+
+@pytest.fixture(scope="module")
+def data(predictor: Predictor, truth: Array) -> SensorData:
+    rng = np.random.default_rng(2)
+    return draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 12)), rng, outlier=0.0)
+
+
+def confused(truth: Array, unknowns: Unknowns) -> Array:
+    """The true body with two legs in each other's place, and all of their hinges otherwise."""
+    (places,) = unknowns.places
+    point = truth.copy()
+    point[places[[1, 4], 0]] = truth[places[[4, 1], 0]]
+    for leg in (1, 4):
+        hinges = [
+            column for column in unknowns.joined[leg].tolist() if unknowns.counts[column] == 4
+        ]
+        point[hinges] = (point[hinges] + 0.5) % 1
+    return point
+
+
+def joined(problem: str) -> list[list[int]]:
+    """Parts that are put on together."""
+    genome = genome_of(problem)
+    return sorted(
+        sorted({genome.genes[column].part for column in columns.tolist()})
+        for columns in Unknowns(genome).joined
+    )
+
+
+def test_parts_are_joined_where_one_sits_on_the_other_and_parents_are_known() -> None:
+    assert joined("hexapod-18") == [[part, part + 6] for part in range(12)]
+    assert Unknowns(genome_of("topological")).joined == ()
+    assert Unknowns(genome_of("parametric")).joined == ()
+
+
+def test_two_legs_in_each_others_places_are_put_right(
+    predictor: Predictor, truth: Array, data: SensorData
+) -> None:
+    unknowns, likelihood = predictor.unknowns, Likelihood(data, NOISE)
+    lengths = Lengths(predictor, data, likelihood)
+    leader, rng = confused(truth, unknowns), np.random.default_rng(3)
+    _, wanted = lengths.polished(truth[None])
+    rows = np.concatenate(
+        [other_rows(leader, columns, unknowns, rng) for columns in unknowns.parts]
+    )
+    best = rows[np.argsort(-lengths.fits(rows, 4.0, surely=True))[:60]]
+    _, alone = lengths.polished(best)
+    assert alone.max() < wanted[0] - 10
+    points, fits = Neighbours(predictor, data, likelihood, rng).of(leader)
+    assert not unknowns.forbidden(points).any()
+    assert fits.max() > wanted[0] - 2
+    assert np.array_equal(fits, lengths.fits(points))
