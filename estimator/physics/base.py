@@ -273,7 +273,14 @@ class MarginPhysics(Physics, Protocol):
 class ArrayMarginPhysics(ArrayPhysics, MarginPhysics, Protocol):
     """A back-end that takes arrays and knows how sure its readings are."""
 
-    def read_bodies(self, bodies: Bodies, programs: Array, leans: Array | None = None) -> Readings:
+    def read_bodies(
+        self,
+        bodies: Bodies,
+        programs: Array,
+        leans: Array | None = None,
+        *,
+        quickly: bool = False,
+    ) -> Readings:
         """Simulates one interaction per body.
 
         Args:
@@ -283,6 +290,8 @@ class ArrayMarginPhysics(ArrayPhysics, MarginPhysics, Protocol):
                 towards x and y in the body frame: shape (2,) for all bodies, or (n, 2); plumb by
                 default. Where a body lands under small inclinations says where it might have
                 landed.
+            quickly: Few bodies may land elsewhere than they should, if that costs less: what a
+                search looks at first, and again before it is believed.
 
         Returns:
             One row per body.

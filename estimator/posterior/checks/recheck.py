@@ -19,7 +19,7 @@ from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
 
-SAMPLES: Final = 32
+SAMPLES: Final = 16
 """Samples simulated, shared out among the modes by their probability."""
 
 STEP: Final = 1 / 240  # s

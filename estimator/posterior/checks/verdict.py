@@ -97,15 +97,14 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
 
 
-def explains(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> bool:
-    """Whether a body, shape (size,), leaves no more interactions unexplained than accidents do."""
+def left_unexplained(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> int:
+    """How many interactions a body, shape (size,), leaves unexplained."""
     one = point[None]
     likelihood = Likelihood(data, noise)
     outliers = likelihood.inlier_share(likelihood.misfits_of(predictor, one))[0] < 0.5
-    if np.count_nonzero(outliers) <= ACCIDENTS:
-        return True
-    sure = _margins(one, predictor, data) > SURE_PATH
-    return int(np.count_nonzero(outliers & sure)) <= ACCIDENTS
+    if not outliers.any():
+        return 0
+    return int(np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH)))
 
 
 def deviations(

@@ -189,7 +189,7 @@ class Likelihood:
         Args:
             predictor: Computes readings.
             values: Shape (n, size).
-            surely: As in ``misfits_at``.
+            surely: Take it that everybody falls as statics has it; see ``ways`` of ``misfits_at``.
         """
         count = len(self._data)
         rows, turns = (
@@ -197,7 +197,8 @@ class Likelihood:
             np.tile(np.arange(count), len(values)),
         )
         bodies = predictor.unknowns.bodies(values)
-        misfits = self.misfits_at(predictor, bodies, rows, turns, surely=surely)
+        ways = np.zeros(len(rows)) if surely else None
+        misfits = self.misfits_at(predictor, bodies, rows, turns, ways=ways)
         return misfits.reshape(len(values), count, MISFITS)
 
     def misfits_at(
@@ -207,7 +208,7 @@ class Likelihood:
         rows: Columns,
         turns: Columns,
         *,
-        surely: bool = False,
+        ways: Array | None = None,
     ) -> Array:
         """The misfits of some bodies, each in one interaction.
 
@@ -219,15 +220,20 @@ class Likelihood:
             bodies: From the predictor's unknowns.
             rows: Which of them, shape (m,).
             turns: In which interaction, shape (m,).
-            surely: Take it that everybody falls as statics has it, which costs less.
+            ways: Numbers of ``LEANS``, shape (m,): take it that everybody falls under these, and
+                look quickly.
 
         Returns:
             Shape (m, MISFITS).
         """
         data = self._data
-        misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
-        if surely:
+        if ways is not None:
+            leans = LEANS[ways.astype(np.intp)]
+            readings = predictor.read(bodies, rows, data.programs[turns], leans, quickly=True)
+            misfits = data.misfits(readings, turns)
+            misfits[:, ASTRAY] = ways
             return misfits
+        misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
         left = self._unexplained(misfits, turns)
         if not left.size:
             return misfits

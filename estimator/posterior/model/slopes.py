@@ -18,8 +18,8 @@ from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import ASTRAY, LEANS, Likelihood, SensorData
 from estimator.posterior.model.unknowns import Predictor
 
-NARROWING: Final = (4.0, 2.0, 1.0, 1.0, 1.0)
-"""Factors on the noise, one step each."""
+_WIDE: Final = (4.0, 2.0)  # factors on the noise, a step each
+_NARROW: Final = (1.0, 1.0, 1.0)
 
 PRIOR: Final = 12.0
 """Precision of the uniform distribution on 0 to 1."""
@@ -71,27 +71,43 @@ class Lengths:
         misfits = self._likelihood.misfits_of(self._predictor, values, surely=surely)
         return self._of(misfits, width)
 
-    def polished(self, values: Array) -> tuple[Array, Array]:
-        """The points with better lengths, and their log-likelihoods."""
+    def polished(self, values: Array, most: int | None = None) -> tuple[Array, Array]:
+        """Points with better lengths, and their log-likelihoods.
+
+        Args:
+            values: Shape (n, size).
+            most: So many of them at most, those that fit best while the noise is wide.
+        """
+        for width in _WIDE:
+            values, fits = self._narrower(values, width)
+        values = values[np.argsort(-fits, kind="stable")[:most]]
+        for width in _NARROW:
+            values, _ = self._narrower(values, width)
+        return values, self.fits(values)
+
+    def _narrower(self, values: Array, width: float) -> tuple[Array, Array]:
+        """One step, where it leads to something better; and how well that fits under the width."""
         values = values.copy()
         columns = self._predictor.unknowns.continuous
-        turns = np.tile(np.arange(len(self._data)), len(values))
-        for width in NARROWING:
-            slopes = self.slopes(values, width)
-            step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
-            size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
-            step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
-            best = self._of(slopes.misfits, width)
-            start, ways = values.copy(), slopes.misfits[..., ASTRAY]
-            for share in (1.0, _SHORTER):
-                trial = start.copy()
-                trial[:, columns] = np.clip(start[:, columns] + share * step, 0.0, 1.0)
-                misfits = self._data.misfits(self._read(trial, ways), turns)
-                misfits[:, ASTRAY] = ways.ravel()
-                fits = self._of(misfits.reshape(slopes.misfits.shape), width)
-                better = fits > best
-                values[better], best = trial[better], np.maximum(best, fits)
-        return values, self.fits(values)
+        slopes = self.slopes(values, width)
+        step = np.linalg.solve(slopes.precision, slopes.climb[..., None])[..., 0]
+        size = np.max(np.abs(step), axis=1, keepdims=True, initial=0.0)
+        step *= np.minimum(1.0, _FARTHEST / np.maximum(size, 1e-12))
+        best, ways = self._of(slopes.misfits, width), slopes.misfits[..., ASTRAY]
+        rows = np.arange(len(values))
+        for share in (1.0, _SHORTER):
+            trial = values[rows]
+            trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
+            turns = np.tile(np.arange(len(self._data)), len(rows))
+            misfits = self._data.misfits(self._read(trial, ways[rows]), turns)
+            misfits[:, ASTRAY] = ways[rows].ravel()
+            fits = self._of(misfits.reshape(len(rows), *slopes.misfits.shape[1:]), width)
+            better = fits > best[rows]
+            values[rows[better]], best[rows[better]] = trial[better], fits[better]
+            rows = rows[~better]
+            if not rows.size:
+                break
+        return values, best
 
     def slopes(self, values: Array, width: float = 1.0) -> Slopes:
         """Precision and gradient of the log-likelihood by differences, shape (n, size) in.

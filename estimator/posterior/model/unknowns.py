@@ -131,7 +131,13 @@ class Predictor:
         return self._physics.steps
 
     def read(
-        self, bodies: Bodies, rows: Columns, programs: Array, leans: Array | None = None
+        self,
+        bodies: Bodies,
+        rows: Columns,
+        programs: Array,
+        leans: Array | None = None,
+        *,
+        quickly: bool = False,
     ) -> Readings:
         """What some of the bodies feel, each in the program of its row.
 
@@ -140,8 +146,11 @@ class Predictor:
             rows: Which of them, shape (m,).
             programs: rad, shape (m, motors).
             leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
+            quickly: Likewise.
         """
-        return self._physics.read_bodies(self._chosen(bodies, rows), programs, leans)
+        return self._physics.read_bodies(
+            self._chosen(bodies, rows), programs, leans, quickly=quickly
+        )
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""

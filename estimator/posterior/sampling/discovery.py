@@ -7,6 +7,7 @@ leaves the posterior invariant, and nothing of it needs to: it only says where t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -27,7 +28,8 @@ _POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
 _LEADERS: Final = 4  # in one sweep
 _SWEEPS: Final = 3
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
-_PROMISING: Final = 60  # of them polished
+_PROMISING: Final = 60  # of them polished,
+_FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24
 _SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
@@ -70,7 +72,7 @@ class Discovery:
         *,
         climbs: bool,
     ) -> None:
-        population.observe(data, noise)
+        population.observe(data, noise, surely=True)
         self._population = population
         likelihood = Likelihood(data, noise)
         self._lengths = Lengths(predictor, data, likelihood)
@@ -180,8 +182,8 @@ class _Visited:
         return starts
 
     def _add_polished(self, values: Array, lengths: Lengths) -> None:
-        better, fits = lengths.polished(values)
-        self._polished.update(self._unknowns.keys(better))
+        better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
+        self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)
 
 

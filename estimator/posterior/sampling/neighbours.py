@@ -130,7 +130,9 @@ class Neighbours:
         each = np.tile(turns, len(points))
         rows = np.repeat(np.arange(len(points)), len(turns))
         bodies = self._unknowns.bodies(points)
-        misfits = self._likelihood.misfits_at(self._predictor, bodies, rows, each, surely=True)
+        misfits = self._likelihood.misfits_at(
+            self._predictor, bodies, rows, each, ways=np.zeros(len(rows))
+        )
         wide, scales = np.full(len(rows), _WIDTH), np.zeros((len(rows), 2))
         fits = self._likelihood.of(misfits[:, None], wide, scales, each[:, None])
         return fits.reshape(len(points), len(turns))

@@ -14,7 +14,13 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import MISFITS, Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import (
+    ASTRAY,
+    MISFITS,
+    Likelihood,
+    Noise,
+    SensorData,
+)
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Columns, Predictor
 from estimator.posterior.sampling.moves import exchange_parts, propose
 
@@ -34,7 +40,7 @@ class Population:
     Args:
         predictor: Its own.
         rng: Its own.
-        levels: At least 2.
+        levels: How many.
         width: Chains on a level; a multiple of 4.
 
     Attributes:
@@ -42,6 +48,8 @@ class Population:
         scales: Logarithms of the factors on tilt's and clearance's noise, shape (…, 2).
         levels: How many there are.
         width: Chains on a level.
+        hasty: Whether every proposal is taken to fall to the side to which its chain has fallen,
+            which costs less; only before sampling.
     """
 
     def __init__(
@@ -58,10 +66,16 @@ class Population:
         self._misfits = np.zeros((count, 0, MISFITS))
         self._fits = np.zeros((count, 0))
 
-    def observe(self, data: SensorData, noise: Noise) -> None:
-        """Takes in all that was felt so far; the chains stay where they are."""
-        self._data = data
-        self._surely = True
+    def observe(self, data: SensorData, noise: Noise, *, surely: bool) -> None:
+        """Takes in all that was felt so far; the chains stay where they are.
+
+        Args:
+            data: All of it.
+            noise: How far readings stray.
+            surely: As in ``Likelihood.misfits_of``, and hastily: for chains that search.
+        """
+        self._data, self._noise = data, noise
+        self._surely = self.hasty = surely
         self._likelihood = Likelihood(data, noise)
         self._look(slice(None))
 
@@ -73,17 +87,10 @@ class Population:
         self.scales[hot] = self._rng.normal(0, SCALE_SPREAD, self.scales[hot].shape)
         self._look(hot)
 
-    def replace_coldest(self, values: Array, scales: Array, *, surely: bool = False) -> None:
-        """Puts other points on level 0, shape (width, size); only before sampling.
-
-        Args:
-            values: The points.
-            scales: Their noise factors.
-            surely: From here on, as in ``Likelihood.misfits_at``.
-        """
+    def replace_coldest(self, values: Array, scales: Array) -> None:
+        """Puts other points on level 0, shape (width, size); only before sampling."""
         cold = slice(0, self.width)
         self.values[cold], self.scales[cold] = values, scales
-        self._surely = surely
         self._look(cold)
 
     def step(self) -> None:
@@ -96,12 +103,14 @@ class Population:
         self._rescale(slice(None))
         self._exchange_levels()
 
-    def step_coldest(self) -> None:
-        """Moves the chains of level 0 alone, each once. The posterior is left invariant."""
-        coldest = np.arange(self.width)
-        for half in (0, 1):
-            self._move(coldest[half::2], coldest[1 - half :: 2])
-        self._rescale(slice(0, self.width))
+    def coldest(self) -> Self:
+        """The chains of level 0 by themselves, no longer hasty: what they go on to is samples."""
+        cold = slice(0, self.width)
+        chains = self.at(
+            self.values[cold].copy(), self.scales[cold].copy(), self._predictor, self._rng
+        )
+        chains.observe(self._data, self._noise, surely=False)
+        return chains
 
     def posterior_fits(self, levels: int) -> Array:
         """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,)."""
@@ -123,13 +132,38 @@ class Population:
     def from_state(cls, state: Mapping[str, Any], predictor: Predictor) -> Self:
         """The population as it was; it has to observe again."""
         rng = np.random.default_rng()
-        values = np.array(state["values"], dtype=float)
-        levels = int(state["levels"])
-        population = cls(predictor, rng, levels=levels, width=len(values) // levels)
-        population.values = values
-        population.scales = np.array(state["scales"], dtype=float)
         rng.bit_generator.state = state["random"]
+        values, scales = (np.array(state[name], dtype=float) for name in ("values", "scales"))
+        return cls.at(values, scales, predictor, rng, levels=int(state["levels"]))
+
+    @classmethod
+    def at(
+        cls,
+        values: Array,
+        scales: Array,
+        predictor: Predictor,
+        rng: np.random.Generator,
+        *,
+        levels: int = 1,
+    ) -> Self:
+        """Chains that stand at some points; by default all of them at level 0.
+
+        Args:
+            values: Shape (n, size).
+            scales: Their noise factors, shape (n, 2).
+            predictor: As above, like ``rng``.
+            rng: Not drawn from.
+            levels: How many the points are of.
+        """
+        population = cls(
+            predictor, np.random.default_rng(0), levels=levels, width=len(values) // levels
+        )
+        population.values, population.scales, population._rng = values, scales, rng
         return population
+
+    def _ways(self, chains: Columns, turns: Columns) -> Array | None:
+        """By which leans chains come to rest now, where proposals are to do likewise."""
+        return self._misfits[chains, turns, ASTRAY] if self.hasty else None
 
     def _look(self, rows: slice) -> None:
         misfits = self._likelihood.misfits_of(
@@ -169,7 +203,7 @@ class Population:
             turns = order[alive, start:end].ravel()
             simulated += models.size
             misfits[models, turns] = self._likelihood.misfits_at(
-                self._predictor, bodies, models, turns, surely=self._surely
+                self._predictor, bodies, models, turns, ways=self._ways(rows[models], turns)
             )
             fits[models, turns] = self._likelihood.of(
                 misfits[models, turns][:, None], widths[models], scales[models], turns[:, None]
@@ -195,7 +229,15 @@ class Population:
         )
         allowed = ~self._predictor.unknowns.forbidden(fresh).reshape(2, half).any(axis=0)
         pair, fresh = pair[np.tile(allowed, 2)], fresh[np.tile(allowed, 2)]
-        misfits = self._likelihood.misfits_of(self._predictor, fresh, surely=self._surely)
+        count = len(self._data)
+        which, turns = np.repeat(np.arange(len(pair)), count), np.tile(np.arange(count), len(pair))
+        misfits = self._likelihood.misfits_at(
+            self._predictor,
+            self._predictor.unknowns.bodies(fresh),
+            which,
+            turns,
+            ways=self._ways(pair[which], turns),
+        ).reshape(len(pair), count, MISFITS)
         fits = self._likelihood.of(misfits, self._widths[pair], self.scales[pair])
         gain = (fits - self._fits[pair]).sum(axis=1).reshape(2, -1).sum(axis=0)
         accepted = np.tile(np.log(rng.random(len(gain))) < gain, 2)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -14,23 +15,23 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.physics.base import ArrayMarginPhysics
-from estimator.posterior.checks.verdict import explains
+from estimator.posterior.checks.verdict import left_unexplained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import best_of_each
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
-from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.sampling.population import EVERY, Population
+from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.wandering import wandered
+from estimator.posterior.sampling.weighing import sampled, weighed
+from estimator.storage.beliefs import ACCIDENTS
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
 _CONSIDERED: Final = 16.0  # nats below the best fit, which may be a mere spike
-_WEIGHED: Final = 9.0  # nats below the best evidence
 _NEIGHBOURS: Final = 16  # of each population, as further centres of a mode
-_MOST: Final = 120  # modes whose evidence is estimated
 _AGREED: Final = 0.8  # share of the posterior that both have met
 _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
@@ -39,9 +40,7 @@ _MORE: Final = 4  # rounds, once they turned out not to,
 _LONGER: Final = 4  # each of so many times the steps
 _ENOUGH: Final = 2  # rounds, where chains have wandered before, and
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
-_BURN_IN: Final = 5  # times the steps of sampling, where few draws stand for a mode,
-_BURN_INS: Final = 4  # so often, chains that got lost taken back in between
-_LEAST_POWER: Final = 1e-3
+_ACCIDENT_IN: Final = 5  # so many interactions one may be left unexplained
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -56,7 +55,7 @@ class Effort:
         steps: Of one round of the search.
         rounds: Of the search, at most.
         draws: For a mode's evidence, in one round of three.
-        frozen: Steps of valid sampling after the search.
+        samples: Of the posterior; a multiple of 4.
     """
 
     populations: int = 2
@@ -65,7 +64,7 @@ class Effort:
     steps: int = 60
     rounds: int = 6
     draws: int = 200
-    frozen: int = 20
+    samples: int = 256
 
 
 class Sampler:
@@ -196,46 +195,62 @@ class Sampler:
             )
             best = max((search.best() for search in searches), key=lambda one: one.fits[0])
             told = late or wandering.seen >= _ALIKE
-            if not told and explains(best.values[0], self.predictor, data, self._noise):
+            left = left_unexplained(best.values[0], self.predictor, data, self._noise)
+            if not told and left <= ACCIDENTS:
                 return wandering
             known.update(*(self.predictor.unknowns.keys(one.best().values) for one in searches))
         predictor = self.predictor
         likelihood = Likelihood(data, self._noise)
         draws = self._effort.draws * (_DRAWS if wanders else 1)
         estimator = EvidenceEstimator(predictor, data, likelihood, draws=draws)
-        rounds = _ENOUGH if wanders else min(self._effort.rounds, len(data))
         steps, number, lost = self._effort.steps, 0, False
         with ThreadPoolExecutor(len(searches)) as threads:
-            while number < rounds + (_MORE if lost else 0):
+            while True:
                 discovered = list(threads.map(Discovery.search, searches, itertools.repeat(steps)))
                 points, fits = _union(discovered, predictor.unknowns)
-                kept = fits > fits[0] - _CONSIDERED
-                points = points[kept]
-                guesses = estimator.guess(points, fits[kept])
-                order = np.argsort(-guesses, kind="stable")[:_MOST]
-                points, guesses = points[order], guesses[order]
+                points = points[fits > fits[0] - _CONSIDERED]
+                guesses = estimator.guess(points, fits[: len(points)])
                 shares = softmax(guesses)
                 keys = predictor.unknowns.keys(points)
                 seen = share_seen(keys, shares, discovered, predictor.unknowns)
                 fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
                 known.update(keys)
-                explained = explains(points[0], predictor, data, self._noise)
-                if explained and seen >= _AGREED and fresh <= _NEGLIGIBLE:
+                left = left_unexplained(points[0], predictor, data, self._noise)
+                explained, every = left <= ACCIDENTS, left <= len(data) // _ACCIDENT_IN
+                if every and seen >= _AGREED and fresh <= _NEGLIGIBLE:
                     break
                 if explained and not late and wanders:
                     break
                 number += 1
                 agreed = explained and seen >= _AGREED
                 lost = lost or (number > 1 and late and not wanders and not agreed)
+                rounds = min(self._effort.rounds, len(data)) if every else self._effort.rounds
+                if number >= (_ENOUGH if wanders else rounds + (_MORE if lost else 0)):
+                    break
                 steps = self._effort.steps * (_LONGER if lost else 1)
                 for search in searches:
                     search.start_anew(all_levels=lost)
-        modes: list[ModeEvidence] = []
-        for point, guess in zip(points, guesses, strict=True):
-            if modes and guess < max(one.log_evidence for one in modes) - _WEIGHED:
-                break
-            modes.append(estimator.of(point, self._neighbours(point, fits[0]), self._rng))
-        return self._weigh(points[: len(modes)], modes, discovered)
+        modes = weighed(
+            points, guesses, estimator, partial(self._neighbours, best=fits[0]), self._rng
+        )
+        chains = sampled(modes, predictor, data, self._noise, self._rng, count=self._effort.samples)
+        for population in self._populations:
+            rows = self._rng.choice(self._effort.samples, population.width)
+            population.replace_coldest(chains.values[rows], chains.scales[rows])
+        keys = predictor.unknowns.keys(modes.points)
+        named = [
+            Mode(key, float(share), point, mode.effective)
+            for key, share, point, mode in zip(
+                keys, modes.shares, modes.points, modes.evidences, strict=True
+            )
+        ]
+        return Posterior(
+            values=chains.values,
+            scales=chains.scales,
+            weights=np.full(len(chains.values), 1 / len(chains.values)),
+            modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
+            seen=share_seen(keys, modes.shares, discovered, predictor.unknowns) if every else 0.0,
+        )
 
     def _neighbours(self, point: Array, best: float) -> Array:
         """Chains with a point's attachments that fit nearly as well as the best body."""
@@ -248,76 +263,6 @@ class Sampler:
             alike &= population.posterior_fits(2) > best - _CONSIDERED
             chains.append(cold[alike][:_NEIGHBOURS])
         return np.concatenate(chains)
-
-    def _burn_in(self) -> None:
-        """Brings the coldest chains, which began too far out, to where the posterior is."""
-        allowance = _CONSIDERED + self.predictor.unknowns.continuous.size
-        for _ in range(_BURN_INS):
-            self._sampled(_BURN_IN * self._effort.frozen)
-            for population in self._populations:
-                fits = population.posterior_fits(1)
-                lost = np.flatnonzero(fits < fits.max() - allowance)
-                kept = np.flatnonzero(fits >= fits.max() - allowance)
-                rows = np.arange(len(fits))
-                rows[lost] = self._rng.choice(kept, lost.size)
-                population.replace_coldest(population.values[rows], population.scales[rows])
-
-    def _sampled(self, steps: int) -> tuple[Array, Array]:
-        values, scales = [], []
-        for step in range(steps):
-            for population in self._populations:
-                population.step_coldest()
-            if step % EVERY == EVERY - 1:
-                for population in self._populations:
-                    cold = slice(0, population.width)
-                    values.append(population.values[cold].copy())
-                    scales.append(population.scales[cold].copy())
-        return np.concatenate(values), np.concatenate(scales)
-
-    def _weigh(
-        self, points: Array, modes: Sequence[ModeEvidence], discovered: Sequence[Bodies]
-    ) -> Posterior:
-        logs = np.array([mode.log_evidence for mode in modes])
-        shares = softmax(logs)
-        keys = self.predictor.unknowns.keys(points)
-        named = [
-            Mode(key, float(share), point, mode.effective)
-            for key, share, point, mode in zip(keys, shares, points, modes, strict=True)
-        ]
-        count = self._effort.width
-        spread = [_spread_out(mode.weights, count) for mode in modes]
-        for population in self._populations:
-            which = self._rng.choice(len(modes), count, p=shares)
-            drawn = [
-                (int(mode), int(self._rng.choice(len(spread[mode]), p=spread[mode])))
-                for mode in which
-            ]
-            population.replace_coldest(
-                np.array([modes[mode].values[row] for mode, row in drawn]),
-                np.array([modes[mode].scales[row] for mode, row in drawn]),
-            )
-        poor = modes[int(np.argmax(shares))].effective < count
-        if poor:
-            self._burn_in()
-        values, scales = self._sampled(self._effort.frozen)
-        return Posterior(
-            values=values,
-            scales=scales,
-            weights=np.full(len(values), 1 / len(values)),
-            modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            seen=share_seen(keys, shares, discovered, self.predictor.unknowns),
-        )
-
-
-def _spread_out(weights: Array, wanted: int) -> Array:
-    """Weights raised to a power, so that at least so many draws count: a start for chains."""
-    power = 1.0
-    while True:
-        spread = weights**power
-        spread /= spread.sum()
-        if 1 / np.sum(spread**2) >= wanted or power < _LEAST_POWER:
-            return spread
-        power /= 2
 
 
 def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:

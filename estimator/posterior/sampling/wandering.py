@@ -49,15 +49,13 @@ def wandered(
         for _ in range(_ROUNDS):
             if _taken_back(population, search.search(steps), rng) <= _STRAGGLERS:
                 break
-        cold = slice(0, population.width)
-        population.replace_coldest(population.values[cold], population.scales[cold])
-        drawn = []
+        chains, drawn = population.coldest(), []
         for step in range(steps):
-            population.step_coldest()
+            chains.step()
             if step % EVERY == EVERY - 1:
-                fits = population.posterior_fits(1)
-                drawn.append((population.values[cold].copy(), population.scales[cold].copy(), fits))
-        population.replace_coldest(*drawn[-1][:2], surely=True)
+                fits = chains.posterior_fits(1)
+                drawn.append((chains.values.copy(), chains.scales.copy(), fits))
+        population.replace_coldest(*drawn[-1][:2])
         values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
         return values, scales, fits
 
@@ -102,5 +100,5 @@ def _taken_back(population: Population, bodies: Bodies, rng: np.random.Generator
     lost = np.flatnonzero(population.posterior_fits(1) < bodies.fits[0] - _LOST)
     values[lost] = bodies.values[rng.choice(len(bodies.fits), lost.size, p=softmax(bodies.fits))]
     scales[lost] = 0.0
-    population.replace_coldest(values, scales, surely=True)
+    population.replace_coldest(values, scales)
     return lost.size / population.width

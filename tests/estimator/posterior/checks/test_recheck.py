@@ -36,7 +36,7 @@ def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predi
         seen=1.0,
     )
     simulated = recheck(before, predictor, data, NOISE, _Swapped())
-    assert simulated.simulated == 20
+    assert simulated.simulated == 16
     assert simulated.posterior.modes[0].attachments == keys[1]
     assert simulated.posterior.modes[0].probability > 0.99
     assert simulated.posterior.weights[10:].sum() > 0.99

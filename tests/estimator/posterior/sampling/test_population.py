@@ -21,7 +21,7 @@ def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -
     nothing = Observation(angles=(0.1, 0.2, 0.0, 0.0), touch=(None,) * 4)
     blind = SensorData.of([nothing], MODALITIES, CAP)
     population = Population(predictor, np.random.default_rng(1), levels=4, width=32)
-    population.observe(blind, NOISE)
+    population.observe(blind, NOISE, surely=True)
     values, scales = [], []
     for _ in range(12):
         for _ in range(15):
@@ -47,7 +47,7 @@ def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
         population = Population(short, rng, levels=3, width=4)
         data = draw(short, population.values[0], moved, rng, scales=population.scales[0])
         start_exactly(population, short, data, rng)
-        population.observe(data, NOISE)
+        population.observe(data, NOISE, surely=True)
         for _ in range(4):
             population.step()
         chains.append(short.unknowns.keys(population.values[:1])[0])
@@ -90,7 +90,7 @@ def test_chains_agree_with_enumeration(narrow: Predictor) -> None:
     data = draw(narrow, point, programs(2, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
     population = Population(narrow, np.random.default_rng(2), levels=4, width=64)
-    population.observe(data, WIDE)
+    population.observe(data, WIDE, surely=True)
     counts: Counter[Attachments] = Counter()
     for step in range(600):
         population.step()
@@ -106,10 +106,10 @@ def test_chains_agree_with_enumeration(narrow: Predictor) -> None:
 def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predictor) -> None:
     data = draw(predictor, np.full(7, 0.4), programs(2), np.random.default_rng(1))
     population = Population(predictor, np.random.default_rng(3), levels=4, width=8)
-    population.observe(data, NOISE)
+    population.observe(data, NOISE, surely=True)
     population.step()
     copy = Population.from_state(json.loads(json.dumps(population.state())), predictor)
-    copy.observe(data, NOISE)
+    copy.observe(data, NOISE, surely=True)
     for one in (population, copy):
         one.step()
     assert np.array_equal(copy.values, population.values)

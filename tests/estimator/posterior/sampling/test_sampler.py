@@ -9,6 +9,7 @@ from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.posterior.sampling.weighing import drawn
 from tests.estimator.posterior.sampling.enumeration import distance, enumerated
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
@@ -69,3 +70,25 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
             total += share * part / (2 * np.pi) * float(np.mean(np.exp(fits)))
     assert mode.log_evidence == pytest.approx(np.log(total), abs=0.1)
     assert mode.effective > 100
+
+
+def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody(
+    predictor: Predictor,
+) -> None:
+    data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
+    data.felt["tilt"].values[1] += 0.6
+    assert sampler(predictor, NOISE).learn(data).seen == 0.0
+
+
+def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None:
+    rng = np.random.default_rng(1)
+    guesses = np.concatenate([[3.0, 2.0], rng.normal(-5.0, 2.0, 1500)])
+    shares = np.exp(guesses)
+    totals = []
+    for _ in range(200):
+        rows, log_chances = drawn(guesses, rng)
+        assert len(rows) <= 120
+        assert {0, 1} <= set(rows.tolist())  # worth more than their part
+        totals.append(np.sum(shares[rows] / np.exp(log_chances)))
+    assert np.mean(totals) == pytest.approx(shares.sum(), rel=1e-3)
+    assert np.std(totals) < 0.02 * shares.sum()

@@ -1,0 +1,156 @@
+"""Modes weighed by their evidence, and samples of the posterior drawn by these weights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.special import softmax
+from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
+from estimator.posterior.sampling.population import Population
+
+_MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
+_WEIGHED: Final = 9.0  # nats below the best evidence
+_LEAST_POWER: Final = 1e-3
+_STEPS: Final = 20  # of valid sampling
+_FEW: Final = 32  # effective draws of a mode, with fewer of which chains have to find their way:
+_BURN_INS: Final = 4  # so often, those that got lost taken back in between,
+_BURN_IN: Final = 50  # so many steps
+_LOST: Final = 8.0  # nats below the best, and one for each length
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeighedModes:
+    """Modes that stand for all that were discovered.
+
+    Attributes:
+        points: Their best points, shape (n, size).
+        evidences: Of each.
+        shares: Of the posterior, shape (n,); a mode that was drawn among several stands for them.
+    """
+
+    points: Array
+    evidences: Sequence[ModeEvidence]
+    shares: Array
+
+
+def weighed(
+    points: Array,
+    guesses: Array,
+    estimator: EvidenceEstimator,
+    neighbours: Callable[[Array], Array],
+    rng: np.random.Generator,
+) -> WeighedModes:
+    """The evidence of all modes, or of some that stand for them.
+
+    Args:
+        points: The best of each mode, shape (n, size).
+        guesses: Of their evidences, shape (n,).
+        estimator: Estimates an evidence.
+        neighbours: Other points with a point's attachments, by that point.
+        rng: Draws modes, and points.
+    """
+    rows, log_chances = drawn(guesses, rng)
+    evidences: list[ModeEvidence] = []
+    logs: list[float] = []
+    for row, log_chance in zip(rows, log_chances, strict=True):
+        if logs and guesses[row] - log_chance < max(logs) - _WEIGHED:
+            break
+        evidences.append(estimator.of(points[row], neighbours(points[row]), rng))
+        logs.append(evidences[-1].log_evidence - log_chance)
+    return WeighedModes(
+        points=points[rows[: len(logs)]], evidences=evidences, shares=softmax(np.array(logs))
+    )
+
+
+def sampled(
+    modes: WeighedModes,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    rng: np.random.Generator,
+    *,
+    count: int,
+) -> Population:
+    """Chains of the posterior itself, as they stand in the end.
+
+    They start from draws of the modes, and are moved by steps that leave the posterior invariant.
+    Where few draws stand for the best mode they begin too far out, and are first brought to where
+    the posterior is.
+
+    Args:
+        modes: From which to start.
+        predictor: Computes readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+        rng: The chains'.
+        count: Of chains; a multiple of 4.
+    """
+    spread = [_spread_out(mode.weights, count // 4) for mode in modes.evidences]
+    which = rng.choice(len(spread), count, p=modes.shares)
+    drawn = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
+    values = np.array([modes.evidences[mode].values[row] for mode, row in drawn])
+    scales = np.array([modes.evidences[mode].scales[row] for mode, row in drawn])
+    chains = Population.at(values, scales, predictor, rng)
+    chains.observe(data, noise, surely=False)
+    if modes.evidences[int(np.argmax(modes.shares))].effective < _FEW:
+        chains.hasty = True
+        for _ in range(_BURN_INS):
+            for _ in range(_BURN_IN):
+                chains.step()
+            _take_back(chains, _LOST + predictor.unknowns.continuous.size, rng)
+        chains.observe(data, noise, surely=False)
+    for _ in range(_STEPS):
+        chains.step()
+    return chains
+
+
+def _spread_out(weights: Array, wanted: int) -> Array:
+    """Weights raised to a power, so that at least so many draws count."""
+    power = 1.0
+    while True:
+        spread = weights**power
+        spread /= spread.sum()
+        if 1 / np.sum(spread**2) >= wanted or power < _LEAST_POWER:
+            return spread
+        power /= 2
+
+
+def _take_back(chains: Population, allowance: float, rng: np.random.Generator) -> None:
+    """Puts chains that are so many nats below the best where others are."""
+    fits = chains.posterior_fits(1)
+    kept = np.flatnonzero(fits >= fits.max() - allowance)
+    rows = np.arange(len(fits))
+    lost = fits < fits.max() - allowance
+    rows[lost] = rng.choice(kept, np.count_nonzero(lost))
+    chains.replace_coldest(chains.values[rows], chains.scales[rows])
+
+
+def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:
+    """Some of the modes, by their guessed shares: ``_MOST`` at most, which stand for all.
+
+    Those with a large share are taken for sure, of the others each by its chance (systematic
+    sampling); so no evidence is lost on average.
+
+    Returns:
+        Their indices, best guess first, and the logarithms of their chances.
+    """
+    order = np.argsort(-guesses, kind="stable")
+    if len(order) <= _MOST:
+        return order, np.zeros(len(order))
+    shares = softmax(guesses[order])
+    rest = np.cumsum(shares[::-1])[::-1]
+    sure = 0
+    while shares[sure] * (_MOST - sure) >= rest[sure]:
+        sure += 1
+    chances = np.ones(len(order))
+    chances[sure:] = shares[sure:] / rest[sure] * (_MOST - sure)
+    ends = np.floor(np.cumsum(chances) + rng.random())
+    taken = np.flatnonzero(np.diff(ends, prepend=0.0) > 0)
+    return order[taken], np.log(chances[taken])
