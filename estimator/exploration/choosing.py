@@ -80,7 +80,8 @@ class Chooser:
             self._predictor.unknowns.decided(samples.genes),
             rng,
         )
-        bits = self._bits(samples, self._forecast(samples, programs), rng, _DRAWS)
+        quick = self._read(samples, programs, LEANS[0], quickly=True)
+        bits = self._bits(samples, Forecast.of(quick, len(samples.genes)), rng, _DRAWS)
         programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
         bits = self._bits(samples, self._sure_forecast(samples, programs), rng, _DRAWS)
         for spread in _SPREADS:
@@ -107,11 +108,8 @@ class Chooser:
         groups = np.arange(len(samples.genes))
         return self._gain.of(forecast, samples.scales, groups, rng, draws=draws)
 
-    def _forecast(self, samples: Models, programs: Array) -> Forecast:
-        return Forecast.of(self._read(samples, programs, LEANS[0]), len(samples.genes))
-
     def _sure_forecast(self, samples: Models, programs: Array) -> Forecast:
-        """The same, silent where a sample may fall to more sides than one."""
+        """What samples will feel, silent where a sample may fall to more sides than one."""
         plumb = self._read(samples, programs, LEANS[0])
         forecast = Forecast.of(plumb, len(samples.genes))
         for lean in LEANS[1:]:
@@ -119,11 +117,14 @@ class Chooser:
             forecast.silent[forks.reshape(forecast.silent.shape)] = True
         return forecast
 
-    def _read(self, samples: Models, programs: Array, lean: Array) -> Readings:
+    def _read(
+        self, samples: Models, programs: Array, lean: Array, *, quickly: bool = False
+    ) -> Readings:
         count = len(samples.genes)
         bodies = self._predictor.unknowns.bodies(samples.genes)
         rows = np.tile(np.arange(count), len(programs))
-        return self._predictor.read(bodies, rows, np.repeat(programs, count, axis=0), lean)
+        repeated = np.repeat(programs, count, axis=0)
+        return self._predictor.read(bodies, rows, repeated, lean, quickly=quickly)
 
     def _about(self, samples: Models, program: Array, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns

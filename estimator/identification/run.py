@@ -316,9 +316,13 @@ def _work(
     world, settings = world_of(store, problem), store.settings
     with ExitStack() as stack:
         method: Method
+        foresight: ArrayMarginPhysics
         if settings.method == "posterior":
             make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
-            foresight = stack.enter_context(closing(make_physics()))
+            opened = stack.enter_context(closing(open_physics(settings.physics, world)))
+            foresight = (
+                cast(ArrayMarginPhysics, opened) if opened.abilities.arrays else make_physics()
+            )
             method = PosteriorMethod(
                 store,
                 problem,
