@@ -16,6 +16,14 @@ from typing import Any
 from tests.docs.notebooks import NOTEBOOK
 
 TEXT = NOTEBOOK.read_text(encoding="utf-8")
+RUN = """
+import sys
+from pathlib import Path
+from tests.docs.notebooks import main
+from tests.estimator.little_effort import little_effort
+with little_effort():
+    main(Path(sys.argv[1]))
+"""
 
 
 def code_cells(text: str) -> list[dict[str, Any]]:
@@ -42,7 +50,7 @@ def test_every_cell_runs(tmp_path: Path) -> None:
     copy = tmp_path / "notebook.ipynb"
     copy.write_text(short.replace("explore=height", less), encoding="utf-8")
     run = subprocess.Popen(
-        [sys.executable, "-W", "error", "-m", "tests.docs.notebooks", str(copy)],
+        [sys.executable, "-W", "error", "-c", RUN, str(copy)],
         cwd=NOTEBOOK.parents[1],
         env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
         process_group=0,

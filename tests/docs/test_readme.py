@@ -25,8 +25,13 @@ def test_the_commands_and_the_program_run(tmp_path: Path) -> None:
         port = probe.getsockname()[1]
     script = "".join(blocks("sh"))
     assert script.count("estimator identify") == 4
-    script = script.replace("--interactions 6", "--interactions 1")
-    script = re.sub(r"^(.* --method paper .*)$", rf"\1{PAPER}", script, flags=re.MULTILINE)
+    for command, shorter in (
+        ("--interactions 6", "--interactions 1"),
+        ("--robot (replay|file):", r"--method paper --robot \1:"),
+        (r"^(.* --method paper .*)$", rf"\1{PAPER}"),
+        ("estimator identify", "python -m tests.estimator.little_effort identify"),
+    ):
+        script = re.sub(command, shorter, script, flags=re.MULTILINE)
     # The first command goes to the background; the second must find it listening.
     script = script.replace("&\n", "2> log &\nuntil grep -q serving log; do sleep 0.1; done\n", 1)
     python = "".join(blocks("python"))
@@ -36,7 +41,8 @@ def test_the_commands_and_the_program_run(tmp_path: Path) -> None:
     done = subprocess.run(
         ["bash", "-c", script],
         cwd=tmp_path,
-        env=os.environ | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"},
+        env=os.environ
+        | {"PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=600,

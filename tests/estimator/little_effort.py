@@ -1,4 +1,7 @@
-"""The method posterior with little effort: each of its steps, in a fraction of the time."""
+"""The method posterior with little effort: each of its steps, in a fraction of the time.
+
+``python -m tests.estimator.little_effort`` is ``estimator`` with it.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,10 @@ from typing import Final
 
 import pytest
 
+from estimator.__main__ import main
+from estimator.exploration import choosing, information
 from estimator.identification import posterior_method
+from estimator.posterior.checks import recheck
 from estimator.posterior.sampling.sampler import Effort
 
 _LITTLE: Final = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
@@ -19,4 +25,14 @@ def little_effort() -> Iterator[None]:
     """Runs that begin or go on within it take less time, and find out less."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_method, "Effort", lambda: _LITTLE)
+        patch.setattr(information, "SAMPLES", 50)
+        patch.setattr(choosing, "_CANDIDATES", 100)
+        patch.setattr(choosing, "_LIKELY", 20)
+        patch.setattr(choosing, "_MORE_DRAWS", 200)
+        patch.setattr(recheck, "SAMPLES", 6)
         yield
+
+
+if __name__ == "__main__":
+    with little_effort():
+        main()

@@ -19,12 +19,11 @@ from estimator.cli.command_line import app
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import in_this_process
 from estimator.report.formats import Format
-from estimator.report.run_files import write_report
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 from tests.estimator import outside_parts
 from tests.estimator.identification.test_run import Witness, outcome
-from tests.estimator.model_robot import ModelRobot, make_order, serving
+from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
 from tests.estimator.outside_package import PHYSICS, THUMB, install
 
 SEARCH: type[Search] = outside_parts.RandomSearch
@@ -58,7 +57,7 @@ def run(folder: Path, **choices: str) -> tuple[Result, list[Generation], list[st
     """A run with the package's parts: its result, its generations, and why each program."""
     with serving(ModelRobot()) as uri:
         order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", **choices})
-        result = identify(folder / "run", order, in_this_process, Witness(), report=write_report)
+        result = identify(folder / "run", order, in_this_process, Witness(), report=without_plots)
     with RunStore.open(folder / "run", to_write=False) as store:
         assert store.settings.plugins == PACKAGE
         reasons = [interaction.reason for interaction in store.interactions()]
@@ -98,8 +97,8 @@ def test_a_search_that_is_interrupted_and_resumed(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", "search": "random"})
         with pytest.raises(KeyboardInterrupt):
-            identify(folder / "run", order, in_this_process, Witness(4), report=write_report)
-        resumed = resume(folder / "run", in_this_process, Witness(), report=write_report)
+            identify(folder / "run", order, in_this_process, Witness(4), report=without_plots)
+        resumed = resume(folder / "run", in_this_process, Witness(), report=without_plots)
     assert outcome(resumed) == outcome(whole)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify
 from estimator.physics.backends import in_this_process
-from estimator.report.run_files import write_report
+from tests.estimator.model_robot import without_plots
 from tests.processes.simulator import simulator
 
 LEGS = 8
@@ -99,8 +98,9 @@ def test_lengths_are_found_on_a_robot_of_24_joints(tmp_path: Path) -> None:
             explore="disagreement",
             interactions=4,
         )
-        report = partial(write_report, plots=False)
-        result = identify(tmp_path / "run", order, in_this_process, Listener(), report=report)
+        result = identify(
+            tmp_path / "run", order, in_this_process, Listener(), report=without_plots
+        )
     assert len(result.legs) == 3 * LEGS
     found = {leg.joint: leg.length_m for leg in result.legs}
     for leg, length in UNKNOWN.items():

@@ -15,9 +15,9 @@ from estimator.identification.run import Order, identify, problem_of, reconnect
 from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
 from sim_robot.world.body import body_path
+from tests.estimator.model_robot import without_plots
 from tests.processes.simulator import simulator
 
 
@@ -37,7 +37,7 @@ def whole_path(folder: Path, body: str, problem: str) -> Score:
             population=4,
             generations=1,
         )
-        result = identify(folder / "run", order, here, Listener(), report=write_report)
+        result = identify(folder / "run", order, here, Listener(), report=without_plots)
         assert result.complete
         assert len(result.best_models[0].leg_lengths_m) == len(result.legs)
         with RunStore.open(folder / "run") as store:

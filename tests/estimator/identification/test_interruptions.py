@@ -57,7 +57,7 @@ for line in sys.stdin:
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
 BUDGET = ("--population", "8", "--generations", "3", "--interactions", "3")
-INTERRUPTIONS = 10  # at least, with either physics
+INTERRUPTIONS = 5  # at least, with either physics
 OF_ONE_RUN = 5  # then it is let be: on a machine that has become busy it would get nowhere
 
 

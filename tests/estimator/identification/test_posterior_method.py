@@ -119,7 +119,7 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(tmp_path: P
         path = tmp_path / "legs.toml"
         path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"'))
         result = identify(
-            tmp_path / "run", asked, in_this_process, Interrupting(), report=write_report
+            tmp_path / "run", asked, in_this_process, Interrupting(), report=without_plots
         )
     assert result.posterior is not None
     assert any(not rival.alike for rival in result.posterior.rivals)

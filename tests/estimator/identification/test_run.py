@@ -137,7 +137,7 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
     monkeypatch.setattr("estimator.identification.run.REFERENCE", "mujoco")
     order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
     order = changed(order, physics="statics")
-    result = identify(tmp_path / "run", order, opening, Witness(), report=write_report)
+    result = identify(tmp_path / "run", order, opening, Witness(), report=without_plots)
     assert opened == ["statics", "mujoco"]
     assert result.reference == "mujoco"
     assert result.finish is not None
@@ -145,7 +145,7 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
     assert "mujoco had the last word" in capsys.readouterr().out
     monkeypatch.undo()
     opened.clear()
-    resume(tmp_path / "run", opening, Witness(), report=write_report)
+    resume(tmp_path / "run", opening, Witness(), report=without_plots)
     assert "pybullet" not in opened
 
 

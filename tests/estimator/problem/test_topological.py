@@ -20,9 +20,8 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.problem.template import Inventory
-from estimator.report.run_files import write_report
 from protocol.wire.capabilities import Capabilities
-from tests.estimator.model_robot import make_capabilities
+from tests.estimator.model_robot import make_capabilities, without_plots
 
 TEXT = Problem.load("topological").source
 DRIVEN = 'driven = { 8 = [1, 2, 3, 4], other = "all" }'
@@ -258,7 +257,7 @@ def test_readings_by_hand_of_a_robot_with_three_legs(tmp_path: Path) -> None:
         population=4,
         generations=1,
     )
-    result = identify(tmp_path / "run", order, here, Listener(), report=write_report)
+    result = identify(tmp_path / "run", order, here, Listener(), report=without_plots)
     assert result.complete
     assert result.interactions == 2
     assert [part.joint for part in result.best_models[0].parts] == ["a", "b", "c"]
