@@ -1,72 +1,105 @@
-"""Starts daemons as processes, to be measured from outside."""
+"""Starts ``sim-robotd`` or another daemon as a process, as a user would; for tests, too."""
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import sys
 import threading
-from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 
 import psutil
 
 
-@dataclass
-class Daemon:
-    """A running daemon.
+class Simulator:
+    """A running ``sim-robotd``, or another daemon that logs where it serves.
+
+    Args:
+        options: On the command line.
+        bind: Where it takes requests.
+        module: The daemon.
+        environment: Variables on top of ours.
 
     Attributes:
-        process: The process.
+        process: Its process, to be measured.
         uri: Where it takes requests.
-        control: Where faults can be injected, if it offers that.
-        log: The last lines that it logged.
+        control: Where faults can be injected, if it was asked for.
+        log: What it wrote to standard error so far.
     """
 
-    process: psutil.Process
-    uri: str = ""
-    control: str = ""
-    log: deque[str] = field(default_factory=lambda: deque(maxlen=200))
+    def __init__(
+        self,
+        *options: str,
+        bind: str = "tcp://127.0.0.1:*",
+        module: str = "sim_robot",
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", module, "--bind", bind, *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, **(environment or {})},
+        )
+        self.process = psutil.Process(self._process.pid)
+        self.log: list[str] = []
+        self.control = ""
+        assert self._process.stderr is not None
+        for line in self._process.stderr:
+            self.log.append(line)
+            if found := re.search(r"injected at (\S+)", line):
+                self.control = found[1]
+            if found := re.search(r"serving .*? on (tcp://[^\s,]+)", line):
+                self.uri = found[1]
+                # Somebody must read on, or the daemon blocks once the pipe is full.
+                self._reader = threading.Thread(target=self._read_on, daemon=True)
+                self._reader.start()
+                return
+        self._process.communicate()
+        raise AssertionError("the daemon did not start: " + "".join(self.log))
+
+    def _read_on(self) -> None:
+        assert self._process.stderr is not None
+        self.log.extend(self._process.stderr)
+
+    def send(self, number: signal.Signals) -> None:
+        """Sends a signal."""
+        self._process.send_signal(number)
+
+    def kill(self) -> None:
+        """SIGKILL, as a power cut."""
+        self._process.kill()
+        self._end(timeout=120)
+
+    def terminate(self, timeout: float = 120) -> tuple[int, str]:
+        """SIGTERM, as a service manager; returns exit code and standard output."""
+        self._process.terminate()
+        return self._end(timeout)
+
+    def _end(self, timeout: float) -> tuple[int, str]:
+        code = self._process.wait(timeout)
+        self._reader.join(timeout)
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        output = "" if self._process.stdout.closed else self._process.stdout.read()
+        self._process.stdout.close()
+        self._process.stderr.close()
+        return code, output
 
 
 @contextmanager
-def daemon(module: str, *options: str) -> Iterator[Daemon]:
-    """Runs a module that logs where it serves; it is terminated afterwards."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", module, "--bind", "tcp://127.0.0.1:*", *options],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    started = Daemon(psutil.Process(process.pid))
-    ready = threading.Event()
-
-    def listen() -> None:
-        assert process.stderr is not None
-        for line in process.stderr:
-            started.log.append(line)
-            if match := re.search(r"injected at (\S+)", line):
-                started.control = match[1]
-            if match := re.search(r"serving .*? on (tcp://[^\s,]+)", line):
-                started.uri = match[1]
-                ready.set()
-        ready.set()
-
-    listener = threading.Thread(target=listen, daemon=True)
-    listener.start()
+def simulator(
+    *options: str,
+    bind: str = "tcp://127.0.0.1:*",
+    module: str = "sim_robot",
+    environment: Mapping[str, str] | None = None,
+) -> Iterator[Simulator]:
+    """A ``sim-robotd`` that is gone afterwards; arguments as in ``Simulator``."""
+    found = Simulator(*options, bind=bind, module=module, environment=environment)
     try:
-        ready.wait(60)
-        if not started.uri:
-            raise RuntimeError(f"{module} did not start:\n{''.join(started.log)}")
-        yield started
+        yield found
     finally:
-        process.terminate()
-        try:
-            process.wait(10)
-        except subprocess.TimeoutExpired:
-            process.kill()
-        process.wait()
-        listener.join(10)
-        if process.stderr is not None:
-            process.stderr.close()
+        found.kill()

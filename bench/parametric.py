@@ -7,17 +7,17 @@ listed. Writes ``docs/parametric.md``.
 from __future__ import annotations
 
 import json
-import re
 import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.progress import track
+
+from estimator.reproduction.runs.robot_process import RobotProcess, print_body
 
 SEEDS = range(1000, 1010)
 ROOT = Path(__file__).parents[1]
@@ -39,21 +39,6 @@ that miss their targets.
 """
 
 
-@contextmanager
-def _robot(seed: int) -> Iterator[str]:
-    command = [str(BIN / "sim-robotd"), "--bind", "tcp://127.0.0.1:*", "--seed", str(seed)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        try:
-            for line in process.stderr:
-                if match := re.search(r"serving \S+ on (tcp://[^\s,]+)", line):
-                    yield match[1]
-                    return
-            raise SystemExit("sim-robotd did not start")
-        finally:
-            process.terminate()
-
-
 def _estimator(*arguments: str) -> None:
     command = [str(BIN / "estimator"), *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -66,7 +51,7 @@ def run(seed: int, folder: Path, truth: Path) -> dict[str, Any]:
     place = folder / str(seed)
     figures = place / "figures.json"
     if not figures.exists():
-        with _robot(seed) as uri:
+        with RobotProcess(seed) as robot:
             known = (place / "run.sqlite").exists()
             start = (
                 ["resume", str(place)]
@@ -74,8 +59,8 @@ def run(seed: int, folder: Path, truth: Path) -> dict[str, Any]:
                 else ["identify", "--method", "paper", "--problem", "parametric"]
             )
             rest = [] if known else ["--seed", str(seed), "--out", str(place)]
-            _estimator(*start, "--robot", uri, *rest)
-            _estimator("validate", str(place), "--robot", uri)
+            _estimator(*start, "--robot", robot.uri, *rest)
+            _estimator("validate", str(place), "--robot", robot.uri)
         score = subprocess.run(
             [BIN / "estimator", "score", str(place), "--truth", str(truth), "--json"],
             capture_output=True,
@@ -95,10 +80,7 @@ def main() -> None:
     folder = Path("runs") / "parametric"
     folder.mkdir(parents=True, exist_ok=True)
     truth = folder / "truth.urdf"
-    body = subprocess.run(
-        [BIN / "sim-robotd", "--print-body"], capture_output=True, text=True, check=True
-    )
-    truth.write_text(body.stdout, encoding="utf-8")
+    truth.write_text(print_body(), encoding="utf-8")
     start = time.monotonic()
     runs = {seed: run(seed, folder, truth) for seed in track(list(SEEDS), "seeds")}
     minutes = (time.monotonic() - start) / 60

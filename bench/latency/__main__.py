@@ -27,7 +27,7 @@ from pathlib import Path
 
 import psutil
 
-from bench.daemons import Daemon, daemon
+from bench.daemons import Simulator, simulator
 from protocol.transport.client import RobotClient
 from sim_robot.electronics.sv203 import SV203Emulator
 
@@ -147,7 +147,7 @@ def _measure(
 ) -> None:
     options = ("--port", board.port, "--telemetry-rate", str(RATE), "--times", str(times))
     with (
-        daemon("bench.latency.outboard", *options) as robot,
+        simulator(*options, module="bench.latency.outboard") as robot,
         _process("bench.latency.echo") as echo,
         _process("bench.latency.viewers", robot.uri, str(outcome.viewers)) as watching,
     ):
@@ -165,7 +165,7 @@ def _measure(
         watching.stdin = None
 
 
-def _probe(robot: Daemon, mirror: str, requests: int, outcome: LatencyFigures) -> None:
+def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures) -> None:
     before, start = robot.process.cpu_times(), time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", "bench.latency.prober", robot.uri, mirror, str(requests)],

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from statistics import median
 
-from bench.daemons import daemon
+from bench.daemons import simulator
 from bench.soak.crowd import Crowd, InvariantBroken
 from bench.soak.vitals import Sample
 
@@ -30,7 +30,7 @@ def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:
 def soak(seed: int, electronics: str = "pc104") -> Iterator[Crowd]:
     """Starts a robot and yields a crowd for it."""
     options = ("--seed", str(seed), "--electronics", electronics)
-    with daemon("sim_robot", *options, "--control", "tcp://127.0.0.1:*") as robot:
+    with simulator(*options, "--control", "tcp://127.0.0.1:*") as robot:
         yield Crowd(robot, seed, electronics)
 
 

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 
-from bench.daemons import Daemon
+from bench.daemons import Simulator
 from bench.network_proxy import MessageProxy, TcpProxy, Weather
 from bench.soak.vitals import Sample, take_sample
 from protocol.errors import RobotError, RobotUnreachableError
@@ -87,7 +87,7 @@ class Crowd:
         electronics: Which boards it has.
     """
 
-    def __init__(self, robot: Daemon, seed: int, electronics: str):
+    def __init__(self, robot: Simulator, seed: int, electronics: str):
         self.counts: Counter[str] = Counter()
         self.samples: list[Sample] = []
         self._robot = robot
@@ -351,7 +351,7 @@ class Crowd:
     def _demand(self, holds: bool, sentence: str) -> None:
         if not holds:
             raise InvariantBroken(
-                f"{sentence}; at {self._last}; log: {''.join(list(self._robot.log)[-5:])}"
+                f"{sentence}; at {self._last}; log: {''.join(self._robot.log[-5:])}"
             )
 
     def _hours(self) -> float:

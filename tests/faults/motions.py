@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Final
 
+from bench.daemons import Simulator, simulator
 from bench.still_robot import example_config
 from protocol.errors import BodyschemaError, RobotError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply, Status
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.faults.matrix import PROCESSES
-from tests.processes.simulator import Simulator, simulator
 
 DAEMON: Final = "bench.latency.outboard"
 FAR: Final = -90.0

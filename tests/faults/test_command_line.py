@@ -9,9 +9,9 @@ from contextlib import suppress
 
 import pytest
 
+from bench.daemons import simulator
 from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
-from tests.processes.simulator import simulator
 
 
 def test_a_fault_comes_in_its_interaction_and_goes_by_itself() -> None:

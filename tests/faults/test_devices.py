@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import pytest
 from _pytest.mark import ParameterSet
 
+from bench.daemons import simulator
 from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
@@ -17,7 +18,6 @@ from sim_robot.faults.control_socket import FaultClient
 from tests.faults.devices import DEVICES, DISTANCE
 from tests.faults.matrix import DeviceRow
 from tests.faults.pi_devices import PI_DEVICES
-from tests.processes.simulator import simulator
 
 # Rests on three feet, the fourth in the air, and always the same: not every pose is as stable.
 POSE = {"hip_left": -40.0, "hip_front": -25.0, "hip_back": -25.0}

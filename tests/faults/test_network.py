@@ -7,13 +7,13 @@ import random
 
 import pytest
 
+from bench.daemons import simulator
 from bench.network_proxy import MessageProxy
 from protocol.errors import RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
 from tests.faults.matrix import NETWORK, WeatherRow
-from tests.processes.simulator import simulator
 
 PROGRAMS = 4
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from bench.daemons import simulator
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify
 from estimator.physics.backends import in_this_process
 from tests.estimator.model_robot import without_plots
-from tests.processes.simulator import simulator
 
 LEGS = 8
 PARTS = (("coxa", "0 0 1", 0.04), ("femur", "0 -1 0", 0.06), ("tibia", "0 -1 0", 0.08))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.daemons import simulator
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
 from estimator.identification.listener import Listener
@@ -18,7 +19,6 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 from sim_robot.world.body import body_path
 from tests.estimator.model_robot import without_plots
-from tests.processes.simulator import simulator
 
 
 def here(name: str, settings: WorldSettings) -> Physics:

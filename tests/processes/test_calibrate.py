@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from bench.daemons import simulator
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
-from tests.processes.simulator import simulator
 
 
 def legs_down(*options: str) -> ObservationReply:

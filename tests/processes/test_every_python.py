@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes.simulator import simulator
+from bench.daemons import simulator
 
 pytestmark = pytest.mark.every_python
 

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
+from bench.daemons import simulator
 from estimator.robot_link import open_robot
 from protocol.__main__ import main as protocol_main
 from protocol.errors import RobotUnreachableError
 from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer, read_public
 from protocol.sockets.endpoints import Endpoint
 from protocol.transport.client import RobotClient
-from tests.processes.simulator import simulator
 
 
 def test_an_address_that_others_can_reach_needs_keys() -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from bench.daemons import simulator
 from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
 from sim_robot.faults.control_socket import FaultClient
-from tests.processes.simulator import simulator
 
 
 def test_outputs_stay_off_until_a_hold_and_the_daemon_says_so() -> None:

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 
 import pytest
 
+from bench.daemons import simulator
 from bench.network_proxy import lasting_port
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply, Progress
 from sim_robot.world.engines import ENGINES
-from tests.processes.simulator import simulator
 
 
 def program(client: RobotClient, **degrees: float) -> dict[str, float]:

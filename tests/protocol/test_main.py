@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
+from bench.daemons import simulator
 from protocol.__main__ import main
-from tests.processes.simulator import simulator
 
 
 def test_stop_latches_until_clear(capsys: pytest.CaptureFixture[str]) -> None:

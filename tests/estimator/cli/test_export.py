@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from bench.daemons import simulator
 from estimator.cli.command_line import app
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
@@ -26,7 +27,6 @@ from tests.estimator.model_robot import (
     true_body,
 )
 from tests.estimator.posterior_run import make_posterior_run
-from tests.processes.simulator import simulator
 
 LENGTHS = ((0.17, 0.15, 0.18, 0.16), (0.18, 0.15, 0.18, 0.16), (0.17, 0.14, 0.18, 0.16))
 

@@ -19,9 +19,9 @@ from typing import Any
 import psutil
 import pytest
 
+from bench.daemons import simulator
 from estimator.storage.database import holds_run
 from estimator.storage.store import RunStore
-from tests.processes.simulator import simulator
 
 # The command starts in a process that has loaded everything, so that interrupts hit its work.
 NURSERY = """

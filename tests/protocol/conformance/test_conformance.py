@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from bench.daemons import simulator
 from protocol.conformance.__main__ import main
 from protocol.conformance.registry import CHECKS
 from protocol.conformance.settings import SuiteSettings
 from protocol.conformance.suite import NOT_CHECKED, CheckStatus, clauses, run
 from robot.control.controller import Controller
-from tests.processes.simulator import simulator
 from tests.protocol.conformance.spoilt import Fault
 from tests.protocol.conformance.trials import broken, serving, untried
 from tests.protocol.transport.faults import FAULTS

@@ -10,8 +10,8 @@ from typing import Any, Final
 
 from playwright.sync_api import Browser
 
+from bench.daemons import simulator
 from tests.browser import chromium, watched_page
-from tests.processes.simulator import simulator
 
 _DRAWN: Final = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LOOKS: Final[dict[str, dict[str, Any]]] = {
