@@ -163,6 +163,7 @@ def _measure(
         watching.stdin.close()
         outcome.seen = watching.stdout.readline().strip()
         watching.stdin = None
+        robot.terminate()  # at whose end it writes its times
 
 
 def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures) -> None:
