@@ -101,6 +101,7 @@ class Sampler:
         ]
         self._searching = [np.random.default_rng(search) for _, search in pairs]
         self._rng = np.random.default_rng(common)
+        self._known: set[Attachments] = set()
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -109,6 +110,7 @@ class Sampler:
             "populations": [population.state() for population in self._populations],
             "searching": [rng.bit_generator.state for rng in self._searching],
             "random": self._rng.bit_generator.state,
+            "known": sorted(self._known),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -129,6 +131,7 @@ class Sampler:
         for rng, one in zip(self._searching, state["searching"], strict=True):
             rng.bit_generator.state = one
         self._rng.bit_generator.state = state["random"]
+        self._known = {tuple(key) for key in state["known"]}
 
     @property
     def requested(self) -> int:
@@ -165,7 +168,8 @@ class Sampler:
         """What is believed after the interactions so far.
 
         The search goes on in rounds, each with the hotter half of the chains drawn anew, until the
-        readings are explained, the populations agree, and a round has found nothing that matters.
+        readings are explained, the populations agree, and a round has found nothing that matters
+        and was not believed before.
         The rounds it may take grow with the interactions, since few readings leave many bodies.
         As long as they cannot tell of all limbs, no attachments are weighed (see ``wandering``),
         unless the populations agree before, or do not find what explains the readings; afterwards
@@ -184,7 +188,7 @@ class Sampler:
                 self._populations, self._predictors, self._searching, strict=True
             )
         ]
-        known: set[Attachments] = set()
+        known = set(self._known)
         if wanders:
             wandering = wandered(
                 self._populations,
@@ -238,6 +242,7 @@ class Sampler:
             rows = self._rng.choice(self._effort.samples, population.width)
             population.replace_coldest(chains.values[rows], chains.scales[rows])
         keys = predictor.unknowns.keys(modes.points)
+        self._known = set(keys)
         named = [
             Mode(key, float(share), point, mode.effective)
             for key, share, point, mode in zip(
