@@ -17,7 +17,7 @@ from estimator.identification import posterior_method
 from estimator.posterior.checks import recheck
 from estimator.posterior.sampling.sampler import Effort
 
-_LITTLE: Final = Effort(levels=4, width=8, steps=20, rounds=1, draws=60)
+_LITTLE: Final = Effort(levels=4, width=8, steps=20, rounds=1, draws=60, samples=32)
 
 
 @contextmanager

@@ -33,7 +33,8 @@ _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24
 _SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
-_HIGHER: Final = 0.5  # nats, for which it is worth going on
+_HIGHER: Final = 0.5  # nats, for which it is worth going on,
+_CLIMBS: Final = 6  # so often in one round
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 
@@ -95,8 +96,9 @@ class Discovery:
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
         if self._neighbours:
             visited.polish(self._lengths, _POLISHED_BESIDE)
-            while self._several and visited.climb(self._neighbours):
-                pass
+            for _ in range(_CLIMBS if self._several else 0):
+                if not visited.climb(self._neighbours):
+                    break
             return visited.best()
         visited.polish(self._lengths, _POLISHED)
         for _ in range(_SWEEPS):

@@ -15,7 +15,7 @@ from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
-SMALL = Effort(levels=4, width=16, steps=30, rounds=1, draws=60)
+SMALL = Effort(levels=4, width=16, steps=30, rounds=1, draws=60, samples=64)
 
 
 def sampler(predictor: Predictor, noise: Noise, effort: Effort = SMALL, seed: int = 1) -> Sampler:
@@ -26,7 +26,7 @@ def sampler(predictor: Predictor, noise: Noise, effort: Effort = SMALL, seed: in
 def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
-    effort = Effort(levels=4, width=16, steps=40, rounds=1, draws=800)
+    effort = Effort(levels=4, width=16, steps=40, rounds=1, draws=800, samples=64)
     posterior = sampler(narrow, WIDE, effort, seed=3).learn(data)
     sampled = {mode.attachments: mode.probability for mode in posterior.modes}
     assert distance(sampled, exact) < 0.02
