@@ -10,10 +10,13 @@ import pytest
 from tests.faults.matrix import PROCESSES
 from tests.faults.scenarios import SCENARIOS
 
+_AT_ONCE = 4
+"""A servo board has 0.2 s for an answer, which an emulator needs a share of a processor for."""
+
 
 @pytest.fixture(scope="module")
 def ends() -> Iterator[Mapping[str, Future[None]]]:
-    with ThreadPoolExecutor(len(SCENARIOS)) as pool:
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
         yield {name: pool.submit(scenario) for name, scenario in SCENARIOS.items()}
 
 

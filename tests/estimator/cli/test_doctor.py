@@ -217,7 +217,8 @@ def test_stopped() -> None:
 def test_another_software_is_worth_a_note() -> None:
     with serving(SoundRobot()) as uri:
         notes = [item for item in examine(uri) if item.verdict is Fitness.NOTE]
-    assert [note.subject for note in notes] == ["version"]
+    subjects = [note.subject for note in notes]
+    assert subjects in (["version"], ["version", "latency"])  # of a computer that is busy
     assert notes[0].sentence.startswith("The robot runs fake 1, this is bodyschema ")
 
 
