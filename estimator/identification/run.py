@@ -321,7 +321,9 @@ def _work(
             make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
             opened = stack.enter_context(closing(open_physics(settings.physics, world)))
             foresight = (
-                cast(ArrayMarginPhysics, opened) if opened.abilities.arrays else make_physics()
+                cast(ArrayMarginPhysics, opened)
+                if opened.abilities.arrays
+                else stack.enter_context(closing(make_physics()))
             )
             method = PosteriorMethod(
                 store,

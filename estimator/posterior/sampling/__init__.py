@@ -10,6 +10,7 @@ Module          What is in it
 ``evidence``    how much probability each set of attachments holds
 ``population``  chains on levels of noise: evolutionary Monte Carlo
 ``moves``       their proposals
+``neighbours``  better bodies near others, of limbs put on together
 ``rows``        other ways to put one part on, and who then has to move
 =============== =================================================================================
 """

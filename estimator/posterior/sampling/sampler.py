@@ -40,7 +40,7 @@ _MORE: Final = 4  # rounds, once they turned out not to,
 _LONGER: Final = 4  # each of so many times the steps
 _ENOUGH: Final = 2  # rounds, where chains have wandered before, and
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
-_ACCIDENT_IN: Final = 5  # so many interactions one may be left unexplained
+_ACCIDENT_IN: Final = 5  # interactions, of which one may be left unexplained
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -123,6 +123,10 @@ class Sampler:
             raise SearchStateError(
                 f"the run was made with {state.get('algorithm')!r}, not {ALGORITHM!r}: start a new "
                 "run"
+            )
+        if state.keys() != self.state().keys():
+            raise SearchStateError(
+                "the run was made with another version of the sampler: start a new run"
             )
         self._populations = [
             Population.from_state(one, predictor)
@@ -220,15 +224,16 @@ class Sampler:
                 fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
                 known.update(keys)
                 left = left_unexplained(points[0], predictor, data, self._noise)
-                explained, every = left <= ACCIDENTS, left <= len(data) // _ACCIDENT_IN
-                if every and seen >= _AGREED and fresh <= _NEGLIGIBLE:
+                explained = left <= ACCIDENTS
+                credible = left <= min(ACCIDENTS, len(data) // _ACCIDENT_IN)
+                if credible and seen >= _AGREED and fresh <= _NEGLIGIBLE:
                     break
                 if explained and not late and wanders:
                     break
                 number += 1
                 agreed = explained and seen >= _AGREED
                 lost = lost or (number > 1 and late and not wanders and not agreed)
-                rounds = min(self._effort.rounds, len(data)) if every else self._effort.rounds
+                rounds = min(self._effort.rounds, len(data)) if credible else self._effort.rounds
                 if number >= (_ENOUGH if wanders else rounds + (_MORE if lost else 0)):
                     break
                 steps = self._effort.steps * (_LONGER if lost else 1)
@@ -254,7 +259,9 @@ class Sampler:
             scales=chains.scales,
             weights=np.full(len(chains.values), 1 / len(chains.values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            seen=share_seen(keys, modes.shares, discovered, predictor.unknowns) if every else 0.0,
+            seen=share_seen(keys, modes.shares, discovered, predictor.unknowns)
+            if credible
+            else 0.0,
         )
 
     def _neighbours(self, point: Array, best: float) -> Array:

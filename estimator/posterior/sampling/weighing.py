@@ -94,9 +94,9 @@ def sampled(
     """
     spread = [_spread_out(mode.weights, count // 4) for mode in modes.evidences]
     which = rng.choice(len(spread), count, p=modes.shares)
-    drawn = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
-    values = np.array([modes.evidences[mode].values[row] for mode, row in drawn])
-    scales = np.array([modes.evidences[mode].scales[row] for mode, row in drawn])
+    starts = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
+    values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
+    scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
     chains = Population.at(values, scales, predictor, rng)
     chains.observe(data, noise, surely=False)
     if modes.evidences[int(np.argmax(modes.shares))].effective < _FEW:

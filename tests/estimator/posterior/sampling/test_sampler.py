@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.errors import SearchStateError
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.slopes import Lengths
@@ -92,3 +93,10 @@ def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None
         totals.append(np.sum(shares[rows] / np.exp(log_chances)))
     assert np.mean(totals) == pytest.approx(shares.sum(), rel=1e-3)
     assert np.std(totals) < 0.02 * shares.sum()
+
+
+def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) -> None:
+    state = sampler(predictor, NOISE).state()
+    del state["known"]
+    with pytest.raises(SearchStateError, match="another version of the sampler: start a new run"):
+        sampler(predictor, NOISE).restore(state)
