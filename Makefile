@@ -20,6 +20,9 @@ $(READY): pyproject.toml constraints.txt
 demo: $(READY) ## A simulated robot is identified over the wire, and the result is scored
 	PATH="$(abspath $(BIN)):$$PATH" docs/demo.sh demo
 
+# Tests start hundreds of processes: what these import is compiled once.
+unexport PYTHONDONTWRITEBYTECODE
+
 TEST_JOBS ?= 3
 test: $(READY) ## Run all tests, TEST_JOBS=3 side by side: many wait for processes
 	$(BIN)/python -m pytest --numprocesses $(TEST_JOBS) --dist worksteal

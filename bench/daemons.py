@@ -91,6 +91,28 @@ class Simulator:
 
 
 @contextmanager
+def helper(module: str, *options: str) -> Iterator[subprocess.Popen[str]]:
+    """A module of ours as a process that is told and tells by pipes; it is gone afterwards."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", module, *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.communicate(timeout=30)
+
+
+def cpu_seconds(process: psutil.Process) -> float:
+    """What a process has used so far."""
+    times = process.cpu_times()
+    return times.user + times.system
+
+
+@contextmanager
 def simulator(
     *options: str,
     bind: str = "tcp://127.0.0.1:*",

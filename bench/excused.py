@@ -20,11 +20,9 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.identification.run import problem_of, world_of
 from estimator.identification.subjective_error import interaction_errors
 from estimator.physics.base import Flags
 from estimator.physics.statics import StaticsPhysics
-from estimator.problem.genome import Genome
 from estimator.storage.store import RunStore
 
 NEIGHBOURS: Final = 30
@@ -65,11 +63,10 @@ def count(directory: Path) -> Excused:
     rng = np.random.default_rng(0)
     counted = Excused()
     with RunStore.open(directory, to_write=False) as store:
-        problem, settings = problem_of(store), store.settings
-        genome = Genome(problem, problem.base(store.capabilities))
+        settings, genome = store.settings, store.genome
         seen = [item.as_arrays() for item in store.observations()]
         generations = store.generations()
-        with StaticsPhysics(world_of(store, problem)) as physics:
+        with StaticsPhysics(store.world) as physics:
             for item in generations:
                 genes, known = np.array(item.best), seen[: item.iteration + 1]
                 body = genome.decode(genes)

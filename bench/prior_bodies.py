@@ -23,18 +23,18 @@ from sim_robot.world.sensor_noise import NoiseLevels
 
 def drawn_body(problem: str, seed: int) -> str:
     """A body of a problem, every gene uniform in its range, with the default robot's joints."""
-    known, robot = on_default_robot(problem)
-    genome = Genome(known, known.base(robot))
+    known, genome, robot = on_default_robot(problem)
     body = genome.decode(np.random.default_rng([seed, 1]).random(genome.size))
     return urdf(in_words_of(known, robot, body))
 
 
 @cache
-def on_default_robot(problem: str) -> tuple[Problem, Capabilities]:
-    """A problem written out for the default robot, and what that robot says of itself."""
+def on_default_robot(name: str) -> tuple[Problem, Genome, Capabilities]:
+    """A problem written out for the default robot, its genome, and what that robot says it is."""
     body = load_body(default_body_path())
     robot = describe(configure(body, port="", levels=NoiseLevels()))
-    return Problem.load(problem).for_robot(robot), robot
+    problem = Problem.load(name).for_robot(robot)
+    return problem, Genome(problem, problem.base(robot)), robot
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ from functools import partial
 
 import numpy as np
 
+from bench.prior_bodies import on_default_robot
 from estimator.identification.modelling import Modeller
 from estimator.identification.objectives import LargestError
 from estimator.physics.backends import REFERENCE, foresight_of
@@ -25,10 +26,6 @@ from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
-from robot.service.daemon import describe
-from sim_robot.simulator.pc104_set import configure
-from sim_robot.world.body import default_body_path, load_body
-from sim_robot.world.sensor_noise import NoiseLevels
 
 GENERATIONS = 40  # the paper's, with
 FEW = 50  # models: the share of children that win is that of a whole run
@@ -40,10 +37,7 @@ PLAIN = 300  # simulations of the plain loop
 
 def workload() -> tuple[Problem, Genome, list[Observation]]:
     """The topological problem, and what one of its bodies feels."""
-    body = load_body(default_body_path())
-    capabilities = describe(configure(body, port="", levels=NoiseLevels()))
-    problem = Problem.load("topological").for_robot(capabilities)
-    genome = Genome(problem, problem.base(capabilities))
+    problem, genome, capabilities = on_default_robot("topological")
     rng = np.random.default_rng(0)
     truth = genome.decode(rng.random(genome.size))
     programs = [problem.random_program(rng, capabilities) for _ in range(INTERACTIONS)]

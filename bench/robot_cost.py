@@ -5,18 +5,15 @@ from __future__ import annotations
 import logging
 import math
 import random
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import psutil
 
+from bench.daemons import cpu_seconds, helper
 from protocol.rules.robot_interface import Finished
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import Perform
-from sim_robot.simulator.daemon import simulated_robot
+from sim_robot.simulator.daemon import emulation, robot_on
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
@@ -24,45 +21,32 @@ IDLE_SECONDS = 20.0
 INTERACTIONS = 40
 
 
-@contextmanager
-def _daemon(electronics: str) -> Iterator[tuple[psutil.Process, str]]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", "bench.still_robotd", "tcp://127.0.0.1:*", electronics],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stdout is not None
-    try:
-        yield psutil.Process(process.pid), process.stdout.readline().strip()
-    finally:
-        process.terminate()
-        process.communicate(timeout=10)
-
-
 def idle_daemon(electronics: str = "pc104") -> tuple[float, float]:
     """Resident memory (MB) and CPU share (%) of an idle daemon with one client connected."""
-    with _daemon(electronics) as (process, uri), RobotClient(uri) as client:
-        client.acquire()
-        client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
-        before = process.cpu_times()
-        time.sleep(IDLE_SECONDS)
-        after = process.cpu_times()
-        spent = after.user + after.system - before.user - before.system
-        return process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
+    with helper("bench.still_robotd", "tcp://127.0.0.1:*", electronics) as daemon:
+        assert daemon.stdout is not None
+        process = psutil.Process(daemon.pid)
+        with RobotClient(daemon.stdout.readline().strip()) as client:
+            client.acquire()
+            client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
+            before = cpu_seconds(process)
+            time.sleep(IDLE_SECONDS)
+            spent = cpu_seconds(process) - before
+            return process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
 
 
 def interaction() -> float:
     """Milliseconds of one core for one interaction of the simulated quadruped."""
     rng = random.Random(0)
-    with simulated_robot(
+    log = logging.getLogger("bench")
+    with emulation(
         load_body(default_body_path()),
         seed=0,
         levels=NoiseLevels(),
         real_time=False,
-        attendant=True,
-        log=logging.getLogger("bench"),
-    ) as robot:
-        controller = robot.controller
+        log=log,
+    ) as parts:
+        controller = robot_on(parts, log, attendant=True)
         joints = controller.capabilities.joints
         controller.start()
         start = time.process_time()

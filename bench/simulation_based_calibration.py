@@ -28,6 +28,7 @@ from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
+from estimator.parallel.workers import ThisProcess
 from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.physics.statics import StaticsPhysics
@@ -37,7 +38,6 @@ from estimator.posterior.model.likelihood import LEANS, Noise, SensorData, apart
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 
@@ -108,12 +108,14 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
     figures = folder / f"{seed}.json"
     if figures.exists():
         return list(json.loads(figures.read_text()))
-    problem, capabilities = on_default_robot(problem_name)
-    genome, noise = Genome(problem, problem.base(capabilities)), Noise.announced(capabilities)
+    problem, genome, capabilities = on_default_robot(problem_name)
+    noise = Noise.announced(capabilities)
     world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
     cap, unknowns = world.clearance_cap, Unknowns(genome)
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
-    sampler = Sampler(unknowns, partial(StaticsPhysics, world), noise, effort, seeds)
+    sampler = Sampler(
+        unknowns, partial(StaticsPhysics, world), noise, effort, seeds, workers=ThisProcess()
+    )
     predictor, ends = sampler.predictor, problem.program_range(capabilities)
     body = unknowns.permitted(rng.random((1, unknowns.size)))[0]
     robot = StaticsRobot(

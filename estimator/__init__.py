@@ -65,37 +65,44 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from estimator.api import identify, resume
-    from estimator.errors import EstimatorError, SearchStateError
-    from estimator.exploration.rules import RULES, Rule
-    from estimator.exploration.situation import Choice, Models, Objective, Situation
-    from estimator.identification.listener import Listener
-    from estimator.identification.objectives import (
-        OBJECTIVES,
-        LargestError,
-        RobustMeanError,
+    from estimator.api import identify as identify
+    from estimator.api import resume as resume
+    from estimator.errors import EstimatorError as EstimatorError
+    from estimator.errors import SearchStateError as SearchStateError
+    from estimator.exploration.rules import RULES as RULES
+    from estimator.exploration.rules import Rule as Rule
+    from estimator.exploration.situation import Choice as Choice
+    from estimator.exploration.situation import Models as Models
+    from estimator.exploration.situation import Objective as Objective
+    from estimator.exploration.situation import Situation as Situation
+    from estimator.identification.listener import Listener as Listener
+    from estimator.identification.objectives import OBJECTIVES as OBJECTIVES
+    from estimator.identification.objectives import LargestError as LargestError
+    from estimator.identification.objectives import RobustMeanError as RobustMeanError
+    from estimator.identification.run import METHODS as METHODS
+    from estimator.identification.run import Order as Order
+    from estimator.physics.backends import BACKENDS as BACKENDS
+    from estimator.physics.base import Abilities as Abilities
+    from estimator.physics.base import ArrayMarginPhysics as ArrayMarginPhysics
+    from estimator.physics.base import BackEnd as BackEnd
+    from estimator.physics.base import Pair as Pair
+    from estimator.physics.base import Physics as Physics
+    from estimator.physics.base import Readings as Readings
+    from estimator.physics.base import WorldSettings as WorldSettings
+    from estimator.physics.pybullet import PyBulletPhysics as PyBulletPhysics
+    from estimator.physics.statics import StaticsPhysics as StaticsPhysics
+    from estimator.plugins import Registry as Registry
+    from estimator.problem.genome import Genome as Genome
+    from estimator.problem.problem import Problem as Problem
+    from estimator.readings.observation import Observation as Observation
+    from estimator.readings.observation import ObservedReadings as ObservedReadings
+    from estimator.report.result import Result as Result
+    from estimator.search.deterministic_crowding import (
+        DeterministicCrowding as DeterministicCrowding,
     )
-    from estimator.identification.run import METHODS, Order
-    from estimator.physics.backends import BACKENDS
-    from estimator.physics.base import (
-        Abilities,
-        ArrayMarginPhysics,
-        BackEnd,
-        Pair,
-        Physics,
-        Readings,
-        WorldSettings,
-    )
-    from estimator.physics.pybullet import PyBulletPhysics
-    from estimator.physics.statics import StaticsPhysics
-    from estimator.plugins import Registry
-    from estimator.problem.genome import Genome
-    from estimator.problem.problem import Problem
-    from estimator.readings.observation import Observation, ObservedReadings
-    from estimator.report.result import Result
-    from estimator.search.deterministic_crowding import DeterministicCrowding
-    from estimator.search.operators import Operators
-    from estimator.search.searches import SEARCHES, Search
+    from estimator.search.operators import Operators as Operators
+    from estimator.search.searches import SEARCHES as SEARCHES
+    from estimator.search.searches import Search as Search
 else:
 
     def __getattr__(name: str) -> object:
@@ -107,85 +114,39 @@ else:
         return value
 
 
-__all__ = [
-    "BACKENDS",
-    "METHODS",
-    "OBJECTIVES",
-    "RULES",
-    "SEARCHES",
-    "Abilities",
-    "ArrayMarginPhysics",
-    "BackEnd",
-    "Choice",
-    "DeterministicCrowding",
-    "EstimatorError",
-    "Genome",
-    "LargestError",
-    "Listener",
-    "Models",
-    "Objective",
-    "Observation",
-    "ObservedReadings",
-    "Operators",
-    "Order",
-    "Pair",
-    "Physics",
-    "Problem",
-    "PyBulletPhysics",
-    "Readings",
-    "Registry",
-    "Result",
-    "RobustMeanError",
-    "Rule",
-    "Search",
-    "SearchStateError",
-    "Situation",
-    "StaticsPhysics",
-    "WorldSettings",
-    "identify",
-    "resume",
-]
-
-_MODULES: Final = MappingProxyType(
+_NAMES: Final = MappingProxyType(
     {
-        "identify": "api",
-        "resume": "api",
-        "EstimatorError": "errors",
-        "SearchStateError": "errors",
-        "RULES": "exploration.rules",
-        "Rule": "exploration.rules",
-        "Choice": "exploration.situation",
-        "Models": "exploration.situation",
-        "Situation": "exploration.situation",
-        "Listener": "identification.listener",
-        "OBJECTIVES": "identification.objectives",
-        "LargestError": "identification.objectives",
-        "Objective": "exploration.situation",
-        "RobustMeanError": "identification.objectives",
-        "METHODS": "identification.run",
-        "Order": "identification.run",
-        "BACKENDS": "physics.backends",
-        "Abilities": "physics.base",
-        "ArrayMarginPhysics": "physics.base",
-        "BackEnd": "physics.base",
-        "Pair": "physics.base",
-        "Physics": "physics.base",
-        "Readings": "physics.base",
-        "WorldSettings": "physics.base",
-        "PyBulletPhysics": "physics.pybullet",
-        "StaticsPhysics": "physics.statics",
-        "Registry": "plugins",
-        "Genome": "problem.genome",
-        "Problem": "problem.problem",
-        "Observation": "readings.observation",
-        "ObservedReadings": "readings.observation",
-        "Result": "report.result",
-        "DeterministicCrowding": "search.deterministic_crowding",
-        "Operators": "search.operators",
-        "SEARCHES": "search.searches",
-        "Search": "search.searches",
+        "api": ("identify", "resume"),
+        "errors": ("EstimatorError", "SearchStateError"),
+        "exploration.rules": ("RULES", "Rule"),
+        "exploration.situation": ("Choice", "Models", "Situation", "Objective"),
+        "identification.listener": ("Listener",),
+        "identification.objectives": ("OBJECTIVES", "LargestError", "RobustMeanError"),
+        "identification.run": ("METHODS", "Order"),
+        "physics.backends": ("BACKENDS",),
+        "physics.base": (
+            "Abilities",
+            "ArrayMarginPhysics",
+            "BackEnd",
+            "Pair",
+            "Physics",
+            "Readings",
+            "WorldSettings",
+        ),
+        "physics.pybullet": ("PyBulletPhysics",),
+        "physics.statics": ("StaticsPhysics",),
+        "plugins": ("Registry",),
+        "problem.genome": ("Genome",),
+        "problem.problem": ("Problem",),
+        "readings.observation": ("Observation", "ObservedReadings"),
+        "report.result": ("Result",),
+        "search.deterministic_crowding": ("DeterministicCrowding",),
+        "search.operators": ("Operators",),
+        "search.searches": ("SEARCHES", "Search"),
     }
 )
+_MODULES: Final = {name: module for module, names in _NAMES.items() for name in names}
+__all__ = list(_MODULES)
 
 
 def __dir__() -> list[str]:

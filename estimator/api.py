@@ -18,8 +18,8 @@ from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run
 from estimator.physics.backends import (
     BACKENDS,
-    OpenPhysics,
-    in_this_process,
+    IN_THIS_PROCESS,
+    Computers,
     on_this_computer,
 )
 from estimator.physics.base import Physics
@@ -106,7 +106,7 @@ def identify(
         keys=keys,
     )
     return identify_run(
-        Path(directory), order, _physics(jobs), listener or Listener(), report=write_report
+        Path(directory), order, _computers(jobs), listener or Listener(), report=write_report
     )
 
 
@@ -147,7 +147,7 @@ def resume(
     )
     return resume_run(
         Path(directory),
-        _physics(jobs),
+        _computers(jobs),
         listener or Listener(),
         robot=robot,
         keys=keys,
@@ -173,7 +173,7 @@ def _add_those_of(directory: Path, **parts: object) -> None:
             )
 
 
-def _physics(jobs: int) -> OpenPhysics:
+def _computers(jobs: int) -> Computers:
     if jobs < 1:
         raise EstimatorError(f"jobs must be at least 1, not {jobs}")
-    return in_this_process if jobs == 1 else on_this_computer(jobs)
+    return IN_THIS_PROCESS if jobs == 1 else on_this_computer(jobs)

@@ -16,6 +16,7 @@ _ARGUMENTS: Final = (
     "--disable-component-update",
     "--disable-sync",
 )
+_HANGS: Final = 300_000  # ms: a busy machine draws slowly
 
 
 @contextmanager
@@ -44,6 +45,7 @@ def watched_page(browser: Browser, *allowed: str, **options: Any) -> Iterator[Pa
         AssertionError: The page asked for another address, or a script in it failed.
     """
     page = browser.new_page(**options)
+    page.set_default_timeout(_HANGS)
     requests: list[str] = []
     failures: list[str] = []
     page.on("request", lambda request: requests.append(request.url))

@@ -12,12 +12,23 @@ from hypothesis import HealthCheck, settings
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-# A shell starts what runs in the background with Ctrl-C ignored, and children inherit that.
+# A shell starts what runs in the background with Ctrl-C ignored, nohup what it runs with a closed
+# terminal ignored, and children inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # No verdict may hang on how fast a machine is: pytest's time limit is for what hangs.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+
+# Their tests wait for runs that are made one after the other: begun last, they end last, and alone.
+_FIRST = ("test_reproduce.py", "test_readme.py", "test_interruptions.py", "test_soak.py")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Puts the longest files first."""
+    items.sort(key=lambda item: item.path.name not in _FIRST)
 
 
 @pytest.fixture(scope="module")

@@ -20,6 +20,7 @@ from bench.engines.runs import KNOWN, TRIALS
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from protocol.system.replace_file import replace_text
 
 OWN: Final = f"statics itself: joint steps of {np.degrees(PACE):g}°"
 UNEXPLAINED: Final = "unexplained"
@@ -64,9 +65,7 @@ def list_causes(
         if row not in own and key not in known:
             _, pair, _ = draw(compared.problem, seed, row)
             known[key] = cause(pair, compared.statics[row : row + 1])
-            partial = memory.with_suffix(".part")
-            partial.write_text(json.dumps(known, indent=1), encoding="utf-8")
-            partial.replace(memory)
+            replace_text(memory, json.dumps(known, indent=1))
         name = OWN if row in own else known[key]
         if name == UNEXPLAINED:
             name = _shown(compared, row) or UNEXPLAINED

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import binomtest
 
 from bench.engines.runs import CEILINGS, RIVALS
 from bench.engines.simulate import Simulated
@@ -75,14 +76,11 @@ def differences(one: Readings, other: Readings) -> Array:
 
 def share(close: Flags) -> dict[str, float]:
     """Share that is true, with the ends of its 95 % interval (Wilson's)."""
-    count, z = len(close), 1.96
+    count = len(close)
     if not count:
         return {"n": 0, "share": math.nan, "low": math.nan, "high": math.nan}
-    part = float(np.mean(close))
-    scale = 1 + z * z / count
-    middle = (part + z * z / (2 * count)) / scale
-    half = z * math.sqrt(part * (1 - part) / count + z * z / (4 * count * count)) / scale
-    return {"n": count, "share": part, "low": middle - half, "high": middle + half}
+    low, high = binomtest(int(np.sum(close)), count).proportion_ci(method="wilson")
+    return {"n": count, "share": float(np.mean(close)), "low": float(low), "high": float(high)}
 
 
 def risk_coverage(compared: Compared, run: str) -> tuple[Array, Array]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib import metadata
@@ -17,6 +16,7 @@ from bench.engines.runs import RUNS
 from estimator.parallel.worker_processes import Raised, Work, WorkerProcesses
 from estimator.physics.base import Pair, Readings
 from protocol.system.native_output import native_output_discarded
+from protocol.system.replace_file import replace_file
 
 PIECE: Final = 20
 """Bodies simulated at a time, in all runs: some seconds of work."""
@@ -80,11 +80,7 @@ def _simulate_one(piece: Piece) -> None:
         for run, readings in simulated.items()
         for item in fields(Readings)
     }
-    piece.path.parent.mkdir(parents=True, exist_ok=True)
-    partial = piece.path.with_suffix(f".{os.getpid()}.part")
-    with partial.open("wb") as file:
-        np.savez_compressed(file, **arrays)
-    partial.replace(piece.path)
+    replace_file(piece.path, lambda fresh: np.savez_compressed(fresh, **arrays))
 
 
 def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:

@@ -27,7 +27,7 @@ from pathlib import Path
 
 import psutil
 
-from bench.daemons import Simulator, simulator
+from bench.daemons import Simulator, cpu_seconds, helper, simulator
 from protocol.transport.client import RobotClient
 from sim_robot.electronics.sv203 import SV203Emulator
 
@@ -84,21 +84,6 @@ def percentile(ascending: Sequence[float], share: float) -> float:
 
 
 @contextmanager
-def _process(module: str, *options: str) -> Iterator[subprocess.Popen[str]]:
-    process = subprocess.Popen(
-        [sys.executable, "-m", module, *options],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        process.terminate()
-        process.communicate(timeout=30)
-
-
-@contextmanager
 def _moving(uri: str) -> Iterator[None]:
     """A controller that sends the robot from one end of its range to the other and back."""
     done = threading.Event()
@@ -122,10 +107,9 @@ def _moving(uri: str) -> Iterator[None]:
 
 
 def _share(process: psutil.Process, seconds: float) -> float:
-    before, start = process.cpu_times(), time.monotonic()
+    before, start = cpu_seconds(process), time.monotonic()
     time.sleep(seconds)
-    after, passed = process.cpu_times(), time.monotonic() - start
-    return 100 * (after.user + after.system - before.user - before.system) / passed
+    return 100 * (cpu_seconds(process) - before) / (time.monotonic() - start)
 
 
 def measure(viewers: int, requests: int, idle_seconds: float) -> LatencyFigures:
@@ -148,8 +132,8 @@ def _measure(
     options = ("--port", board.port, "--telemetry-rate", str(RATE), "--times", str(times))
     with (
         simulator(*options, module="bench.latency.outboard") as robot,
-        _process("bench.latency.echo") as echo,
-        _process("bench.latency.viewers", robot.uri, str(outcome.viewers)) as watching,
+        helper("bench.latency.echo") as echo,
+        helper("bench.latency.viewers", robot.uri, str(outcome.viewers)) as watching,
     ):
         assert echo.stdout is not None
         assert watching.stdout is not None
@@ -167,17 +151,16 @@ def _measure(
 
 
 def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures) -> None:
-    before, start = robot.process.cpu_times(), time.monotonic()
+    before, start = cpu_seconds(robot.process), time.monotonic()
     done = subprocess.run(
         [sys.executable, "-m", "bench.latency.prober", robot.uri, mirror, str(requests)],
         stdout=subprocess.PIPE,
         text=True,
         check=True,
     )
-    after, passed = robot.process.cpu_times(), time.monotonic() - start
+    spent, passed = cpu_seconds(robot.process) - before, time.monotonic() - start
     answers = json.loads(done.stdout)
     outcome.robot, outcome.echo = sorted(answers["robot"]), sorted(answers["echo"])
-    spent = after.user + after.system - before.user - before.system
     outcome.share = 100 * spent / passed
 
 
@@ -189,21 +172,16 @@ def table(outcomes: Sequence[LatencyFigures]) -> str:
     def row(name: str, *cells: str) -> None:
         rows.append([name, *cells])
 
-    for name, share in (("p50", 0.5), ("p99", 0.99), ("largest", 1.0)):
-        row(
-            f"robotd, round trip {name}, ms",
-            *(f"{percentile(outcome.robot, share):.2f}" for outcome in outcomes),
-        )
-    for name, share in (("p50", 0.5), ("p99", 0.99), ("largest", 1.0)):
-        row(
-            f"bare ROUTER echo, round trip {name}, ms",
-            *(f"{percentile(outcome.echo, share):.2f}" for outcome in outcomes),
-        )
-    for name, share in (("p50", 0.5), ("p99", 0.99), ("largest", 1.0)):
-        row(
-            f"control loop, lateness {name}, ms",
-            *(f"{percentile(outcome.jitter, share):.2f}" for outcome in outcomes),
-        )
+    for what, of in (
+        ("robotd, round trip", "robot"),
+        ("bare ROUTER echo, round trip", "echo"),
+        ("control loop, lateness", "jitter"),
+    ):
+        for name, share in (("p50", 0.5), ("p99", 0.99), ("largest", 1.0)):
+            row(
+                f"{what} {name}, ms",
+                *(f"{percentile(getattr(outcome, of), share):.2f}" for outcome in outcomes),
+            )
     row("lines timed", *(str(len(outcome.jitter)) for outcome in outcomes))
     row("CPU while slewing, % of a core", *(f"{outcome.share:.1f}" for outcome in outcomes))
     row("CPU while idle, % of a core", *(f"{outcome.idle_share:.2f}" for outcome in outcomes))

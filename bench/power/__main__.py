@@ -10,7 +10,7 @@ from typing import Final
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.study import SEEDS, study
 from bench.power.tables import page
-from bench.power.trial import Figures, Trial, figures_of
+from bench.power.trial import Figures, Trial, figures_of, is_done
 from sim_robot.world.body import DEFAULT
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
@@ -29,11 +29,15 @@ def main() -> None:
     done: dict[str, list[tuple[Trial, list[Figures]]]] = {}
     with ProcessPoolExecutor(options.jobs) as workers:
         waiting = [
-            (group, trial, [workers.submit(figures_of, trial, seed, root) for seed in trial.seeds])
+            (group, trial, [workers.submit(figures_of, trial, seed, root) for seed in seeds])
             for group, trials in groups.items()
             for root in [options.out / options.seeds / group.replace(" ", "-")]
             for trial in trials
             if options.trial in trial.name
+            for seeds in [
+                [one for one in trial.seeds if is_done(trial, one, root) or not options.done]
+            ]
+            if seeds
         ]
         for group, trial, futures in waiting:
             runs: list[Figures] = []
@@ -52,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--seeds", choices=SEEDS, default="reported")
     parser.add_argument("--only", nargs="*", metavar="GROUP", help="default: all groups")
     parser.add_argument("--trial", default="", help="only trials whose name contains this")
+    parser.add_argument("--done", action="store_true", help="only runs that were made before")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("runs/power"))
     parser.add_argument("--page", action="store_true", help=f"write {PAGE.name}")

@@ -15,10 +15,13 @@ SEEDS: Final[Mapping[str, tuple[int, ...]]] = {
     "development": tuple(range(30)),
 }
 
+KNOWN_ATTACHMENTS: Final = "lengths"
+"""The group whose runs have no attachments to be unsure of."""
+
 SUBJECTS: Final[Mapping[str, str]] = {
     "whole body": "The problem `topological` on the default robot: nothing is known but the number "
     "of legs and their\nthickness.",
-    "lengths": "The problem `parametric`: how the parts hang together is known.",
+    KNOWN_ATTACHMENTS: "The problem `parametric`: how the parts hang together is known.",
     "eight parts": "The problems `topological-20` and `-24` on the default robot.",
     "other bodies": "`topological` on robots that differ from the default one, and from any model.",
     "another engine": "`topological` on the default robot in MuJoCo's world, which shares "
@@ -50,7 +53,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(name="posterior, random", seeds=four, explore="random"),
             Trial(name="paper", seeds=seeds, method="paper", interactions=9),
         ),
-        "lengths": (
+        KNOWN_ATTACHMENTS: (
             Trial(name="posterior, information", seeds=seeds, problem="parametric", interactions=4),
             Trial(
                 name="posterior, random",

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from scipy.stats import binomtest
 
-from bench.power.study import SUBJECTS
+from bench.power.study import KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import SURE, Figures, Step, Trial
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
@@ -33,8 +33,9 @@ def page(done: Mapping[str, Runs]) -> str:
         parts.append(fault_table(runs) if group == "faults" else success_table(runs))
         if group != "faults":
             parts.append(run_table(runs))
-    others = [one for group, runs in done.items() if group != "faults" for _, one in runs]
-    parts.append(_calibration([run for runs in others for run in runs]))
+    sound = {group: [one for _, some in runs for one in some] for group, runs in done.items()}
+    sound.pop("faults", None)
+    parts.append(_calibration(sound))
     return "".join(parts)
 
 
@@ -120,21 +121,24 @@ def fault_table(runs: Runs) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _calibration(figures: Sequence[Figures]) -> str:
+def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
     """Whether statements come true as often as they say, over all steps of all runs."""
     steps = [
         (step.probability, step.cells == one.cells)
+        for group, figures in done.items()
+        if group != KNOWN_ATTACHMENTS
         for one in figures
         for step in one.steps
         if step.probability is not None
     ]
     lines = [
         "\n## Do statements come true?\n",
-        "All interactions of all runs above, but for the faults.\n",
+        "All interactions of all runs above where attachments were open, but for the faults.\n",
         "| stated | how often | mean statement | came true |",
         "|---|---|---|---|",
         *_bins(steps),
     ]
+    figures = itertools.chain.from_iterable(done.values())
     inside = [held for one in figures for step in one.steps[-1:] for held in step.inside]
     if inside:
         lines.append(

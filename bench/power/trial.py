@@ -20,11 +20,9 @@ from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
 from estimator.identification.listener import Listener
-from estimator.identification.run import MethodName, Order, identify, problem_of, world_of
-from estimator.physics.backends import in_this_process
+from estimator.identification.run import MethodName, Order, identify
+from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.reproduction.runs.robot_process import RobotProcess
@@ -34,6 +32,7 @@ from protocol.system.replace_file import replace_text
 from sim_robot.world.body import DEFAULT
 
 SURE: Final = 0.95
+_FIGURES: Final = "figures.json"
 CLOSE: Final = 10.0
 """A length is wrong when it is farther off, mm, and outside its own 90 % interval."""
 
@@ -139,8 +138,8 @@ def figures_of(trial: Trial, seed: int, root: Path) -> Figures:
         seed: One of its seeds.
         root: Folder of the trial's group.
     """
-    place = root / re.sub(r"\W+", "-", trial.name) / str(seed)
-    done = place / "figures.json"
+    place = _place(trial, seed, root)
+    done = place / _FIGURES
     if done.exists():
         return Figures.model_validate_json(done.read_text(encoding="utf-8"))
     shutil.rmtree(place, ignore_errors=True)
@@ -148,6 +147,15 @@ def figures_of(trial: Trial, seed: int, root: Path) -> Figures:
     found = _run(trial, seed, place)
     replace_text(done, found.model_dump_json(indent=2))
     return found
+
+
+def is_done(trial: Trial, seed: int, root: Path) -> bool:
+    """Whether a run was made before; the arguments are those of ``figures_of``."""
+    return (_place(trial, seed, root) / _FIGURES).exists()
+
+
+def _place(trial: Trial, seed: int, root: Path) -> Path:
+    return root / re.sub(r"\W+", "-", trial.name) / str(seed)
 
 
 def _run(trial: Trial, seed: int, place: Path) -> Figures:
@@ -174,12 +182,12 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
         started = time.process_time()
         spent: list[float] = []
 
-        def report(store: RunStore, problem: Problem) -> Result:
+        def report(store: RunStore) -> Result:
             spent.append(time.process_time() - started)
-            return write_report(store, problem, plots=False)
+            return write_report(store, plots=False)
 
         try:
-            result = identify(place / "run", order, in_this_process, Listener(), report=report)
+            result = identify(place / "run", order, IN_THIS_PROCESS, Listener(), report=report)
         except BodyschemaError as error:
             said = str(error).replace(str(place), "").replace(process.uri, "the robot")
             return Figures(
@@ -226,18 +234,17 @@ def held_against(
         truth: URDF of the body that its robot feels like.
         cpu_seconds: Spent by the end of each interaction.
     """
-    problem = problem_of(store)
-    genome = Genome(problem, problem.base(store.capabilities))
+    problem, genome = store.problem, store.genome
     known = Truth.read(truth, problem, store.capabilities)
     legs = np.array([leg.limb.length for leg in known.legs.values()])
     search: LengthSearch | None = None
     sure = not any(gene.choices > 1 for gene in genome.genes)  # nothing to be unsure of
     count, steps = 0, []
-    with StaticsPhysics(world_of(store, problem)) as physics:
+    with StaticsPhysics(store.world) as physics:
         for belief, seconds in zip(_beliefs(store), cpu_seconds, strict=False):
             body = genome.decode(belief.best)
             comparison = Comparison(problem, genome, body, known)
-            search = search or length_search(store, problem, comparison.true_body, physics)
+            search = search or length_search(store, comparison.true_body, physics)
             cells = comparison.configurations(search.is_like)
             count = len(cells)
             interval: dict[str, Any] = {}

@@ -6,8 +6,9 @@ import random
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 
 from bench.daemons import Simulator
 from bench.network_proxy import MessageProxy, TcpProxy, Weather
@@ -70,8 +71,7 @@ FAULTS = {
         "accelerometer.sleep",
     ),
 }
-AFTER_RESET = {"servo_board.brown_out": 128, "pwm.reset": 0, "pwm.sleep": 0}
-"""The count of every servo after a reset of its board."""
+AFTER_RESET = {"servo_board.brown_out": 128, "pwm.reset": 0, "pwm.sleep": 0}  # each servo's count
 
 
 class InvariantBroken(Exception):  # noqa: N818 - a finding
@@ -93,10 +93,9 @@ class Crowd:
         self._robot = robot
         self._random = random.Random(seed)
         body, levels = load_body(default_body_path()), NoiseLevels()
-        if electronics == "pi":
-            config = pi_set.configure(body, levels)
-        else:
-            config = pc104_set.configure(body, port="", levels=levels)
+        on_pi = electronics == "pi"
+        configure = pi_set.configure if on_pi else partial(pc104_set.configure, port="")
+        config = configure(body, levels=levels)
         self._breaks = FAULTS[electronics]
         self._scales = {joint.name: joint.scale for joint in config.joints}
         self._last: ObservationReply | None = None
@@ -125,7 +124,7 @@ class Crowd:
             for _ in range(VIEWERS):
                 stack.enter_context(TelemetrySubscriber(telemetry))
             self._enter()
-            stack.callback(self._leave)
+            stack.push(lambda *_: self._client.close())  # whichever it is by then
             due = 0.0
             death = hours / (deaths + 1)
             while (now := self._hours()) < hours:
@@ -143,21 +142,19 @@ class Crowd:
     # --- actions ----------------------------------------------------------------------------------
 
     def _act(self) -> None:
-        actions: Sequence[tuple[Callable[[], None], float]] = (
-            (self._perform, 70),
-            (self._perform_again, 4),
-            (self._read, 4),
-            (self._stop, 4),
-            (self._interrupt, 4),
-            (self._relax, 3),
-            (self._nonsense, 4),
-            (self._fail, 4),
-            (self._change, 2),
-            (self._bad_network, 0.2),
-        )
-        action = self._random.choices(
-            [action for action, _ in actions], [weight for _, weight in actions]
-        )[0]
+        actions = {
+            self._perform: 70.0,
+            self._perform_again: 4,
+            self._read: 4,
+            self._stop: 4,
+            self._interrupt: 4,
+            self._relax: 3,
+            self._nonsense: 4,
+            self._fail: 4,
+            self._change: 2,
+            self._bad_network: 0.2,
+        }
+        (action,) = self._random.choices(list(actions), list(actions.values()))
         self.counts[action.__name__.lstrip("_")] += 1
         action()
 
@@ -301,9 +298,6 @@ class Crowd:
 
     # --- checks -----------------------------------------------------------------------------------
 
-    def _leave(self) -> None:
-        self._client.close()
-
     def _enter(self, uri: str | None = None, timeout: float = 10.0) -> None:
         self._generation += 1
         self._client = RobotClient(
@@ -336,9 +330,8 @@ class Crowd:
             self._demand(seen.sequence == last.sequence + 1, "an observation lost or repeated")
             self._demand(seen.robot_time > last.robot_time, "robot time does not grow")
             self._demand(seen.monotonic > last.monotonic, "an observation is old")
-            self._demand(
-                (seen.tilt, seen.clearance) != (last.tilt, last.clearance), "a reading repeated"
-            )
+            repeated = (seen.tilt, seen.clearance) == (last.tilt, last.clearance)
+            self._demand(not repeated, "a reading repeated")
 
     def _refused(self, code: str, ask: Callable[[], object]) -> None:
         try:
@@ -350,9 +343,8 @@ class Crowd:
 
     def _demand(self, holds: bool, sentence: str) -> None:
         if not holds:
-            raise InvariantBroken(
-                f"{sentence}; at {self._last}; log: {''.join(self._robot.log[-5:])}"
-            )
+            log = "".join(self._robot.log[-5:])
+            raise InvariantBroken(f"{sentence}; at {self._last}; log: {log}")
 
     def _hours(self) -> float:
         return float(self._faults.report()["robot_time"]) / 3600

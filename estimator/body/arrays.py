@@ -113,6 +113,30 @@ class Bodies:
             object.__setattr__(chosen, item.name, array)
         return chosen
 
+    def changed(self, **arrays: Array | Integers) -> Bodies:
+        """The same bodies but for some arrays, by name, which are known to be possible."""
+        changed = object.__new__(Bodies)
+        for item in fields(self):
+            array = np.ascontiguousarray(arrays.get(item.name, getattr(self, item.name)))
+            object.__setattr__(changed, item.name, array)
+        return changed
+
+    @classmethod
+    def joined(cls, several: Sequence[Bodies]) -> Bodies:
+        """Bodies of equally many columns, those of one array after those of the other."""
+        arrays = {item.name: [getattr(one, item.name) for one in several] for item in fields(cls)}
+        on_base = [one.parent == BASE for one in several]
+        for name, tables in (
+            ("mount", ("base_mounts", "part_mounts")),
+            ("hinge", ("hinges", "hinges")),
+        ):
+            starts = [np.cumsum([0, *map(len, arrays[table])]) for table in tables]
+            arrays[name] = [
+                numbers + np.where(here, starts[0][index], starts[1][index])
+                for index, (numbers, here) in enumerate(zip(arrays[name], on_base, strict=True))
+            ]
+        return cls(**{name: np.concatenate(values) for name, values in arrays.items()})
+
     @property
     def motors(self) -> int:
         """How many angles a motor program for these bodies must hold at least."""

@@ -72,6 +72,12 @@ class Base:
         if not self.mounts:
             object.__setattr__(self, "mounts", four_sides(self.size))
 
+    @property
+    def inertia(self) -> Vector:
+        """Moments about the centre of mass, along x, y and z, kg·m²."""
+        (x, y, z), share = self.size, self.mass / 12
+        return share * (y * y + z * z), share * (x * x + z * z), share * (x * x + y * y)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Part:
@@ -182,6 +188,12 @@ class Morphology:
         if isinstance(mount, BaseMount):
             return mount.at
         return (mount.fraction * self.parts[self.parts[index].parent].length, 0.0, 0.0)
+
+    def turn(self, index: int, angle: float) -> Array:
+        """How a part is turned in its parent's frame where its hinge has an angle (rad), (3, 3)."""
+        yaw = rotation((0.0, 0.0, 1.0), self.mount(index).yaw)
+        turned: Array = yaw @ rotation(self.hinge(index).axis, angle)
+        return turned
 
     @cached_property
     def masses(self) -> Array:

@@ -12,8 +12,6 @@ from estimator.cli.options import Directory
 from estimator.errors import EstimatorError
 from estimator.export.formats import FORMATS, Format, in_words_of
 from estimator.identification.final_population import FinalPopulation
-from estimator.identification.run import problem_of
-from estimator.problem.genome import Genome
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 
@@ -50,7 +48,5 @@ def exported(directory: Path, form: Format, sample: int) -> str:
                 f"{directory} holds {len(population)} models, so there is no sample {sample}: "
                 f"choose 0 to {len(population) - 1}"
             )
-        problem = problem_of(store)
-        genome = Genome(problem, problem.base(store.capabilities))
-        body = genome.decode(population.genes[population.order[sample]])
-        return FORMATS[form](in_words_of(problem, store.capabilities, body))
+        body = store.genome.decode(population.genes[population.order[sample]])
+        return FORMATS[form](in_words_of(store.problem, store.capabilities, body))

@@ -11,7 +11,7 @@ import typer
 
 from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, open_physics
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, computers
 from estimator.exploration.rules import RULES
 from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.run import METHODS, MethodName, Order, identify
@@ -71,7 +71,8 @@ def command(
         typer.Option(
             min=0.5,
             max=0.999,
-            help="End as soon as the attachments are so probable and lengths known to 5 mm.",
+            help="End as soon as the attachments are so probable, lengths known to 5 mm, and one "
+            "more movement has left them so.",
         ),
     ] = None,
     strict: Annotated[
@@ -124,8 +125,8 @@ def command(
         keys=keys,
     )
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
-        with open_physics(jobs, dask) as physics_of, LiveScreen(err, live_view) as screen:
-            result = identify(place, order, physics_of, screen, report=write_report)
+        with computers(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
+            result = identify(place, order, opened, screen, report=write_report)
         print_result(out, result)
         print_run_directory(place)
         live_view.stay(err)

@@ -14,13 +14,14 @@ from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 from rich.console import Console
 
 from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.parallel.child_process import die_with
+from protocol.system.closable import Closable
 
 LIVE_BIND: Final = "127.0.0.1:8080"
 _NICE: Final = 10
@@ -50,7 +51,7 @@ def check_viser() -> None:
         )
 
 
-class LiveView:
+class LiveView(Closable):
     """The live page of a run that this process works on; a context manager, which ends it.
 
     Args:
@@ -70,10 +71,8 @@ class LiveView:
             program = (sys.executable, "-m", "estimator", "watch")
             self._command = [*program, str(directory), "--live-bind", bind]
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Ends the page."""
         if self._process is not None:
             self._process.terminate()
             self._process.wait()

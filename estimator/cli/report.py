@@ -10,7 +10,6 @@ import typer
 from estimator.cli.console import errors_as_sentences, out
 from estimator.cli.options import Directory
 from estimator.errors import RunDirectoryError
-from estimator.identification.run import problem_of
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.result import summarise
 from estimator.report.run_files import PAGE, write_files
@@ -42,18 +41,17 @@ def command(
 
 def _write_run(directory: Path, file: Path | None) -> None:
     with RunStore.open(directory, to_write=False) as store:
-        problem = problem_of(store)
-        result = summarise(store, problem)
+        result = summarise(store)
         if not result.complete:
             out.print("The run is not finished: the report says what is known so far.")
         if file is None:
             try:
-                write_files(store, problem, result, page=True)
+                write_files(store, result, page=True)
             except OSError as error:
                 raise RunDirectoryError(
                     f"{directory} cannot be written ({error.strerror}): say where the report is "
                     "to go, with --out FILE."
                 ) from error
         else:
-            sources = PageSources.of(store, problem, result)
-            replace_text(file, run_page(store, problem, sources))
+            sources = PageSources.of(store, result)
+            replace_text(file, run_page(store, sources))

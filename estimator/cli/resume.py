@@ -8,7 +8,7 @@ import typer
 
 from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Live, LiveBind, open_physics
+from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Live, LiveBind, computers
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
 from estimator.report.terminal_tables import print_result
@@ -28,10 +28,8 @@ def command(
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
     with errors_as_sentences(directory), LiveView(directory, live_bind if live else None) as view:
-        with open_physics(jobs, dask) as physics_of, LiveScreen(err, view) as screen:
-            result = resume(
-                directory, physics_of, screen, robot=robot, keys=keys, report=write_report
-            )
+        with computers(jobs, dask) as opened, LiveScreen(err, view) as screen:
+            result = resume(directory, opened, screen, robot=robot, keys=keys, report=write_report)
         print_result(out, result)
         print_run_directory(directory)
         view.stay(err)

@@ -11,10 +11,8 @@ import typer
 from estimator.cli.console import errors_as_sentences, out, print_json, unless_unwritable
 from estimator.cli.options import CORES, Directory, Jobs
 from estimator.evaluation.score import Score, score
-from estimator.identification.run import problem_of, world_of
 from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
-from estimator.problem.problem import Problem
 from estimator.report.canvas import as_png
 from estimator.report.evaluation_files import write_score
 from estimator.report.run_files import LENGTHS_WITH_TRUTH, PAGE, write_report
@@ -32,27 +30,25 @@ def command(
 ) -> None:
     """Compare the best model with the true body (the objective error)."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
-        problem = problem_of(store)
-        world = world_of(store, problem)
         with (
-            closing(StaticsPhysics(world, jobs=jobs)) as physics,
-            closing(in_this_process(store.settings.reference, world)) as reference,
+            closing(StaticsPhysics(store.world, jobs=jobs)) as physics,
+            closing(in_this_process(store.settings.reference, store.world)) as reference,
         ):
-            run_score = score(store, problem, truth, physics, reference)
+            run_score = score(store, truth, physics, reference)
         if as_json:
             print_json(run_score.model_dump_json(indent=2))
         else:
             print_score(out, run_score)
         with unless_unwritable(directory):
-            _plot_with_truth(store, problem, run_score)
+            _plot_with_truth(store, run_score)
             write_score(directory, run_score, truth)
-            write_report(store, problem, page=True)
+            write_report(store, page=True)
             if not as_json:
                 out.print(f"Plot: {directory / LENGTHS_WITH_TRUTH}", soft_wrap=True)
                 out.print(f"Report, with the truth: {directory / PAGE}", soft_wrap=True)
 
 
-def _plot_with_truth(store: RunStore, problem: Problem, run_score: Score) -> None:
-    plots = run_plots(store, problem, run_score.joints, run_score.true_lengths_m)
+def _plot_with_truth(store: RunStore, run_score: Score) -> None:
+    plots = run_plots(store, run_score.joints, run_score.true_lengths_m)
     (lengths,) = (plot.figure for plot in plots if plot.name == LENGTHS)
     replace_bytes(store.directory / LENGTHS_WITH_TRUTH, as_png(lengths))

@@ -13,7 +13,6 @@ from estimator.cli.console import (
     unless_unwritable,
 )
 from estimator.cli.options import Directory
-from estimator.identification.run import problem_of
 from estimator.report.formats import FORMATS
 from estimator.report.result import summarise
 from estimator.report.run_files import write_files
@@ -36,12 +35,11 @@ def command(
     """Show how far a run has come; rewrites its result.json, readings.csv and plots if it can."""
     with errors_as_sentences(None), RunStore.open(directory, to_write=False) as store:
         write = None if form is None else FORMATS.load(form)
-        problem = problem_of(store)
-        result = summarise(store, problem)
+        result = summarise(store)
         if write is None:
             print_result(out, result)
         with unless_unwritable(directory):
-            write_files(store, problem, result)
+            write_files(store, result)
             if write is None:
                 print_run_directory(directory)
         if write is not None:

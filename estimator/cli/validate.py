@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from estimator.cli.console import err, errors_as_sentences, out
-from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, open_physics
+from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, computers
 from estimator.cli.screen import Screen
 from estimator.evaluation.validate import validate
-from estimator.identification.run import problem_of, reconnect, world_of
+from estimator.identification.run import reconnect
 from estimator.report.evaluation_files import VALIDATION
 from estimator.report.terminal_tables import print_validation
 from estimator.storage.store import RunStore
@@ -31,16 +31,14 @@ def command(
     with (
         errors_as_sentences(None),
         RunStore.open(directory) as store,
-        open_physics(jobs, dask) as physics_of,
+        computers(jobs, dask) as opened,
         Screen(err) as screen,
     ):
-        problem = problem_of(store)
-        world = world_of(store, problem)
         with (
-            closing(physics_of(store.settings.physics, world)) as physics,
-            closing(reconnect(store, problem, robot, screen, keys=keys)) as link,
+            closing(opened.open_physics(store.settings.physics, store.world)) as physics,
+            closing(reconnect(store, robot, screen, keys=keys)) as link,
         ):
-            validation = validate(store, problem, physics, link, programs=programs, listener=screen)
+            validation = validate(store, physics, link, programs=programs, listener=screen)
         replace_text(directory / VALIDATION, validation.model_dump_json(indent=2) + "\n")
     print_validation(out, validation)
     out.print(f"Saved: {directory / VALIDATION}", soft_wrap=True)

@@ -23,8 +23,6 @@ from estimator.identification.fit import fit_bodies
 from estimator.identification.objectives import LargestError
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.search.randomness import Stream, generator
 from estimator.storage.store import RunStore
@@ -107,14 +105,11 @@ class Score(BaseModel):
         return max(known) if known and len(known) == len(self.true_body_errors) else None
 
 
-def score(
-    store: RunStore, problem: Problem, truth: Path, physics: ArrayMarginPhysics, reference: Physics
-) -> Score:
+def score(store: RunStore, truth: Path, physics: ArrayMarginPhysics, reference: Physics) -> Score:
     """Scores the best model of a run.
 
     Args:
         store: The run.
-        problem: Its problem.
         truth: The robot's URDF.
         physics: Computes the readings by which configurations are equivalent or not, and margins.
         reference: Predicts what the true body would feel as a model.
@@ -125,11 +120,10 @@ def score(
     population = FinalPopulation.of(store)
     if not len(population):
         raise TruthError(f"{store.directory} has no model yet, so there is nothing to score")
-    genome = Genome(problem, problem.base(store.capabilities))
-    body = genome.decode(population.genes[population.best])
-    known = Truth.read(truth, problem, store.capabilities)
-    comparison = Comparison(problem, genome, body, known)
-    search = length_search(store, problem, comparison.true_body, physics)
+    body = store.genome.decode(population.genes[population.best])
+    known = Truth.read(truth, store.problem, store.capabilities)
+    comparison = Comparison(store.problem, store.genome, body, known)
+    search = length_search(store, comparison.true_body, physics)
     configurations = comparison.configurations(search.is_like)
     informative = [item for item in configurations if item.searched]
     limbs, legs = driven_limbs(body), tuple(known.legs.values())
@@ -184,10 +178,10 @@ def _margins(
 
 
 def length_search(
-    store: RunStore, problem: Problem, true_body: Morphology, physics: ArrayMarginPhysics
+    store: RunStore, true_body: Morphology, physics: ArrayMarginPhysics
 ) -> LengthSearch:
     """The test of equivalence for the run's motors and modalities."""
-    rng = generator(store.settings.seed, Stream.EQUIVALENCE)
+    problem, rng = store.problem, generator(store.settings.seed, Stream.EQUIVALENCE)
     programs = np.array([problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)])
     reference = Reference(true_body, programs, physics, store.settings.modalities)
     return LengthSearch(reference, np.array([rule.length for rule in problem.parts]))

@@ -21,8 +21,6 @@ from estimator.identification.acting import carry_out
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.listener import Listener
 from estimator.physics.base import Physics, Readings
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import RobotLink
@@ -62,10 +60,18 @@ class Validation(BaseModel):
     random_models: PredictionErrors
     invalid_predictions: int
 
+    @property
+    def groups(self) -> tuple[tuple[str, PredictionErrors], ...]:
+        """The errors of each group of models, by its name."""
+        return (
+            ("best model", self.best_model),
+            ("population, median", self.population_median),
+            ("random models, median", self.random_models),
+        )
+
 
 def validate(
     store: RunStore,
-    problem: Problem,
     physics: Physics,
     link: RobotLink,
     *,
@@ -80,25 +86,25 @@ def validate(
         EstimatorError: The run has no models yet.
         InteractionError: The robot did not do its part; calling again goes on.
     """
-    validations = store.validations()
+    validations = store.validations.all()
     unfinished = validations and any(item.observation is None for item in validations[-1])
     if unfinished:
         number, predictions = len(validations) - 1, validations[-1]
         listener.say(f"Going on with the predictions made before ({len(predictions)} programs).")
     else:
         number = len(validations)
-        fresh = _programs(store, problem, link, programs, number)
+        fresh = _programs(store, link, programs, number)
         listener.expect(2 * len(fresh), 0)
-        predictions = _predict(store, problem, physics, fresh, listener)
-        store.predict(predictions)
+        predictions = _predict(store, physics, fresh, listener)
+        store.validations.predict(predictions)
     observations = []
     for index, prediction in enumerate(predictions):
         observation = prediction.observation
         if observation is None:
-            commit = partial(store.ask_validation, number, index)
+            commit = partial(store.validations.ask, number, index)
             row = _row(link, prediction.program, index)
             observation = carry_out(link, row, prediction, commit, listener)
-            store.observe_validation(number, index, observation)
+            store.validations.observe(number, index, observation)
             listener.observed(index, observation)
             listener.worked(1, f"performed {index + 1} of {len(predictions)}")
         observations.append(observation)
@@ -121,12 +127,10 @@ def compare(predictions: Sequence[Prediction], observations: Sequence[Observatio
     )
 
 
-def _programs(
-    store: RunStore, problem: Problem, link: RobotLink, count: int, number: int
-) -> list[Program]:
+def _programs(store: RunStore, link: RobotLink, count: int, number: int) -> list[Program]:
     if link.recorded is None:
         rng = generator(store.settings.seed, Stream.VALIDATION, number)
-        drawn = [problem.random_program(rng, store.capabilities) for _ in range(count)]
+        drawn = [store.problem.random_program(rng, store.capabilities) for _ in range(count)]
         return [tuple(program.tolist()) for program in drawn]
     fitted = [item.program for item in store.interactions()]
     fresh = [
@@ -161,7 +165,6 @@ def _row(link: RobotLink, program: Program, index: int) -> int:
 
 def _predict(
     store: RunStore,
-    problem: Problem,
     physics: Physics,
     programs: Sequence[Program],
     listener: Listener,
@@ -169,7 +172,7 @@ def _predict(
     population = FinalPopulation.of(store)
     if not len(population):
         raise EstimatorError(f"{store.directory} has no model yet: resume the run first")
-    genome = Genome(problem, problem.base(store.capabilities))
+    genome = store.genome
     rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
     drawn = genome.permitted(rng.random((RANDOM_MODELS, genome.size)))
     best = population.genes[[population.best]]

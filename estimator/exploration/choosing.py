@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.exploration.few_limbs import LimbGenes, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
+from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.model.unknowns import Columns, Predictor
 
@@ -37,11 +39,31 @@ class InformativeProgram:
         bits: Information that it is expected to give about the body.
         about: The same about each column of the cube: about a choice, or about the half of its
             range in which a length lies; shape (size,).
+        tests: Doubts that it would settle.
     """
 
     program: Array
     bits: float
     about: Array
+    tests: tuple[Doubt, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Hypotheses:
+    """Equally likely bodies, one of which may be the robot's.
+
+    Attributes:
+        bodies: n of them.
+        scales: Logarithms of their noise factors, shape (n, 2).
+        groups: Bodies of one group are the same, shape (n,).
+    """
+
+    bodies: Bodies
+    scales: Array
+    groups: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.groups)
 
 
 class Chooser:
@@ -70,20 +92,23 @@ class Chooser:
         """The motor program that is expected to tell most.
 
         Args:
-            samples: Equally likely models.
+            samples: Equally likely models. All their doubts together are taken to be a third as
+                likely as they.
             rng: The choice's own.
         """
         low, high = self._ends.T
+        models = self._models(samples)
+        known = self._with_doubts(models, samples.doubts, rng) if samples.doubts else models
         programs = with_few_limbs(
             rng.uniform(low, high, (_CANDIDATES, len(low))),
             self._limbs,
             self._predictor.unknowns.decided(samples.genes),
             rng,
         )
-        quick = self._read(samples, programs, LEANS[0], quickly=True)
-        bits = self._bits(samples, Forecast.of(quick, len(samples.genes)), rng, _DRAWS)
+        quick = self._read(known, programs, LEANS[0], quickly=True)
+        bits = self._bits(known, Forecast.of(quick, len(known)), rng, _DRAWS)
         programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
-        bits = self._bits(samples, self._sure_forecast(samples, programs), rng, _DRAWS)
+        bits = self._bits(known, self._sure_forecast(known, programs), rng, _DRAWS)
         for spread in _SPREADS:
             best = np.repeat(
                 programs[np.argsort(-bits, kind="stable")[:_REFINED]], _VARIANTS, axis=0
@@ -91,44 +116,83 @@ class Chooser:
             near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
             near = np.where(best == 0, 0.0, near)
             programs = np.concatenate([programs, near])
-            more = self._bits(samples, self._sure_forecast(samples, near), rng, _DRAWS)
+            more = self._bits(known, self._sure_forecast(known, near), rng, _DRAWS)
             bits = np.concatenate([bits, more])
         programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
-        sure = self._bits(samples, self._sure_forecast(samples, programs), rng, _MORE_DRAWS)
+        sure = self._bits(known, self._sure_forecast(known, programs), rng, _MORE_DRAWS)
         winner = int(np.argmax(sure))
+        chosen, bits = programs[[winner]], sure[[winner]]
+        forecast = self._sure_forecast(models, chosen)
+        if samples.doubts:
+            bits = self._bits(models, forecast, rng, _MORE_DRAWS)
         return InformativeProgram(
-            program=programs[winner],
-            bits=float(sure[winner]),
-            about=self._about(samples, programs[winner : winner + 1], rng),
+            program=chosen[0],
+            bits=float(bits[0]),
+            about=self._about(samples, forecast, rng),
+            tests=self._tested(models, samples.doubts, chosen),
         )
 
-    def _bits(
-        self, samples: Models, forecast: Forecast, rng: np.random.Generator, draws: int
-    ) -> Array:
-        groups = np.arange(len(samples.genes))
-        return self._gain.of(forecast, samples.scales, groups, rng, draws=draws)
+    def _models(self, samples: Models) -> _Hypotheses:
+        return _Hypotheses(
+            bodies=self._predictor.unknowns.bodies(samples.genes),
+            scales=samples.scales,
+            groups=np.arange(len(samples.genes)),
+        )
 
-    def _sure_forecast(self, samples: Models, programs: Array) -> Forecast:
-        """What samples will feel, silent where a sample may fall to more sides than one."""
-        plumb = self._read(samples, programs, LEANS[0])
-        forecast = Forecast.of(plumb, len(samples.genes))
+    def _with_doubts(
+        self, models: _Hypotheses, doubts: Sequence[Doubt], rng: np.random.Generator
+    ) -> _Hypotheses:
+        """In random order, since few draws go to the first only."""
+        count = len(models)
+        others = np.arange(max(len(doubts), count // 3)) % len(doubts)
+        order = rng.permutation(count + len(others))
+        bodies = [self._built(doubts[index]) for index in others.tolist()]
+        return _Hypotheses(
+            bodies=Bodies.joined([models.bodies, *bodies])[order],
+            scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],
+            groups=np.concatenate([models.groups, count + others])[order],
+        )
+
+    def _built(self, doubt: Doubt) -> Bodies:
+        return doubt.departure.of(self._predictor.unknowns.bodies(doubt.point[None]))
+
+    def _tested(
+        self, models: _Hypotheses, doubts: Sequence[Doubt], program: Array
+    ) -> tuple[Doubt, ...]:
+        """Which doubts feel otherwise than most models do."""
+        expected = self._read(models, program, LEANS[0])
+        tested = []
+        for doubt in doubts:
+            bodies = self._built(doubt)[np.zeros(len(models), dtype=np.intp)]
+            felt = self._read(replace(models, bodies=bodies), program, LEANS[0])
+            if np.mean(self._gain.apart(expected, felt)) > 0.5:
+                tested.append(doubt)
+        return tuple(tested)
+
+    def _bits(
+        self, known: _Hypotheses, forecast: Forecast, rng: np.random.Generator, draws: int
+    ) -> Array:
+        return self._gain.of(forecast, known.scales, known.groups, rng, draws=draws)
+
+    def _sure_forecast(self, known: _Hypotheses, programs: Array) -> Forecast:
+        """What bodies will feel, silent where a body may fall to more sides than one."""
+        plumb = self._read(known, programs, LEANS[0])
+        forecast = Forecast.of(plumb, len(known))
         for lean in LEANS[1:]:
-            forks = self._gain.apart(plumb, self._read(samples, programs, lean))
+            forks = self._gain.apart(plumb, self._read(known, programs, lean))
             forecast.silent[forks.reshape(forecast.silent.shape)] = True
         return forecast
 
     def _read(
-        self, samples: Models, programs: Array, lean: Array, *, quickly: bool = False
+        self, known: _Hypotheses, programs: Array, lean: Array, *, quickly: bool = False
     ) -> Readings:
-        count = len(samples.genes)
-        bodies = self._predictor.unknowns.bodies(samples.genes)
+        count = len(known)
         rows = np.tile(np.arange(count), len(programs))
         repeated = np.repeat(programs, count, axis=0)
-        return self._predictor.read(bodies, rows, repeated, lean, quickly=quickly)
+        return self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
 
-    def _about(self, samples: Models, program: Array, rng: np.random.Generator) -> Array:
+    def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns
-        forecast = self._sure_forecast(samples, program)
         about = np.zeros(unknowns.size)
         for column, groups in _groups(
             samples.genes, unknowns.choices, unknowns.attachments(samples.genes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -13,6 +14,7 @@ from estimator.exploration.few_limbs import limbs_of
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Models, Situation
 from estimator.posterior.information import SAMPLES
+from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
@@ -37,7 +39,7 @@ def most_informative_program(situation: Situation) -> Choice:
     chosen = chooser.choose(models, situation.rng)
     return Choice(
         program=tuple(chosen.program.tolist()),
-        reason=_reason(genome, models, chosen.about),
+        reason="; ".join([_reason(genome, models, chosen.about), *_tests(chosen.tests)]),
         bits=chosen.bits,
     )
 
@@ -48,6 +50,14 @@ def _reason(genome: Genome, models: Models, about: Array) -> str:
     named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
     parts = [_alternatives(genome, models, column) for column in named]
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
+
+
+def _tests(doubts: Sequence[Doubt]) -> list[str]:
+    """What else the program would show: how the robot may depart from the problem."""
+    if not doubts:
+        return []
+    most = doubts[0].departure.name
+    return [f"tests {most}" + (f" and {len(doubts) - 1} more" if len(doubts) > 1 else "")]
 
 
 def _alternatives(genome: Genome, models: Models, column: int) -> str:

@@ -13,6 +13,7 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
 from estimator.posterior.information import systematic
+from estimator.posterior.model.departures import Doubt
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, ObservedReadings, Program
@@ -57,11 +58,14 @@ class Models:
         weights: Adding up to 1, shape (n,).
         scales: Logarithms of the factors on tilt's and clearance's noise, shape (n, 2); 0 where a
             method knows none.
+        doubts: Bodies that depart from the problem and explain the readings as well, once a method
+            is sure of the models.
     """
 
     genes: Array
     weights: Array
     scales: Array
+    doubts: tuple[Doubt, ...] = ()
 
     @classmethod
     def equally_likely(cls, genes: Array) -> Models:
@@ -76,6 +80,7 @@ class Models:
             genes=self.genes[rows],
             weights=np.full(len(rows), 1 / len(rows)),
             scales=self.scales[rows],
+            doubts=self.doubts,
         )
 
 

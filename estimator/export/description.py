@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import BASE, Array, Morphology, Part, part_frames
+from estimator.body.morphology import BASE, Array, Morphology, Part
 from protocol.text.printable import printable
 from protocol.wire.capabilities import Joint as RobotJoint
 
@@ -143,12 +143,11 @@ def describe(
     )
     base, *names = _different(["body", *parts])
     effort = _AMPLE * body.mass * _GRAVITY * body.reach
-    places, turns = part_frames(body, np.zeros(body.motors))
+    angles = body.part_angles(np.zeros(body.motors))
     links = []
     for row in _in_order(body.parts, carried):
         part, number = body.parts[row], carried[row]
         on = part.parent
-        turn, place = (np.eye(3), np.zeros(3)) if on == BASE else (turns[on], places[on])
         limits = None
         if number is not None:
             own = joints[number]
@@ -160,8 +159,8 @@ def describe(
                 joint=Joint(
                     name=joint_names[row],
                     parent=base if on == BASE else names[on],
-                    xyz=_vector(turn.T @ (places[row] - place)),
-                    rpy=_angles(turn.T @ turns[row]),
+                    xyz=_vector(body.place(row)),
+                    rpy=_angles(body.turn(row, angles[row])),
                     axis=body.hinge(row).axis,
                     limits=limits,
                 ),
@@ -173,15 +172,12 @@ def describe(
                 sensor=part.sensor,
             )
         )
-    x, y, z = body.base.size
     return Description(
         robot=printable(robot),
         base=base,
         size=body.base.size,
         mass=body.base.mass,
-        inertia=_vector(
-            body.base.mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
-        ),
+        inertia=body.base.inertia,
         centre=_vector(body.base.centre),
         accelerometer=body.base.accelerometer,
         links=tuple(links),

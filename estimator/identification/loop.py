@@ -12,8 +12,7 @@ from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.identification.method import Method
 from estimator.identification.objectives import OBJECTIVES
-from estimator.physics.base import ArrayMarginPhysics, WorldSettings
-from estimator.problem.problem import Problem
+from estimator.physics.base import ArrayMarginPhysics
 from estimator.readings.observation import Observation
 from estimator.robot_link.base import RobotLink
 from estimator.search.randomness import Stream, generator
@@ -29,9 +28,7 @@ class Identification:
 
     Args:
         store: The run's memory; opened for writing.
-        problem: The run's problem.
         method: Learns from interactions.
-        world: In which models live.
         foresight: Predicts what models feel, for the choice of motor programs.
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
@@ -41,18 +38,14 @@ class Identification:
     def __init__(
         self,
         store: RunStore,
-        problem: Problem,
         method: Method,
-        world: WorldSettings,
         *,
         foresight: ArrayMarginPhysics,
         connect: Connect,
         listener: Listener,
     ) -> None:
         self._store = store
-        self._problem = problem
         self._method = method
-        self._world = world
         self._foresight = foresight
         self._connect = connect
         self._listener = listener
@@ -110,21 +103,21 @@ class Identification:
 
     def _choice(self, number: int, link: RobotLink, observations: list[Observation]) -> Choice:
         settings = self._store.settings
-        if link.recorded is None and not number and self._problem.reads_flat_first:
+        if link.recorded is None and not number and self._store.problem.reads_flat_first:
             return Choice(
                 program=(0.0,) * len(self._store.capabilities.joints),
                 reason="reads the accelerometer's own tilt while the robot lies flat",
             )
         if link.recorded is None:
             situation = Situation(
-                problem=self._problem,
+                problem=self._store.problem,
                 capabilities=self._store.capabilities,
                 modalities=settings.modalities,
                 observations=tuple(observations),
                 models=self._method.models(),
                 objective=OBJECTIVES.load(settings.objective)(self._store.capabilities),
                 physics=self._foresight,
-                clearance_cap=self._world.clearance_cap,
+                clearance_cap=self._store.world.clearance_cap,
                 rng=generator(settings.seed, Stream.PROGRAMS, number),
             )
             return RULES.load(settings.explore)(situation)

@@ -17,8 +17,6 @@ from estimator.identification.modelling import Modeller
 from estimator.identification.objectives import OBJECTIVES
 from estimator.identification.reference_check import finish
 from estimator.physics.base import ArrayPhysics, Physics
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.search.searches import SEARCHES, Search
@@ -31,7 +29,6 @@ class PaperMethod:
 
     Args:
         store: The run's memory; opened for writing.
-        problem: The run's problem.
         physics: Predicts what models feel.
         listener: Hears what happens.
         foresight: Guesses what models feel, where ``physics`` is slower.
@@ -41,7 +38,6 @@ class PaperMethod:
     def __init__(
         self,
         store: RunStore,
-        problem: Problem,
         physics: Physics,
         listener: Listener,
         *,
@@ -51,7 +47,6 @@ class PaperMethod:
         self._store = store
         self._listener = listener
         self._open_reference = open_reference
-        self._genome = Genome(problem, problem.base(store.capabilities))
         self._objective = OBJECTIVES.load(store.settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()
         self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
@@ -60,20 +55,20 @@ class PaperMethod:
         self._seconds_before = counters.wall_seconds
         self._started = time.monotonic()
         self._modeller = Modeller(
-            self._genome,
+            store.genome,
             physics,
             store.settings.modalities,
             counters,
             objective=self._objective,
             foresight=foresight,
         )
-        operators = replace(problem.search.operators(), permit=self._genome.permitted)
+        operators = replace(store.problem.search.operators(), permit=store.genome.permitted)
         search = SEARCHES.load(store.settings.search)
         self._search: Search
         if checkpoint is None:
             self._search = search(
                 store.settings.population,
-                self._genome.size,
+                store.genome.size,
                 generator(store.settings.seed, Stream.SEARCH),
                 operators=operators,
             )
@@ -134,7 +129,7 @@ class PaperMethod:
         assert latest is not None
         with closing(self._open_reference()) as reference:
             checked = finish(
-                self._genome,
+                self._store.genome,
                 self._search.population,
                 np.array(latest.errors, dtype=float),
                 observations=observations,

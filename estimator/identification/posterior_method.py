@@ -15,22 +15,25 @@ from estimator.exploration.rules import RULES
 from estimator.exploration.situation import Models, Situation
 from estimator.identification.listener import Listener
 from estimator.identification.objectives import OBJECTIVES
-from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
+from estimator.parallel.workers import Workers
+from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.belief import believe
+from estimator.posterior.checks.departed import clearly_better, doubts
 from estimator.posterior.checks.recheck import recheck
-from estimator.posterior.checks.thickness import better_thickness
+from estimator.posterior.model.departures import Doubt, possible_departures
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator, seeds
 from estimator.storage.beliefs import RIVAL, Belief, NextMovement
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
+
+SURE: Final = 0.95
+"""Attachments are known when they are stated to be so probable."""
 
 PRECISE: Final = 0.005
 """A length is known when half of its 90 % interval is no more, m."""
@@ -41,38 +44,35 @@ class PosteriorMethod:
 
     Args:
         store: The run's memory; opened for writing.
-        problem: The run's problem.
-        world: In which models live.
         listener: Hears what happens.
         make_physics: Makes the back-end that samples, for each population one.
+        workers: Move the populations' chains.
         open_reference: Makes the back-end that has the last word.
     """
 
     def __init__(
         self,
         store: RunStore,
-        problem: Problem,
-        world: WorldSettings,
         listener: Listener,
         *,
         make_physics: Callable[[], ArrayMarginPhysics],
+        workers: Workers,
         open_reference: Callable[[], Physics],
     ) -> None:
         self._store = store
-        self._problem = problem
-        self._world = world
         self._listener = listener
         self._make_physics = make_physics
+        self._workers = workers
         self._open_reference = open_reference
         self._noise = Noise.announced(store.capabilities)
-        self._genome = Genome(problem, problem.base(store.capabilities))
         effort = Effort()
         self._sampler = Sampler(
-            Unknowns(self._genome),
+            Unknowns(store.genome),
             make_physics,
             self._noise,
             effort,
             seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
+            workers=workers,
         )
         beliefs = store.beliefs()
         self._learnt = len(beliefs)
@@ -116,22 +116,50 @@ class PosteriorMethod:
         )
 
     def models(self) -> Models:
-        """The samples."""
-        posterior = self._posterior
-        return Models(genes=posterior.values, weights=posterior.weights, scales=posterior.scales)
+        """The samples, with doubts once attachments are sure, or lengths where those are known."""
+        posterior, beliefs = self._posterior, self._store.beliefs()
+        left: tuple[Doubt, ...] = ()
+        if (
+            beliefs
+            and self._attachments_known(beliefs[-1][0], SURE)
+            and (self._sampler.predictor.unknowns.bits or self._lengths_known(beliefs[-1][0]))
+        ):
+            data = self._data(self._store.observations())
+            left = tuple(doubt for doubt in self._doubts(posterior, data) if doubt.is_left)
+        return Models(
+            genes=posterior.values,
+            weights=posterior.weights,
+            scales=posterior.scales,
+            doubts=left,
+        )
 
     def is_sure(self, number: int) -> bool:
-        """Whether attachments and lengths are as sure as the settings ask for."""
+        """Whether attachments and lengths are as sure as the settings ask for.
+
+        They must have been so before the last movement too: it then tested whether the robot
+        departs from the problem.
+        """
         wanted = self._store.settings.sure
-        if wanted is None or number != self._learnt - 1:
+        if wanted is None or not number or number != self._learnt - 1:
             return False
-        belief, _ = self._store.beliefs()[number]
-        contradicted = self._problem.contradictions(self._store.capabilities)
-        if belief.probability < wanted or not belief.explained or contradicted:
-            return False
-        lengths = leg_lengths(self._genome.decode_all(np.array(belief.genes)))
+        return all(
+            self._attachments_known(one, wanted) and self._lengths_known(one)
+            for one, _ in self._store.beliefs()[-2:]
+        )
+
+    def _attachments_known(self, belief: Belief, wanted: float) -> bool:
+        contradicted = self._store.problem.contradictions(self._store.capabilities)
+        return belief.probability >= wanted and belief.explained and not contradicted
+
+    def _lengths_known(self, belief: Belief) -> bool:
+        lengths = leg_lengths(self._store.genome.decode_all(np.array(belief.genes)))
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
+
+    def _doubts(self, posterior: Posterior, data: SensorData) -> tuple[Doubt, ...]:
+        departures = possible_departures(self._store.problem)
+        predictor, noise = self._sampler.predictor, self._noise
+        return doubts(posterior, predictor, data, noise, departures, workers=self._workers)
 
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
@@ -145,13 +173,15 @@ class PosteriorMethod:
                 self._posterior, self._sampler.predictor, data, self._noise, reference
             )
             simulations, steps = reference.simulations, reference.steps
+        doubted = self._doubts(checked.posterior, data)
         final = believe(
             checked.posterior, self._sampler.predictor, data, self._noise, self._same_as
-        ).model_copy(
+        )
+        better = clearly_better(doubted) if final.probability >= SURE else None
+        final = final.model_copy(
             update={
-                "thickness": better_thickness(
-                    checked.posterior, self._sampler.predictor, data, self._noise
-                ),
+                "departure": None if better is None else better.name,
+                "untested": tuple(one.departure.name for one in doubted if one.is_left),
                 "gained": belief.gained,
                 "simulated": checked.simulated,
                 "effective": checked.effective,
@@ -175,7 +205,7 @@ class PosteriorMethod:
         with closing(self._make_physics()) as foresight:
             choice = RULES.load("information")(
                 Situation(
-                    problem=self._problem,
+                    problem=self._store.problem,
                     capabilities=self._store.capabilities,
                     modalities=settings.modalities,
                     observations=tuple(observations),
@@ -186,7 +216,7 @@ class PosteriorMethod:
                     ),
                     physics=foresight,
                     objective=OBJECTIVES.load(settings.objective)(self._store.capabilities),
-                    clearance_cap=self._world.clearance_cap,
+                    clearance_cap=self._store.world.clearance_cap,
                     rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
                 )
             )
@@ -194,14 +224,17 @@ class PosteriorMethod:
 
     def _data(self, observations: Sequence[Observation]) -> SensorData:
         return SensorData.of(
-            observations, self._store.settings.modalities, self._world.clearance_cap
+            observations, self._store.settings.modalities, self._store.world.clearance_cap
         )
 
     def _same_as(self, body: Morphology) -> Callable[[Morphology], bool]:
         settings = self._store.settings
         rng = generator(settings.seed, Stream.EQUIVALENCE)
         programs = np.array(
-            [self._problem.random_program(rng, self._store.capabilities) for _ in range(PROGRAMS)]
+            [
+                self._store.problem.random_program(rng, self._store.capabilities)
+                for _ in range(PROGRAMS)
+            ]
         )
         physics = self._make_physics()
         return Reference(body, programs, physics, settings.modalities).is_like

@@ -5,7 +5,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -24,12 +24,12 @@ from estimator.identification.posterior_method import PosteriorMethod
 from estimator.physics.backends import (
     BACKENDS,
     REFERENCE,
-    OpenPhysics,
+    Computers,
     abilities_of,
     foresight_of,
     maker,
 )
-from estimator.physics.base import ArrayMarginPhysics, WorldSettings
+from estimator.physics.base import ArrayMarginPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.recheck import fine
 from estimator.problem.problem import Problem
@@ -43,7 +43,7 @@ from estimator.storage.store import RunStore, first_id
 from protocol.wire.capabilities import Capabilities
 
 Summary = TypeVar("Summary")
-Report: TypeAlias = Callable[[RunStore, Problem], Summary]
+Report: TypeAlias = Callable[[RunStore], Summary]
 """Writes what a run leaves beside its database, and sums the run up."""
 
 
@@ -89,7 +89,7 @@ class Order:
 def identify(
     directory: Path,
     order: Order,
-    open_physics: OpenPhysics,
+    computers: Computers,
     listener: Listener,
     *,
     report: Report[Summary],
@@ -101,7 +101,7 @@ def identify(
     Args:
         directory: Where the run is to be.
         order: What is asked of it.
-        open_physics: Makes the back-end.
+        computers: Do the work.
         listener: Hears what happens.
         report: Called after each iteration and at the end, for what is returned.
 
@@ -125,12 +125,12 @@ def identify(
             listener.say(f"Note: {sentence}.")
         settings = _settings(order, (physics, explore), problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
-            return _work(store, problem, open_physics, lambda: link, listener, report=report)
+            return _work(store, computers, lambda: link, listener, report=report)
 
 
 def resume(
     directory: Path,
-    open_physics: OpenPhysics,
+    computers: Computers,
     listener: Listener,
     *,
     robot: str | None = None,
@@ -141,7 +141,7 @@ def resume(
 
     Args:
         directory: The run.
-        open_physics: Makes the back-end.
+        computers: Do the work.
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
         keys: The key directory, where the robot asks for keys; a run does not remember it.
@@ -151,26 +151,14 @@ def resume(
         BodyschemaError: Something prevents it; the message says what.
     """
     with RunStore.open(directory) as store:
-        problem = problem_of(store)
         _compare_packages(store, listener)
         uri = robot or store.settings.robot
-        connect = partial(reconnect, store, problem, uri, listener, keys=keys)
-        return _work(store, problem, open_physics, connect, listener, report=report)
-
-
-def problem_of(store: RunStore) -> Problem:
-    """The problem that a run was started with, written out for its robot."""
-    asked = Problem.parse(store.settings.problem_text, f"problem of {store.directory}")
-    return asked.for_robot(store.capabilities)
-
-
-def world_of(store: RunStore, problem: Problem) -> WorldSettings:
-    """The world in which a run's models are simulated."""
-    return replace(problem.settings(store.capabilities), full_steps=store.settings.full_steps)
+        connect = partial(reconnect, store, uri, listener, keys=keys)
+        return _work(store, computers, connect, listener, report=report)
 
 
 def reconnect(
-    store: RunStore, problem: Problem, uri: str, listener: Listener, *, keys: Path | None = None
+    store: RunStore, uri: str, listener: Listener, *, keys: Path | None = None
 ) -> RobotLink:
     """The robot of a run that exists already.
 
@@ -180,7 +168,7 @@ def reconnect(
     """
     link = open_robot(
         uri,
-        driven=_driven(problem),
+        driven=_driven(store.problem),
         client_id=store.client_id,
         first_id=store.new_connection(),
         keys=keys,
@@ -306,20 +294,19 @@ def _choices(order: Order) -> tuple[str, str]:
 
 def _work(
     store: RunStore,
-    problem: Problem,
-    open_physics: OpenPhysics,
+    computers: Computers,
     connect: Callable[[], RobotLink],
     listener: Listener,
     *,
     report: Report[Summary],
 ) -> Summary:
-    world, settings = world_of(store, problem), store.settings
+    world, settings = store.world, store.settings
     with ExitStack() as stack:
         method: Method
         foresight: ArrayMarginPhysics
         if settings.method == "posterior":
             make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
-            opened = stack.enter_context(closing(open_physics(settings.physics, world)))
+            opened = stack.enter_context(closing(computers.open_physics(settings.physics, world)))
             foresight = (
                 cast(ArrayMarginPhysics, opened)
                 if opened.abilities.arrays
@@ -327,32 +314,24 @@ def _work(
             )
             method = PosteriorMethod(
                 store,
-                problem,
-                world,
                 listener,
                 make_physics=make_physics,
-                open_reference=lambda: open_physics(settings.reference, fine(world)),
+                workers=stack.enter_context(closing(computers.open_workers())),
+                open_reference=lambda: computers.open_physics(settings.reference, fine(world)),
             )
         else:
             foresight = stack.enter_context(closing(StaticsPhysics(world)))
             method = PaperMethod(
                 store,
-                problem,
-                stack.enter_context(closing(open_physics(settings.physics, world))),
+                stack.enter_context(closing(computers.open_physics(settings.physics, world))),
                 listener,
                 foresight=foresight_of(settings.physics, world),
                 open_reference=None
                 if settings.physics == settings.reference
-                else lambda: open_physics(settings.reference, world),
+                else lambda: computers.open_physics(settings.reference, world),
             )
         identification = Identification(
-            store,
-            problem,
-            method,
-            world,
-            foresight=foresight,
-            connect=connect,
-            listener=listener,
+            store, method, foresight=foresight, connect=connect, listener=listener
         )
-        identification.run(after_iteration=lambda: report(store, problem))
-    return report(store, problem)
+        identification.run(after_iteration=lambda: report(store))
+    return report(store)

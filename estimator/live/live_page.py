@@ -19,7 +19,8 @@ from estimator.errors import EstimatorError
 from estimator.live.panel import panel, wrapped
 from estimator.live.pose_ensemble import KINDS, Instances, instances, posed
 from estimator.live.run_view import RunState, RunView
-from estimator.report.bodies.scene import Kind, Solid
+from estimator.report.bodies.jointed_body import Kind
+from estimator.report.bodies.scene import Solid
 
 _MESHES: Final = {
     "box": trimesh.creation.box(),

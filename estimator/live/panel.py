@@ -14,7 +14,6 @@ from typing import Final
 from estimator.live.run_view import RunState, RunView
 from estimator.report.leg_styles import leg_colour
 from estimator.report.posterior_summary import PosteriorSummary
-from estimator.report.result import LegFound
 from estimator.storage.records import InteractionRecord
 
 _STYLE: Final = "font-size:0.85em;line-height:1.4;padding:0 0.75em 0.5em;overflow-wrap:anywhere;"
@@ -74,27 +73,18 @@ def _legs(view: RunView) -> str:
     if not result.legs:
         return "Nothing is known of the legs yet."
     rows = []
-    for number, leg in enumerate(result.legs):
-        if posterior is None:
-            length, (low, high) = leg.length_m, leg.population_m or (leg.length_m, leg.length_m)
-        else:
-            interval = posterior.lengths_m[number]
-            length, low, high = interval.median, interval.low, interval.high
+    for number, (leg, length) in enumerate(zip(result.legs, result.leg_intervals, strict=True)):
         rows.append(
             (
                 f'<span style="color:{leg_colour(number)}">⬤</span> {escape(leg.joint)}',
                 escape(leg.mount),
-                f"{1000 * length:.0f} mm",
-                f"{1000 * low:.0f}–{1000 * high:.0f}",
-                _touched(leg),
+                f"{1000 * length.median:.0f} mm",
+                f"{1000 * length.low:.0f}–{1000 * length.high:.0f}",
+                leg.touched_in_words,
             )
         )
     between = "all models" if posterior is None else "90 %"
     return _table(("leg", "mount", "length", between, "touched"), rows)
-
-
-def _touched(leg: LegFound) -> str:
-    return "not sensed" if leg.touched is None else "yes" if leg.touched else "never"
 
 
 def _movements(view: RunView) -> str:

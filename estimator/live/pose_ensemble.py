@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array, Base, Morphology
 from estimator.readings.observation import Observation
-from estimator.report.bodies.scene import MAIN_BODY, Attitude, Kind, Solid, at_rest, model_solids
+from estimator.report.bodies.jointed_body import MAIN_BODY, Kind, model_links
+from estimator.report.bodies.scene import Solid, at_rest, solids_of
 from estimator.report.leg_styles import leg_colour
 
 KINDS: Final[tuple[Kind, ...]] = ("box", "cylinder", "sphere")
@@ -49,13 +50,7 @@ def posed(base: Base, body: Morphology | None, pose: Observation | None) -> list
     """
     whole = body or Morphology(base=base, parts=(), density=1.0)
     angles = np.zeros(whole.motors) if pose is None else np.array(pose.angles)
-    left, ahead = (0.0, 0.0) if pose is None else (angle or 0.0 for angle in pose.tilt)
-    attitude = Attitude(
-        tilt=(left, ahead),
-        clearance=None if pose is None else pose.clearance,
-        saturated=pose is not None and pose.clearance_saturated,
-    )
-    return at_rest(model_solids(whole, angles), attitude)
+    return at_rest(solids_of(model_links(whole), angles), pose)
 
 
 def instances(bodies: Iterable[Sequence[Solid]], kind: Kind) -> Instances:

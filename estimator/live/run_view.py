@@ -11,8 +11,6 @@ import numpy as np
 
 from estimator.body.morphology import Base, Morphology
 from estimator.identification.final_population import FinalPopulation
-from estimator.identification.run import problem_of
-from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
 from estimator.report.result import Result, summarise
 from estimator.storage.records import InteractionRecord
@@ -77,18 +75,15 @@ class RunView:
             store: The run.
             written_to: Whether some process works on it.
         """
-        problem = problem_of(store)
-        interactions, result = store.interactions(), summarise(store, problem)
+        interactions, result = store.interactions(), summarise(store)
         state = RunState.GOES_ON if written_to else RunState.INTERRUPTED
         if finished := _is_finished(store, result):
             state = RunState.FINISHED
-        base = problem.base(store.capabilities)
-        population = FinalPopulation.of(store)
-        genome = Genome(problem, base)
+        population, genome = FinalPopulation.of(store), store.genome
         observations = [item.observation for item in interactions if item.observation is not None]
         return cls(
             result=result,
-            base=base,
+            base=store.problem.base(store.capabilities),
             best=genome.decode(population.genes[population.best]) if len(population) else None,
             bodies=tuple(genome.decode(population.genes[row]) for row in _rows(store, population)),
             pose=observations[-1] if observations else None,

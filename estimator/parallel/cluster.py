@@ -20,10 +20,11 @@ import uuid
 import warnings
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, Final, NoReturn, Self, TypeAlias
+from typing import Any, Final, NoReturn, TypeAlias
 
 from estimator.errors import ClusterError, WorkerError
 from estimator.plugins import installed_packages
+from protocol.system.closable import Closable
 
 Future: TypeAlias = Any
 """What will come of some work: a ``distributed.Future``."""
@@ -39,7 +40,7 @@ _PACKAGES: Final = ("estimator", "protocol", "robot", "sim_robot")
 _SOURCES: Final = (".py", ".toml", ".urdf")
 
 
-class Cluster:
+class Cluster(Closable):
     """A connection to a cluster; use it as a context manager.
 
     Args:
@@ -69,12 +70,6 @@ class Cluster:
             raise
         self._identity = _identity()
         self._peopled = time.monotonic()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Closes the connection; the cluster drops unfinished work. May be called twice."""

@@ -23,9 +23,10 @@ from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from typing import Any, Final, Generic, NoReturn, Self, TypeAlias, TypeVar
+from typing import Any, Final, Generic, NoReturn, TypeAlias, TypeVar
 
 from estimator.errors import WorkerError
+from protocol.system.closable import Closable
 
 Task = TypeVar("Task")
 Message = TypeVar("Message")
@@ -52,7 +53,7 @@ class Raised:
     error: Exception
 
 
-class WorkerProcesses(Generic[Task, Message, Result]):
+class WorkerProcesses(Closable, Generic[Task, Message, Result]):
     """A group of worker processes; a context manager, which ends them.
 
     Workers start with the first tasks, as many as are needed, and stay for later ones. They are
@@ -70,12 +71,6 @@ class WorkerProcesses(Generic[Task, Message, Result]):
         self._context = multiprocessing.get_context("forkserver")
         self._processes: dict[Connection, BaseProcess] = {}
         self._busy: dict[Connection, int] = {}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Ends the workers, also busy ones; may be called twice. New tasks start new workers."""

@@ -7,6 +7,7 @@ implements ``Physics`` and declares in its attribute ``abilities`` what else it 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from typing import Any, Final, TypeAlias
 
 from estimator.errors import EstimatorError
 from estimator.parallel.cluster import Cluster
+from estimator.parallel.workers import DaskWorkers, LocalWorkers, ThisProcess, Workers
 from estimator.physics.base import Abilities, ArrayPhysics, Physics, WorldSettings
 from estimator.physics.dask import DaskPhysics
 from estimator.physics.pool import PhysicsPool
@@ -22,6 +24,20 @@ from estimator.plugins import Registry
 
 OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 """Makes the back-end of a given name for a given world."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Computers:
+    """Where a run's work is done; its result does not depend on it.
+
+    Attributes:
+        open_physics: Makes back-ends there.
+        open_workers: Makes what shares out other work.
+    """
+
+    open_physics: OpenPhysics
+    open_workers: Callable[[], Workers]
+
 
 REFERENCE: Final = "mujoco" if find_spec("pybullet") is None else "pybullet"
 """The back-end that has the last word on models, whatever searched for them: PyBullet where it is
@@ -70,8 +86,8 @@ def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     return None if abilities_of(name).arrays else StaticsPhysics(settings)
 
 
-def on_this_computer(jobs: int) -> OpenPhysics:
-    """Opens back-ends on ``jobs`` cores: in threads if they can, else in worker processes."""
+def on_this_computer(jobs: int) -> Computers:
+    """Works on ``jobs`` cores: back-ends in threads if they can, all else in worker processes."""
 
     def opened(name: str, settings: WorldSettings) -> Physics:
         make = maker(name, settings)
@@ -79,22 +95,27 @@ def on_this_computer(jobs: int) -> OpenPhysics:
             return partial(make, jobs=jobs)()
         return PhysicsPool(make, jobs, undecided=abilities_of(name).undecided)
 
-    return opened
+    workers = ThisProcess if jobs == 1 else partial(LocalWorkers, jobs)
+    return Computers(open_physics=opened, open_workers=workers)
 
 
-def on_cluster(cluster: Cluster) -> OpenPhysics:
-    """Opens back-ends on the workers of a cluster."""
+def on_cluster(cluster: Cluster) -> Computers:
+    """Works on the workers of a cluster."""
 
     def opened(name: str, settings: WorldSettings) -> Physics:
         make = maker(name, settings)
         return DaskPhysics(make, cluster, undecided=abilities_of(name).undecided)
 
-    return opened
+    return Computers(open_physics=opened, open_workers=partial(DaskWorkers, cluster))
 
 
 def in_this_process(name: str, settings: WorldSettings) -> Physics:
-    """Opens a back-end in the calling process, for callers that are one of many processes."""
+    """Opens a back-end in the calling process."""
     return maker(name, settings)()
+
+
+IN_THIS_PROCESS: Final = Computers(open_physics=in_this_process, open_workers=ThisProcess)
+"""For callers that are one of many processes."""
 
 
 def _load(name: str) -> Any:

@@ -9,10 +9,9 @@ What tilt, clearance and touch are is defined in ``protocol.wire.readings``.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
-from typing import Final, Protocol, Self, TypeAlias, TypeGuard
+from typing import Final, Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from estimator.body.accelerometer import up_as_felt
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
+from protocol.system.closable import Closable
 from protocol.wire.readings import (
     DOUBTFUL_GAP,
     TOUCH_GAP,
@@ -310,7 +310,7 @@ def takes_arrays(physics: Physics) -> TypeGuard[ArrayPhysics]:
     return physics.abilities.arrays
 
 
-class BackEnd(ABC):
+class BackEnd(Closable):
     """Base class of back-ends, which counts their work and makes them context managers.
 
     Attributes:
@@ -324,16 +324,6 @@ class BackEnd(ABC):
     def __init__(self) -> None:
         self.simulations = 0
         self.steps = 0
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @abstractmethod
-    def close(self) -> None:
-        """Gives processes and engine memory back; may be called twice."""
 
 
 def sensor_count(pairs: Sequence[Pair]) -> int:

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 from typing import Final
 
 from estimator.parallel.cluster import Cluster
-from estimator.physics.base import Abilities, BackEnd, Pair, Physics, Readings, sensor_count
-from estimator.physics.pool import Chunk, MakePhysics, cut, read_chunk
+from estimator.physics.base import Pair, Physics
+from estimator.physics.pool import Chunk, ChunkedPhysics, MakePhysics, cut, read_chunk
 
 _TASK: Final = "simulate"
 
 
-class DaskPhysics(BackEnd):
+class DaskPhysics(ChunkedPhysics):
     """Runs a back-end on the workers of a cluster, each of which keeps its engine.
 
     Args:
@@ -28,34 +28,22 @@ class DaskPhysics(BackEnd):
     """
 
     def __init__(self, make: MakePhysics, cluster: Cluster, *, undecided: bool = False) -> None:
-        super().__init__()
-        self.abilities = Abilities(undecided=undecided)
+        super().__init__(undecided=undecided)
         self._make = pickle.dumps(make)
         self._cluster = cluster
 
     def close(self) -> None:
         """Does nothing: workers keep their engines for the next run."""
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
-        """Simulates one interaction per pair; see ``Physics.read``.
-
-        Raises:
-            ClusterError: The cluster failed. A chunk whose worker died is given to another one.
-        """
-        sensor_count(pairs)
-        if not pairs:
-            return Readings.empty(0, 0)
+    def _have_read(self, pairs: Sequence[Pair]) -> list[Chunk]:
         futures = []
         try:
             for chunk in cut(pairs, self._cluster.workers):
                 futures.append(self._cluster.submit(_TASK, _simulate, self._make, chunk))
-            chunks: list[Chunk] = [self._cluster.result(future) for future in futures]
+            return [self._cluster.result(future) for future in futures]
         except BaseException:
             self._cluster.cancel(futures)
             raise
-        self.simulations += sum(simulations for _, simulations, _ in chunks)
-        self.steps += sum(steps for _, _, steps in chunks)
-        return Readings.concatenate(readings for readings, _, _ in chunks)
 
 
 _engine: tuple[bytes, Physics] | None = None  # the worker's own, and how it was made

@@ -161,7 +161,7 @@ def build(engine: Any, body: Morphology, settings: WorldSettings) -> Any:
     x, y, z = body.base.size
     main.add_geom(type=shape.mjGEOM_BOX, size=(x / 2, y / 2, z / 2), **contact)
     main.explicitinertial, main.mass, main.ipos = True, body.base.mass, body.base.centre
-    main.inertia = body.base.mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    main.inertia = body.base.inertia
     stiffness = GRAVITY * body.mass * body.reach / (_YIELD * settings.joint_tolerance)
     links: list[Any] = []
     for index, (part, mass) in enumerate(zip(body.parts, body.masses.tolist(), strict=True)):

@@ -6,6 +6,7 @@ only, so neither the number of workers nor who did which chunk shows in the resu
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final, TypeAlias
@@ -35,7 +36,38 @@ def read_chunk(physics: Physics, pairs: Sequence[Pair]) -> Chunk:
     return readings, physics.simulations - simulations, physics.steps - steps
 
 
-class PhysicsPool(BackEnd):
+class ChunkedPhysics(BackEnd):
+    """Base of back-ends that have others simulate their batches, chunk by chunk.
+
+    Args:
+        undecided: Whether those tell undecided poses.
+    """
+
+    def __init__(self, *, undecided: bool) -> None:
+        super().__init__()
+        self.abilities = Abilities(undecided=undecided)
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        """Simulates one interaction per pair; see ``Physics.read``.
+
+        Raises:
+            WorkerError: Several workers died of the same chunk; one that dies costs time.
+            ClusterError: The cluster failed.
+        """
+        sensor_count(pairs)
+        if not pairs:
+            return Readings.empty(0, 0)
+        chunks = self._have_read(pairs)
+        self.simulations += sum(simulations for _, simulations, _ in chunks)
+        self.steps += sum(steps for _, _, steps in chunks)
+        return Readings.concatenate(readings for readings, _, _ in chunks)
+
+    @abstractmethod
+    def _have_read(self, pairs: Sequence[Pair]) -> list[Chunk]:
+        """The chunks of a batch, in order."""
+
+
+class PhysicsPool(ChunkedPhysics):
     """Runs a back-end in worker processes.
 
     Workers start with the first batch. A worker that dies costs time: its chunk is given to
@@ -52,10 +84,9 @@ class PhysicsPool(BackEnd):
     """
 
     def __init__(self, make: MakePhysics, jobs: int, *, undecided: bool = False) -> None:
-        super().__init__()
+        super().__init__(undecided=undecided)
         if jobs < 1:
             raise PhysicsError(f"there must be at least one worker process, not {jobs}")
-        self.abilities = Abilities(undecided=undecided)
         self._jobs = jobs
         self._workers: WorkerProcesses[Sequence[Pair], None, Chunk] = WorkerProcesses(
             partial(_start, make), jobs
@@ -65,19 +96,8 @@ class PhysicsPool(BackEnd):
         """Ends the workers; may be called twice. The next batch starts new ones."""
         self._workers.close()
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
-        """Simulates one interaction per pair; see ``Physics.read``.
-
-        Raises:
-            WorkerError: Several workers died of the same chunk.
-        """
-        sensor_count(pairs)
-        if not pairs:
-            return Readings.empty(0, 0)
-        chunks = self._workers.results(cut(pairs, self._jobs))
-        self.simulations += sum(simulations for _, simulations, _ in chunks)
-        self.steps += sum(steps for _, _, steps in chunks)
-        return Readings.concatenate(readings for readings, _, _ in chunks)
+    def _have_read(self, pairs: Sequence[Pair]) -> list[Chunk]:
+        return self._workers.results(cut(pairs, self._jobs))
 
 
 def _start(make: MakePhysics) -> Work[Sequence[Pair], None, Chunk]:

@@ -284,8 +284,7 @@ def _middle(part: Part) -> float:
 
 def _inertias(morphology: Morphology) -> Iterator[tuple[float, float, float]]:
     """Moments about the centre of mass, of the main body and of each part, kg·m²."""
-    (x, y, z), mass = morphology.base.size, morphology.base.mass / 12
-    yield mass * (y * y + z * z), mass * (x * x + z * z), mass * (x * x + y * y)
+    yield morphology.base.inertia
     for part, weight in zip(morphology.parts, morphology.masses.tolist(), strict=True):
         extent = part.far_centre - part.near_centre + 2 * part.radius
         across = weight * (3 * part.radius**2 + extent**2) / 12

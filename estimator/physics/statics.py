@@ -23,6 +23,7 @@ import importlib
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
@@ -82,6 +83,11 @@ class StaticsPhysics(BackEnd):
                 f"Numba cannot be imported ({error}): pip install 'bodyschema[estimator]'"
             ) from error
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travels to worker processes without its threads, and with its counts."""
+        make = partial(StaticsPhysics, self._settings, jobs=self._jobs, pace=self._pace)
+        return make, (), {"simulations": self.simulations, "steps": self.steps}
+
     def close(self) -> None:
         """Ends the threads; may be called twice. The next batch starts new ones."""
         if self._threads is not None:
@@ -126,21 +132,10 @@ class StaticsPhysics(BackEnd):
             self._kernel.rest,
             count,
             (
-                bodies.count,
-                bodies.parent,
-                bodies.mount,
-                bodies.hinge,
-                bodies.motor,
-                bodies.sensor,
-                bodies.length,
-                bodies.radius,
-                bodies.base,
-                bodies.base_mounts,
-                bodies.part_mounts,
-                bodies.hinges,
+                self._trees(bodies),
                 checked,
                 _checked_leans(bodies, leans),
-                *self._slew(checked, max(self._pace, QUICK_PACE) if quickly else self._pace),
+                self._slew(checked, max(self._pace, QUICK_PACE) if quickly else self._pace),
                 settings.clearance_cap,
                 settings.touch_gap,
                 settings.doubtful_gap,
@@ -182,32 +177,22 @@ class StaticsPhysics(BackEnd):
         self._share_out(
             self._kernel.margins,
             len(bodies),
-            (
-                bodies.count,
-                bodies.parent,
-                bodies.mount,
-                bodies.hinge,
-                bodies.motor,
-                bodies.length,
-                bodies.radius,
-                bodies.base,
-                bodies.base_mounts,
-                bodies.part_mounts,
-                bodies.hinges,
-                checked,
-                *self._slew(checked, self._pace),
-                margins,
-            ),
+            (self._trees(bodies), checked, self._slew(checked, self._pace), margins),
         )
         return margins
 
-    def _slew(self, programs: Array, pace: float) -> tuple[float, float, Array, Array]:
-        """Turn per step, farthest turn, and cosine and sine after each step."""
+    def _trees(self, bodies: Bodies) -> Any:
+        """The bodies as the kernel takes them."""
+        trees = self._kernel.Trees
+        return trees(bodies.count, *(getattr(bodies, name) for name in trees._fields[1:]))
+
+    def _slew(self, programs: Array, pace: float) -> Any:
+        """How joints turn, as the kernel takes it."""
         settings = self._settings
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
         farthest = min(float(np.max(np.abs(programs), initial=0.0)), reach)
         angles = pace * np.arange(math.ceil(farthest / pace) + 2)
-        return pace, reach, np.cos(angles), np.sin(angles)
+        return self._kernel.Slew(pace, reach, np.cos(angles), np.sin(angles))
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
         """Has all rows computed, each by one thread alone, so that sums have one order."""

@@ -5,6 +5,7 @@ Module                  What is in it
 ======================= =========================================================================
 ``problem``             ``Problem``: a TOML file, checked, and written out for a robot
 ``genome``              ``Genome``: gene arrays in [0, 1] that encode bodies
+``genes``               what each gene decides
 ``free_mounts``         where parts go that may not share a mount
 ``outermost_parts``     touch sensors on the parts that carry no other
 ``attachment_tables``   the mounts and hinges of a problem: of its tables, and of single parts

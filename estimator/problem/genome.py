@@ -1,17 +1,15 @@
 """Genomes: gene arrays in [0, 1] that encode bodies.
 
-A genome goes through the problem's parts in order. Each part contributes one gene for each thing
-that is to be found about it, in the order of the paper's rows: parent P, mount O, hinge J, length.
-A gene that stands for a choice among k is scaled to the integers 0 to k − 1; row i chooses its
-parent among the main body and the i − 1 earlier parts, and its mount among those of that parent.
+``genes`` has what each of them decides. A gene that stands for a choice among k is scaled to the
+integers 0 to k − 1; row i chooses its parent among the main body and the i − 1 earlier parts, and
+its mount among those of that parent.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,31 +18,10 @@ from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.physics.base import Flags
 from estimator.problem.free_mounts import spread
+from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.nuisances import Nuisances
 from estimator.problem.outermost_parts import outermost_sensors, with_outermost_sensors
 from estimator.problem.problem import Problem
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gene:
-    """What one gene decides.
-
-    Attributes:
-        part: Index of the part; ``BASE`` for a nuisance parameter.
-        trait: Which of the part's traits.
-        choices: How many values it chooses from, at most: the main body may have other mounts than
-            parts have. 0 for what is any in a range.
-        name: For people.
-        parent: What the part sits on, where that is known.
-        unit: For people, of what is any in a range.
-    """
-
-    part: int
-    trait: Literal["parent", "mount", "hinge", "length", "nuisance"]
-    choices: int
-    name: str
-    parent: int | None = None
-    unit: str = ""
 
 
 class Genome:
@@ -63,7 +40,7 @@ class Genome:
         self._base = base
         self._nuisances = Nuisances(problem.nuisance, problem.parts, problem.density)
         self.genes: tuple[Gene, ...] = (
-            *(gene for index in range(len(problem.parts)) for gene in _genes(problem, index)),
+            *(gene for index in range(len(problem.parts)) for gene in genes_of(problem, index)),
             *(
                 Gene(part=BASE, trait="nuisance", choices=0, name=one.name, unit=one.unit)
                 for one in self._nuisances.listed
@@ -84,20 +61,15 @@ class Genome:
         Returns:
             Shape (n, size).
         """
-        tables = self._problem.tables
         values = np.asarray(genes, dtype=float)
         chosen = np.full(values.shape, -1, dtype=np.int64)
-        on_base = np.zeros(len(values), dtype=bool)
-        for column, gene in enumerate(self.genes):
-            if not gene.choices:
-                continue
-            count: int | Integers = gene.choices
-            if gene.trait == "mount" and self._problem.parts[gene.part].parent is None:
-                count = np.where(on_base, tables.base_choices, tables.part_choices)
-            own = (values[:, column] * count).astype(np.int64)
-            chosen[:, column] = np.minimum(own, np.asarray(count) - 1)
-            if gene.trait == "parent":
-                on_base = chosen[:, column] == 0
+        columns = self._columns
+        chosen[:, columns.chosen] = _scaled(values[:, columns.chosen], columns.counts)
+        if columns.open_mounts.size:
+            tables = self._problem.tables
+            on_base = chosen[:, columns.their_parents] == 0
+            counts = np.where(on_base, tables.base_choices, tables.part_choices)
+            chosen[:, columns.open_mounts] = _scaled(values[:, columns.open_mounts], counts)
         return chosen
 
     def words(self, column: int, genes: Array) -> tuple[str, ...]:
@@ -212,7 +184,11 @@ class Genome:
         if self._problem.touch == "outermost":
             sensor = outermost_sensors(traits.parent, self._problem.sensors)
         base = np.hstack([bodies.base[:, : -nuisances.shape[1]], nuisances])
-        return replace(bodies, **traits._asdict(), zero=zeros, sensor=sensor, base=base)
+        return bodies.changed(**traits._asdict(), zero=zeros, sensor=sensor, base=base)
+
+    @cached_property
+    def _columns(self) -> GeneColumns:
+        return GeneColumns.of(self._problem, self.genes)
 
     @cached_property
     def _any_body(self) -> Bodies:
@@ -270,28 +246,24 @@ class Genome:
                 choices = len(self._problem.tables.mount_names(parent))
                 yield columns[part, "mount"], (mount + 0.5) / choices
 
-    def _traits(self, values: Array) -> _Traits:
+    def _traits(self, values: Array) -> Traits:
         """Parents, mounts, hinges and lengths of n genomes."""
-        rules, tables = self._problem.parts, self._problem.tables
-        each = (len(values), 1)
-        traits = _Traits(
-            np.tile([BASE if rule.parent is None else rule.parent for rule in rules], each),
-            np.zeros((len(values), len(rules)), dtype=np.int64),
-            np.tile([known.hinge or 0 for known in tables.attached], each),
-            np.tile([rule.length[0] for rule in rules], each),
+        columns, each = self._columns, (len(values), 1)
+        known = columns.known
+        traits = Traits(
+            np.tile(known.parent, each),
+            np.tile(known.mount, each),
+            np.tile(known.hinge, each),
+            np.tile(known.length, each),
         )
         chosen = self.choices(values)
-        for column, gene in enumerate(self.genes):
-            if gene.trait == "length":
-                low, high = rules[gene.part].length
-                traits.length[:, gene.part] = low + values[:, column] * (high - low)
-            elif gene.trait != "nuisance":
-                offset = BASE if gene.trait == "parent" else 0
-                getattr(traits, gene.trait)[:, gene.part] = chosen[:, column] + offset
-        for part, (rule, known) in enumerate(zip(rules, tables.attached, strict=True)):
-            if rule.mount is not None:
-                on_base = traits.parent[:, part] == BASE
-                traits.mount[:, part] = np.where(on_base, known.on_base or 0, known.on_part or 0)
+        for name, (parts, own) in columns.of_traits.items():
+            getattr(traits, name)[:, parts] = chosen[:, own] + (BASE if name == "parent" else 0)
+        parts, own = columns.lengths
+        traits.length[:, parts] = columns.shortest + values[:, own] * columns.spans
+        parts = columns.mounted
+        on_base = traits.parent[:, parts] == BASE
+        traits.mount[:, parts] = np.where(on_base, columns.on_base, columns.on_part)
         return traits
 
     def _nuisance_values(self, values: Array) -> tuple[Array, Array]:
@@ -306,35 +278,6 @@ class Genome:
         return values
 
 
-class _Traits(NamedTuple):
-    """Of n bodies, shape (n, parts) each."""
-
-    parent: Integers
-    mount: Integers
-    hinge: Integers
-    length: Array
-
-
-def _genes(problem: Problem, index: int) -> list[Gene]:
-    rule, tables = problem.parts[index], problem.tables
-    mounts = max(tables.base_choices, tables.part_choices)
-    if rule.parent is not None or index == 0:
-        mounts = tables.part_choices if rule.parent not in (None, BASE) else tables.base_choices
-    traits: tuple[tuple[Literal["parent", "mount", "hinge", "length"], bool, int], ...] = (
-        ("parent", rule.parent is None, index + 1),
-        ("mount", rule.mount is None, mounts),
-        ("hinge", rule.hinge is None, tables.hinge_choices),
-        ("length", rule.length_unknown, 0),
-    )
-    return [
-        Gene(
-            part=index,
-            trait=trait,
-            choices=choices,
-            name=f"{trait} of {rule.name}",
-            parent=rule.parent,
-            unit="" if choices else "mm",
-        )
-        for trait, unknown, choices in traits
-        if unknown
-    ]
+def _scaled(values: Array, counts: Integers) -> Integers:
+    """Genes as choices among so many."""
+    return np.minimum((values * counts).astype(np.int64), counts - 1)

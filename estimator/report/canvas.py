@@ -24,7 +24,7 @@ def new_figure(width: float, height: float) -> Figure:
     with interrupts_deferred():
         make: type[Figure] = importlib.import_module("matplotlib.figure").Figure
         importlib.import_module("matplotlib.backends.backend_agg")  # which draws it
-    return make(figsize=(width, height), layout="constrained")
+    return make(figsize=(width, height), dpi=_DPI, layout="constrained")
 
 
 def new_axes() -> tuple[Figure, Axes]:
@@ -42,15 +42,19 @@ def leg_patches(names: Sequence[str]) -> list[Patch]:
 def as_png(figure: Figure) -> bytes:
     """A figure as a picture."""
     content = io.BytesIO()
-    figure.savefig(content, dpi=_DPI)
+    backend = importlib.import_module("matplotlib.backends.backend_agg")
+    backend.FigureCanvasAgg(figure).print_png(content)  # Figure.savefig draws twice
     return content.getvalue()
 
 
 def as_svg(figure: Figure) -> str:
-    """A figure as an SVG element, the same bytes each time, with its text as text."""
+    """A figure as an SVG element, transparent, the same bytes each time, its text as text."""
     content = io.StringIO()
+    for background in (figure.patch, *(axes.patch for axes in figure.axes)):
+        background.set_facecolor("none")
     fixed = {"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}
+    backend = importlib.import_module("matplotlib.backends.backend_svg")
     with importlib.import_module("matplotlib").rc_context(fixed):
-        figure.savefig(content, format="svg", dpi=_DPI, transparent=True, metadata=_NO_METADATA)
+        backend.FigureCanvasSVG(figure).print_svg(content, metadata=_NO_METADATA)
     text = content.getvalue()
     return text[text.index("<svg") :]

@@ -13,14 +13,13 @@ import numpy as np
 from estimator.body.morphology import Morphology
 from estimator.evaluation.score import Score
 from estimator.identification.final_population import FinalPopulation
-from estimator.identification.run import problem_of
-from estimator.problem.genome import Genome
 from estimator.report.bodies.camera import reach, take_picture
-from estimator.report.bodies.scene import LEVEL, at_rest, model_solids
+from estimator.report.bodies.jointed_body import model_links
+from estimator.report.bodies.scene import at_rest, solids_of
 from estimator.report.canvas import new_figure
 from estimator.report.evaluation_files import score_of
 from estimator.report.leg_styles import OTHER_MARKERS, leg_colour, leg_label
-from estimator.report.plots import ABOVE
+from estimator.report.plots import legend_of_names
 from estimator.report.posterior_summary import Interval
 from estimator.report.result import Result, summarise
 from estimator.storage.store import RunStore
@@ -56,29 +55,21 @@ class ComparedRun:
             RunDirectoryError: There is none, or it is damaged.
         """
         with RunStore.open(directory, to_write=False) as store:
-            problem = problem_of(store)
-            result = summarise(store, problem)
+            result = summarise(store)
             population = FinalPopulation.of(store)
-            genome = Genome(problem, problem.base(store.capabilities))
+            decode = store.genome.decode
             return cls(
                 name=str(directory),
                 result=result,
-                body=genome.decode(population.genes[population.best]) if len(population) else None,
+                body=decode(population.genes[population.best]) if len(population) else None,
                 score=score_of(directory, result),
             )
 
     @property
     def lengths(self) -> dict[str, Interval]:
         """Length of each leg, m, by its joint; with its 90 % interval or the population's."""
-        posterior = self.result.posterior
-        if posterior is not None:
-            joints = (leg.joint for leg in self.result.legs)
-            return dict(zip(joints, posterior.lengths_m, strict=True))
-        return {
-            leg.joint: Interval(low=low, median=leg.length_m, high=high)
-            for leg in self.result.legs
-            for low, high in [leg.population_m or (leg.length_m, leg.length_m)]
-        }
+        joints = (leg.joint for leg in self.result.legs)
+        return dict(zip(joints, self.result.leg_intervals, strict=True))
 
 
 def joints_of(runs: Sequence[ComparedRun]) -> tuple[str, ...]:
@@ -92,7 +83,9 @@ def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
     grid = figure.add_gridspec(2, 1)
     above, below = (figure.add_subfigure(grid[row]) for row in range(2))
     solids = [
-        at_rest(model_solids(run.body, np.zeros(run.body.motors)), LEVEL) if run.body else []
+        at_rest(solids_of(model_links(run.body), np.zeros(run.body.motors)), None)
+        if run.body
+        else []
         for run in runs
     ]
     radius = max((reach(item) for item in solids if item), default=1.0)
@@ -136,9 +129,7 @@ def _draw_lengths(axes: Axes, runs: Sequence[ComparedRun]) -> None:
     axes.set_ylabel("leg length (cm)")
     axes.set_ylim(bottom=0)
     axes.spines[["top", "right"]].set_visible(False)
-    legend = axes.legend(ncols=min(4, len(runs)), **ABOVE)
-    for text in legend.get_texts():
-        text.set_parse_math(False)  # a name may hold dollar signs
+    legend_of_names(axes, columns=min(4, len(runs)))
 
 
 def _label(number: int, run: ComparedRun) -> str:

@@ -9,13 +9,11 @@ import numpy as np
 
 from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
-from estimator.report.canvas import new_axes
 from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
 from estimator.storage.records import Generation
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 ABOVE: Final[dict[str, Any]] = {
     **{"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1},
@@ -24,15 +22,8 @@ ABOVE: Final[dict[str, Any]] = {
 """Where a legend hides nothing."""
 
 
-def plot_errors(generations: Sequence[Generation]) -> Figure:
-    """The subjective error of every model over generations; a line where an iteration ends."""
-    figure, axes = new_axes()
-    draw_errors(axes, generations)
-    return figure
-
-
 def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
-    """The same into a panel."""
+    """The subjective error of every model over generations; a line where an iteration ends."""
     label(axes, "subjective error of each model")
     for generation in generations:
         errors = np.array(generation.errors)
@@ -52,25 +43,6 @@ def draw_errors(axes: Axes, generations: Sequence[Generation]) -> None:
     mark_iterations(axes, generations)
 
 
-def plot_lengths(
-    generations: Sequence[Generation],
-    genome: Genome,
-    names: Sequence[str],
-    targets: Sequence[float] = (),
-) -> Figure:
-    """The best model's leg lengths over generations.
-
-    Args:
-        generations: The run's generations.
-        genome: Decodes them.
-        names: Names of the legs' joints.
-        targets: True length of each leg, m; dots at the right, where they are known.
-    """
-    figure, axes = new_axes()
-    draw_lengths(axes, generations, genome, names, targets=targets)
-    return figure
-
-
 def draw_lengths(
     axes: Axes,
     generations: Sequence[Generation],
@@ -80,14 +52,14 @@ def draw_lengths(
     targets: Sequence[float] = (),
     mounts: Sequence[str] = (),
 ) -> None:
-    """The same into a panel.
+    """The best model's leg lengths over generations.
 
     Args:
         axes: The panel.
         generations: The run's generations.
         genome: Decodes them.
         names: Names of the legs' joints.
-        targets: True length of each leg, m, where they are known.
+        targets: True length of each leg, m; dots at the right, where they are known.
         mounts: Where each leg sits, for its arrow; default: where it does on the last best model.
             Of several legs on a mount the first has the arrow.
     """
@@ -114,9 +86,7 @@ def draw_lengths(
         axes.plot([], [], "o", color="0.3", label="true length")
     axes.set_ylim(bottom=0)
     if names:
-        legend = axes.legend(ncols=min(5, len(names) + bool(targets)), **ABOVE)
-        for text in legend.get_texts():
-            text.set_parse_math(False)  # a name may hold dollar signs
+        legend_of_names(axes, columns=min(5, len(names) + bool(targets)))
     mark_iterations(axes, generations)
 
 
@@ -124,8 +94,13 @@ def label(axes: Axes, quantity: str) -> None:
     """Names the axes of a panel over generations."""
     axes.set_xlabel("generation")
     axes.set_ylabel(quantity)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def legend_of_names(axes: Axes, *, columns: int) -> None:
+    """A legend above a panel, with names as they are: they may hold dollar signs."""
+    for text in axes.legend(ncols=columns, **ABOVE).get_texts():
+        text.set_parse_math(False)
 
 
 def mark_iterations(axes: Axes, generations: Sequence[Generation]) -> None:

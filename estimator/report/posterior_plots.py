@@ -11,7 +11,7 @@ from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
 from estimator.report.canvas import new_axes
 from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
-from estimator.report.plots import ABOVE, label
+from estimator.report.plots import ABOVE, label, legend_of_names
 from estimator.report.posterior_summary import length_intervals
 from estimator.storage.beliefs import Belief
 
@@ -68,9 +68,7 @@ def plot_interval_lengths(
     axes.set_ylim(bottom=0)
     axes.set_xticks(range(1, len(beliefs) + 1))
     if names:
-        legend = axes.legend(ncols=min(5, len(names) + bool(targets)), **ABOVE)
-        for text in legend.get_texts():
-            text.set_parse_math(False)  # a name may hold dollar signs
+        legend_of_names(axes, columns=min(5, len(names) + bool(targets)))
     return figure
 
 

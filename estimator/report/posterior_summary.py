@@ -119,6 +119,8 @@ class PosteriorSummary(_Record):
             from the best body's are what no movement can decide.
         equivalent: What else would feel exactly so: faults that no movement tells from the best
             body.
+        untested: How else than the problem says the robot may be built: such bodies, with other
+            lengths, explain the readings as well as the best one.
         decides: The movement that would tell most, where others are left at the end of a run.
         noise: Factor on the announced noise of tilt and clearance.
         steps: One per interaction.
@@ -137,6 +139,7 @@ class PosteriorSummary(_Record):
     nuisances: tuple[FoundAlong, ...] = ()
     rivals: tuple[Rival, ...]
     equivalent: tuple[str, ...] = ()
+    untested: tuple[str, ...] = ()
     decides: NextMovement | None = None
     noise: dict[str, Interval]
     steps: tuple[Step, ...]
@@ -146,14 +149,14 @@ class PosteriorSummary(_Record):
     effective: float | None
 
 
-def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | None:
+def posterior_summary(store: RunStore) -> PosteriorSummary | None:
     """Sums up what a run believes; ``None`` where its method has no posterior, or none yet."""
     beliefs = store.beliefs()
     if not beliefs:
         return None
     belief, _ = beliefs[-1]
+    problem, genome = store.problem, store.genome
     contradictions = problem.contradictions(store.capabilities)
-    genome = Genome(problem, problem.base(store.capabilities))
     weights = np.array(belief.weights)
     genes = np.array(belief.genes)
     bodies = genome.decode_all(genes)
@@ -168,6 +171,7 @@ def posterior_summary(store: RunStore, problem: Problem) -> PosteriorSummary | N
         nuisances=_nuisances(genome, genes, weights),
         rivals=_rivals(genome, belief),
         equivalent=_equivalent(genome, belief, problem, store.settings.modalities),
+        untested=belief.untested,
         decides=belief.decides,
         noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
         steps=tuple(
@@ -217,10 +221,10 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
     if belief.contradicting:
         listed = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
         reasons.append(f"explains what touch sensor {listed} feels")
-    if belief.thickness:
+    if belief.departure:
         reasons.append(
-            f"explains the readings as well as one whose parts are {belief.thickness:g} times as "
-            "thick, so no length can be trusted"
+            f"explains the readings as well as one with {belief.departure}, so neither attachments "
+            "nor lengths can be trusted"
         )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {', or '.join(reasons)}."
 

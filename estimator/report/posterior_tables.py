@@ -18,6 +18,7 @@ WHAT_TO_CHECK: Final = (
     "holds its angle, and each foot's gauge."
 )
 
+_NAMED: Final = 3  # of what is untested
 _UNKNOWN: Final = "cannot be known: hardly narrower than supposed"
 
 
@@ -38,8 +39,9 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
     _print_attachments(console, posterior)
     table = plain_table("leg", "mount", "length (mm)", "90 % interval (mm)", "touched")
     for leg, length in zip(result.legs, posterior.lengths_m, strict=True):
-        touched = "not sensed" if leg.touched is None else "yes" if leg.touched else "never"
-        table.add_row(leg.joint, leg.mount, _mm(length.median), _between(length, 1000), touched)
+        table.add_row(
+            leg.joint, leg.mount, _mm(length.median), _between(length, 1000), leg.touched_in_words
+        )
     console.print(table)
     _print_nuisances(console, posterior)
     _print_rivals(console, result, posterior)
@@ -70,7 +72,8 @@ def _print_attachments(console: Console, posterior: PosteriorSummary) -> None:
         if posterior.probability is None
         else f"is {percent(posterior.probability)}"
     )
-    console.print(f"The probability of these attachments together {sure}.")
+    premise = ", if the robot is built as the problem says" if posterior.untested else ""
+    console.print(f"The probability of these attachments together {sure}{premise}.")
     table = plain_table("what", "best body", "probability", justify="left")
     for item in posterior.attachments:
         table.add_row(item.what, item.value, percent(item.probability))
@@ -93,6 +96,10 @@ def _print_rivals(console: Console, result: Result, posterior: PosteriorSummary)
         console.print(Text(f"{what} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
     if posterior.equivalent:
         console.print(Text(f"What no movement could tell: {'; '.join(posterior.equivalent)}."))
+    if posterior.untested:
+        named, more = posterior.untested[:_NAMED], len(posterior.untested) - _NAMED
+        others = f"; and {more} more" if more > 0 else ""
+        console.print(Text(f"What these movements have not tested: {'; '.join(named)}{others}."))
     movement = posterior.decides
     if movement is not None:
         names = [joint["name"] for joint in result.robot["joints"]]

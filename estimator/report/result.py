@@ -13,10 +13,9 @@ from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.identification.final_population import FinalPopulation
 from estimator.identification.reference_check import pairs_turned
-from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
-from estimator.report.posterior_summary import PosteriorSummary, posterior_summary
+from estimator.report.posterior_summary import Interval, PosteriorSummary, posterior_summary
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions
@@ -86,6 +85,16 @@ class LegFound(_Record):
     length_m: float
     population_m: tuple[float, float] | None
     touched: bool | None
+
+    @property
+    def touched_in_words(self) -> str:
+        """Whether it touched the ground."""
+        return in_words(self.touched)
+
+
+def in_words(touched: bool | None) -> str:
+    """Whether a leg touched the ground; ``None`` where no sensor said."""
+    return "not sensed" if touched is None else "yes" if touched else "never"
 
 
 class FinishFound(_Record):
@@ -170,23 +179,33 @@ class Result(_Record):
     posterior: PosteriorSummary | None = None
     warnings: tuple[str, ...]
 
+    @property
+    def leg_intervals(self) -> tuple[Interval, ...]:
+        """Length of each leg, m, as the posterior has it, or with its range in the population."""
+        if self.posterior is not None:
+            return self.posterior.lengths_m
+        ends = [leg.population_m or (leg.length_m, leg.length_m) for leg in self.legs]
+        return tuple(
+            Interval(low=low, median=leg.length_m, high=high)
+            for leg, (low, high) in zip(self.legs, ends, strict=True)
+        )
 
-def summarise(store: RunStore, problem: Problem) -> Result:
+
+def summarise(store: RunStore) -> Result:
     """The outcome of a run as far as it has come."""
-    settings, capabilities = store.settings, store.capabilities
+    settings, capabilities, problem = store.settings, store.capabilities, store.problem
     observations = store.observations()
     latest, beliefs = store.latest_generation(), store.beliefs()
     counters = Counters() if latest is None else latest.counters
     if beliefs:
         counters = beliefs[-1][1]
-    genome = Genome(problem, problem.base(capabilities))
     population = FinalPopulation.of(store)
-    bodies = [genome.decode(population.genes[index]) for index in population.order]
+    bodies = [store.genome.decode(population.genes[index]) for index in population.order]
     end = store.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities, converges=not beliefs)
-    posterior = posterior_summary(store, problem)
+    posterior = posterior_summary(store)
     error = _known(population.errors[population.best]) if bodies else None
     warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
     if bodies and error is None and posterior is None:
@@ -198,7 +217,7 @@ def summarise(store: RunStore, problem: Problem) -> Result:
         complete=store.complete,
         method=settings.method,
         problem=problem.name,
-        searched=tuple(gene.name for gene in genome.genes),
+        searched=tuple(gene.name for gene in store.genome.genes),
         physics=settings.physics,
         reference=settings.reference,
         search=settings.search,

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.readings import readings_csv
 from estimator.report import posterior_csv
 from estimator.report.canvas import as_png
@@ -27,37 +25,28 @@ PAGE: Final = "report.html"
 LENGTHS_WITH_TRUTH: Final = "plots/lengths_with_truth.png"
 
 
-def write_report(
-    store: RunStore, problem: Problem, *, plots: bool = True, page: bool = False
-) -> Result:
+def write_report(store: RunStore, *, plots: bool = True, page: bool = False) -> Result:
     """Writes all derived files and returns what ``result.json`` holds.
 
     Each file is replaced as a whole, so nobody reads half of one.
 
     Args:
         store: The run.
-        problem: Its problem.
         plots: Whether to draw, which takes longer than all the rest.
         page: Whether to write ``report.html`` even though the run is not finished.
     """
-    result = summarise(store, problem)
-    write_files(store, problem, result, plots=plots, page=page)
+    result = summarise(store)
+    write_files(store, result, plots=plots, page=page)
     return result
 
 
-def write_files(
-    store: RunStore, problem: Problem, result: Result, *, plots: bool = True, page: bool = False
-) -> None:
+@interrupts_deferred()
+def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bool = False) -> None:
     """Writes the derived files for a result that is known already; arguments as above.
 
     Raises:
         OSError: The directory cannot be written.
     """
-    with interrupts_deferred():
-        _write(store, problem, result, plots=plots, page=page)
-
-
-def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool, page: bool) -> None:
     joints = [joint.name for joint in store.capabilities.joints]
     replace_text(store.directory / RESULT, result.model_dump_json(indent=2) + "\n")
     replace_file(
@@ -68,15 +57,16 @@ def _write(store: RunStore, problem: Problem, result: Result, *, plots: bool, pa
     replace_text(store.directory / ROBOT, robot + "\n")
     beliefs = store.beliefs()
     if beliefs:
-        genome, (belief, _) = Genome(problem, problem.base(store.capabilities)), beliefs[-1]
+        belief, _ = beliefs[-1]
         replace_file(
-            store.directory / POSTERIOR, lambda path: posterior_csv.write(path, genome, belief)
+            store.directory / POSTERIOR,
+            lambda path: posterior_csv.write(path, store.genome, belief),
         )
     if plots:
-        for plot in run_plots(store, problem, [leg.joint for leg in result.legs]):
+        for plot in run_plots(store, [leg.joint for leg in result.legs]):
             replace_bytes(store.directory / PLOTS / f"{plot.name}.png", as_png(plot.figure))
         if page or result.complete:
-            sources = PageSources.of(store, problem, result)
+            sources = PageSources.of(store, result)
             if sources.picture is not None:
                 replace_bytes(store.directory / BODY, sources.picture)
-            replace_text(store.directory / PAGE, run_page(store, problem, sources))
+            replace_text(store.directory / PAGE, run_page(store, sources))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from estimator.identification.final_population import with_last_word
-from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
-from estimator.report.plots import plot_errors, plot_lengths
+from estimator.report.canvas import new_axes
+from estimator.report.plots import draw_errors, draw_lengths
 from estimator.report.posterior_plots import plot_belief, plot_interval_lengths
 from estimator.storage.store import RunStore
 
@@ -35,17 +34,15 @@ class RunPlot:
 
 
 def run_plots(
-    store: RunStore, problem: Problem, names: Sequence[str], true_lengths: Sequence[float] = ()
+    store: RunStore, names: Sequence[str], true_lengths: Sequence[float] = ()
 ) -> tuple[RunPlot, ...]:
     """Draws what a run has to show so far; nothing where nothing was learnt yet.
 
     Args:
         store: The run.
-        problem: Its problem.
         names: Names of the legs' joints.
         true_lengths: Of each leg, m, where they are known.
     """
-    genome = Genome(problem, problem.base(store.capabilities))
     true = "; dots at the right: the true lengths" if true_lengths else ""
     beliefs = [belief for belief, _ in store.beliefs()]
     if beliefs:
@@ -61,22 +58,25 @@ def run_plots(
                 name=LENGTHS,
                 caption="Length of each leg after each interaction: median and 90 % interval"
                 f"{true}.",
-                figure=plot_interval_lengths(beliefs, genome, names, true_lengths),
+                figure=plot_interval_lengths(beliefs, store.genome, names, true_lengths),
             ),
         )
     generations = with_last_word(store)
     if not generations:
         return ()
+    (errors, errors_axes), (lengths, lengths_axes) = new_axes(), new_axes()
+    draw_errors(errors_axes, generations)
+    draw_lengths(lengths_axes, generations, store.genome, names, targets=true_lengths)
     return (
         RunPlot(
             name="errors",
             caption="Subjective error of every model over generations, and of the best one; dotted "
             "lines where a new interaction comes in.",
-            figure=plot_errors(generations),
+            figure=errors,
         ),
         RunPlot(
             name=LENGTHS,
             caption=f"Length of each leg of the best model over generations{true}.",
-            figure=plot_lengths(generations, genome, names, true_lengths),
+            figure=lengths,
         ),
     )

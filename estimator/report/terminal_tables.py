@@ -11,11 +11,11 @@ from rich.text import Text
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
-from estimator.evaluation.validate import PredictionErrors, Validation
+from estimator.evaluation.validate import Validation
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.plain_table import plain_table
 from estimator.report.posterior_tables import print_posterior
-from estimator.report.result import ModelFound, Result
+from estimator.report.result import ModelFound, Result, in_words
 
 _NOT_FELT: Final = Text("not felt", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
@@ -60,7 +60,7 @@ def print_result(console: Console, result: Result) -> None:
                 leg.mount,
                 _mm(leg.length_m),
                 "–" if leg.population_m is None else "–".join(map(_mm, leg.population_m)),
-                _yes(leg.touched),
+                leg.touched_in_words,
             )
         console.print(table)
         console.print(
@@ -101,7 +101,7 @@ def print_score(console: Console, score: Score) -> None:
         map(_mm, score.true_lengths_m),
         map(_mm, score.lengths_m),
         (f"{error * 1000:+.1f}" for error in score.leg_errors_signed_m),
-        map(_yes, score.touched),
+        map(in_words, score.touched),
         strict=True,
     ):
         table.add_row(*row)
@@ -182,12 +182,7 @@ def _verdict(cell: Configuration) -> Text:
 def print_validation(console: Console, validation: Validation) -> None:
     """Prediction errors beside those of models that know nothing."""
     table = plain_table("models", *(modality.heading for modality in MODALITIES.values()))
-    groups: Sequence[tuple[str, PredictionErrors]] = (
-        ("best model", validation.best_model),
-        ("population, median", validation.population_median),
-        ("random models, median", validation.random_models),
-    )
-    for name, errors in groups:
+    for name, errors in validation.groups:
         shown = (modality.shown(errors[modality.error_name]) for modality in MODALITIES.values())
         table.add_row(name, *map(number, shown))
     console.print(f"Prediction error on {validation.programs} fresh motor programs:")
@@ -203,7 +198,3 @@ def number(value: float | None, digits: int = 2) -> str:
 
 def _mm(length: float | None) -> str:
     return "–" if length is None else f"{length * 1000:.1f}"
-
-
-def _yes(value: bool | None) -> str:
-    return "not sensed" if value is None else "yes" if value else "never"

@@ -32,7 +32,7 @@ from estimator.reproduction.runs.plan import (
 from estimator.reproduction.runs.progress import OverallProgress
 from estimator.reproduction.runs.robot_process import print_body
 from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Workers
-from estimator.reproduction.runs.run_summary import summarise
+from estimator.reproduction.runs.run_summary import Summary
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
 from estimator.reproduction.runs.single_run import is_finished, work_done
 from protocol.system.replace_file import replace_text
@@ -114,7 +114,7 @@ def reproduce(
         listener.say("Drawing.")
         finished_runs = FinishedRuns(root)
         drawn, claims = _draw(finished_runs, request)
-        summaries = [summarise(run, root, failures.get(run)) for run in runs]
+        summaries = [Summary.read(run, root, failures.get(run)) for run in runs]
         write_report(
             root,
             budget=request.budget,
@@ -174,7 +174,7 @@ def _do(
             elif isinstance(news, Ended):
                 if news.failure is not None:
                     failures[run] = news.failure
-                progress.ended(run, summarise(run, root, news.failure).sentence)
+                progress.ended(run, Summary.read(run, root, news.failure).sentence)
                 ledger.note()
     return failures
 

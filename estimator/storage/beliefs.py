@@ -98,8 +98,10 @@ class Belief(_Record):
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
-        thickness: At the end of a run, factor on the radii of all parts by which the readings are
-            explained clearly better; ``None``: none is.
+        departure: At the end of a run that is sure of the attachments, how a body departs from the
+            problem that explains the readings clearly better; ``None``: none does.
+        untested: At the end of a run, how else the robot may depart from the problem: such bodies
+            explain the readings as well, and other movements would tell.
         simulated: How many samples the reference back-end simulated; 0: it was not asked.
         effective: Effective sample size of those.
         decides: At the end of a run, where rivals are left that a movement might tell apart.
@@ -117,7 +119,8 @@ class Belief(_Record):
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...] = ()
-    thickness: float | None = None
+    departure: str | None = None
+    untested: tuple[str, ...] = ()
     simulated: int = 0
     effective: float | None = None
     decides: NextMovement | None = None
@@ -126,5 +129,5 @@ class Belief(_Record):
     def explained(self) -> bool:
         """Whether some body of the problem explains the readings, as far as can be told."""
         return len(self.unexplained) <= ACCIDENTS and not (
-            self.noisy or self.contradicting or self.thickness
+            self.noisy or self.contradicting or self.departure
         )

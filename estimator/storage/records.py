@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
@@ -142,6 +143,35 @@ class InteractionRecord:
     observation: Observation | None = None
     reason: str = ""
     bits: float | None = None
+
+
+def performed(
+    joints: int,
+    program: str,
+    request_id: int | None,
+    session: str | None,
+    observation: str | None,
+) -> dict[str, Any]:
+    """A record's fields ``program``, ``ticket`` and ``observation``, as a database holds them.
+
+    Args:
+        joints: Of the robot.
+        program: JSON.
+        request_id: The ticket's.
+        session: Likewise.
+        observation: JSON.
+
+    Raises:
+        ValueError: It is no record of such a robot.
+    """
+    ticket = None
+    if request_id is not None and session is not None:
+        ticket = Ticket(request_id=request_id, session=session)
+    targets = tuple(map(float, json.loads(program)))
+    seen = None if observation is None else Observation.model_validate_json(observation)
+    if len(targets) != joints or (seen is not None and len(seen.angles) != joints):
+        raise ValueError(f"a motor program is not one of {joints} joints")
+    return {"program": targets, "ticket": ticket, "observation": seen}
 
 
 @dataclass(frozen=True, kw_only=True)

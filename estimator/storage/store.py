@@ -15,10 +15,15 @@ import json
 import os
 import sqlite3
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Self
 
 from estimator.errors import RunDirectoryError
+from estimator.physics.base import WorldSettings
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, Program
 from estimator.storage.beliefs import Belief
 from estimator.storage.database import (
@@ -37,10 +42,12 @@ from estimator.storage.records import (
     Finish,
     Generation,
     InteractionRecord,
-    Prediction,
     RunSettings,
     Ticket,
+    performed,
 )
+from estimator.storage.validations import Validations
+from protocol.system.closable import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOCK: Final = "run.lock"
@@ -49,7 +56,7 @@ IDS_PER_CONNECTION: Final = 2**20
 """Each connection numbers its requests from its own block, so no id is ever used for two."""
 
 
-class RunStore:
+class RunStore(Closable):
     """A run on disk; a context manager. ``create`` and ``open`` make one.
 
     Attributes:
@@ -57,6 +64,7 @@ class RunStore:
         settings: What the run was asked to do.
         capabilities: What the robot said it is.
         client_id: The client id of the run's requests to the robot.
+        validations: What its models predicted of motor programs that were performed afterwards.
     """
 
     def __init__(self, directory: Path, database: sqlite3.Connection, lock: int | None):
@@ -67,6 +75,31 @@ class RunStore:
             self.settings = RunSettings.model_validate_json(self._meta("settings"))
             self.capabilities = Capabilities.from_map(json.loads(self._meta("capabilities")))
             self.client_id = str(json.loads(self._meta("client_id")))
+        self._joints = len(self.capabilities.joints)
+        self.validations = Validations(database, directory, self._joints)
+
+    # --- what follows from the settings -----------------------------------------------------------
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The problem that the run was started with, written out for its robot.
+
+        Raises:
+            ProblemError: Its text is damaged, or of another version.
+        """
+        asked = Problem.parse(self.settings.problem_text, f"problem of {self.directory}")
+        return asked.for_robot(self.capabilities)
+
+    @cached_property
+    def genome(self) -> Genome:
+        """Decodes the run's models."""
+        return Genome(self.problem, self.problem.base(self.capabilities))
+
+    @cached_property
+    def world(self) -> WorldSettings:
+        """The world in which the run's models are simulated."""
+        world = self.problem.settings(self.capabilities)
+        return replace(world, full_steps=self.settings.full_steps)
 
     # --- opening and closing ----------------------------------------------------------------------
 
@@ -138,12 +171,6 @@ class RunStore:
         _close(self._database, self._lock)
         self._lock = None
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     # --- the robot --------------------------------------------------------------------------------
 
     def new_connection(self) -> int:
@@ -189,8 +216,8 @@ class RunStore:
                 "ORDER BY number"
             )
             return [
-                InteractionRecord(reason=reason, bits=bits, **self._performed(*performed))
-                for reason, bits, *performed in rows
+                InteractionRecord(reason=reason, bits=bits, **performed(self._joints, *columns))
+                for reason, bits, *columns in rows
             ]
 
     def observations(self) -> list[Observation]:
@@ -202,7 +229,6 @@ class RunStore:
 
     def save(self, generation: Generation, state: Mapping[str, Any]) -> None:
         """Commits a generation's record together with the search's state after it."""
-        checkpoint = {"number": generation.number, "state": state}
         with transaction(self._database):
             self._database.execute(
                 "INSERT INTO generations VALUES (?, ?, ?, ?, ?)",
@@ -214,9 +240,7 @@ class RunStore:
                     generation.counters.model_dump_json(),
                 ),
             )
-            self._database.execute(
-                "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
-            )
+            self._save_checkpoint(generation.number, state)
 
     def save_belief(
         self, number: int, belief: Belief, counters: Counters, state: Mapping[str, Any] | None
@@ -235,10 +259,11 @@ class RunStore:
                 (number, belief.model_dump_json(), counters.model_dump_json()),
             )
             if state is not None:
-                checkpoint = {"number": number, "state": state}
-                self._database.execute(
-                    "INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (json.dumps(checkpoint),)
-                )
+                self._save_checkpoint(number, state)
+
+    def _save_checkpoint(self, number: int, state: Mapping[str, Any]) -> None:
+        checkpoint = json.dumps({"number": number, "state": state})
+        self._database.execute("INSERT OR REPLACE INTO checkpoint VALUES (0, ?)", (checkpoint,))
 
     def beliefs(self) -> list[tuple[Belief, Counters]]:
         """What was believed after each interaction, with what the run had cost by then."""
@@ -300,71 +325,7 @@ class RunStore:
             (done,) = self._database.execute("SELECT COUNT(*) FROM generations").fetchone()
         return bool(done == self.settings.interactions * (self.settings.generations + 1))
 
-    # --- validation -------------------------------------------------------------------------------
-
-    def predict(self, predictions: list[Prediction]) -> int:
-        """Commits predictions of motor programs not yet performed; returns the validation's number.
-
-        They cannot be changed afterwards, so a prediction is never made with the outcome in view.
-        """
-        with transaction(self._database):
-            (number,) = self._database.execute(
-                "SELECT COALESCE(MAX(validation) + 1, 0) FROM predictions"
-            ).fetchone()
-            self._database.executemany(
-                "INSERT INTO predictions (validation, number, program, readings) "
-                "VALUES (?, ?, ?, ?)",
-                [
-                    (number, index, json.dumps(item.program), json.dumps(item.readings))
-                    for index, item in enumerate(predictions)
-                ],
-            )
-        return int(number)
-
-    def ask_validation(self, validation: int, number: int, ticket: Ticket | None) -> None:
-        """Commits the id under which a predicted motor program is about to be performed."""
-        with transaction(self._database):
-            self._database.execute(
-                "UPDATE predictions SET request_id = ?, session = ? "
-                "WHERE validation = ? AND number = ?",
-                (ticket and ticket.request_id, ticket and ticket.session, validation, number),
-            )
-
-    def observe_validation(self, validation: int, number: int, observation: Observation) -> None:
-        """Commits what a predicted motor program returned."""
-        with transaction(self._database):
-            self._database.execute(
-                "UPDATE predictions SET observation = ? WHERE validation = ? AND number = ?",
-                (observation.model_dump_json(), validation, number),
-            )
-
-    def validations(self) -> list[list[Prediction]]:
-        """The predictions of each validation, with the observations made so far."""
-        by_validation: dict[int, list[Prediction]] = {}
-        with reading(self.directory):
-            rows = self._database.execute(
-                "SELECT validation, readings, program, request_id, session, observation "
-                "FROM predictions ORDER BY validation, number"
-            )
-            for validation, readings, *performed in rows:
-                prediction = Prediction(
-                    readings=json.loads(readings), **self._performed(*performed)
-                )
-                by_validation.setdefault(validation, []).append(prediction)
-        return list(by_validation.values())
-
-    def _performed(
-        self, program: str, request_id: int | None, session: str | None, observation: str | None
-    ) -> dict[str, Any]:
-        ticket = None
-        if request_id is not None and session is not None:
-            ticket = Ticket(request_id=request_id, session=session)
-        targets = tuple(map(float, json.loads(program)))
-        seen = None if observation is None else Observation.model_validate_json(observation)
-        joints = len(self.capabilities.joints)
-        if len(targets) != joints or (seen is not None and len(seen.angles) != joints):
-            raise ValueError(f"a motor program is not one of {joints} joints")
-        return {"program": targets, "ticket": ticket, "observation": seen}
+    # --- the database -----------------------------------------------------------------------------
 
     def _meta(self, key: str) -> str:
         row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()

@@ -7,7 +7,7 @@ import secrets
 import time
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from typing import Any, Final
 
 import zmq
@@ -16,6 +16,7 @@ from protocol.conformance.expectations import Broken, Untried, expect
 from protocol.conformance.raw_connection import Map, RawConnection, Unanswered, said
 from protocol.conformance.settings import SuiteSettings
 from protocol.security.keys import ClientKeys
+from protocol.system.closable import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOOSE_ID: Final = 2**52
@@ -151,7 +152,7 @@ class TrialClient:
         raise Unanswered(f"A motion did not end within {self._robot.settings.motion:g} s.")
 
 
-class RobotOnTrial:
+class RobotOnTrial(Closable):
     """The robot under trial, as the checks see it.
 
     Use it as a context manager: it closes every connection.
@@ -165,20 +166,16 @@ class RobotOnTrial:
         self.settings = settings
         self.noted: defaultdict[str, list[str]] = defaultdict(list)
         self.dead: dict[str, str] = {}
-        self._stack = ExitStack()
         # A robot remembers 64 clients: few names, used again and again, push nobody else out.
         self.use_new_names()
         self._counters: dict[str, tuple[Iterator[int], Iterator[int]]] = {}
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
-        self._stack.callback(self.context.destroy, linger=0)
         self._connections: list[RawConnection] = []
         self._connections_made = 0
 
-    def __enter__(self) -> RobotOnTrial:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+    def close(self) -> None:
+        """Closes every connection."""
+        self.context.destroy(linger=0)
 
     def connection(self) -> RawConnection:
         """A new connection."""

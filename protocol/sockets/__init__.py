@@ -9,6 +9,5 @@ Module                  What is in it
 ``framing``             counts the frames of a ZMTP stream without looking into them
 ``endpoints``           addresses, and which of them need keys
 ``waker``               wakes a thread that sleeps in a poll
-``closable``            base class of context managers that have to be closed
 ======================= =========================================================================
 """

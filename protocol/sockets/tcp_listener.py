@@ -15,7 +15,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 import zmq
 
@@ -56,40 +56,38 @@ class TcpListener:
     Args:
         context: The context; with keys, a ``ZapHandler`` must stand there already.
         selector: Where the listener registers; its owner calls what is registered, with the events.
-        kind: ROUTER or XPUB.
         place: Where; port 0: any free one.
         pair: The robot's keys, or ``None``.
-        window: What ZeroMQ may keep for one connection, bytes.
-        chunk: Bytes of one connection that a turn hands to ZeroMQ at most.
         share: Of the connections that a server may have, those that come in here.
         log: Where to write about connections that were cut.
 
     Attributes:
+        KIND: ROUTER or XPUB; subclasses fill it in, like those that follow.
+        WINDOW: What ZeroMQ may keep for one connection, bytes.
+        CHUNK: Bytes of one connection that a turn hands to ZeroMQ at most.
         place: Where it really is.
 
     Raises:
         EndpointError: The address cannot be bound.
     """
 
+    KIND: ClassVar[int]
+    WINDOW: ClassVar[int]
+    CHUNK: ClassVar[int]
+
     def __init__(
         self,
         context: zmq.Context[zmq.Socket[bytes]],
         selector: selectors.BaseSelector,
-        kind: int,
         place: Endpoint,
         pair: KeyPair | None,
         *,
-        window: int,
-        chunk: int,
         share: float,
         log: logging.Logger,
     ):
         self._context = context
         self._selector = selector
-        self._kind = kind
         self._pair = pair
-        self._window = window
-        self._chunk = chunk
         self._log = log
         self._cut = 0
         self._most = max(1, round(share * _capacity()))
@@ -192,7 +190,7 @@ class TcpListener:
         tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         tcp.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         tcp.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, _IDLE)
-        wire = serving(self._context, self._kind, self._pair, peer)
+        wire = serving(self._context, self.KIND, self._pair, peer)
         try:
             pipe = _piped(wire)
         except BaseException:
@@ -206,7 +204,7 @@ class TcpListener:
             tcp=tcp,
             pipe=pipe,
             wire=wire,
-            chunk=self._chunk,
+            chunk=self.CHUNK,
             on_signal=self._signalled,
             on_bytes=self._weigh,
         )
@@ -218,8 +216,8 @@ class TcpListener:
 
     def _weigh(self, connection: TcpConnection) -> None:
         """Disconnects peers that send messages without an end."""
-        if connection.held > self._window:
-            self.cut(connection.number, f"over {self._window} bytes without the end of a message")
+        if connection.held > self.WINDOW:
+            self.cut(connection.number, f"over {self.WINDOW} bytes without the end of a message")
         elif connection.held > _FEW and sum(one.held for one in self._connections.values()) > TOTAL:
             most = max(self._connections.values(), key=lambda one: one.held)
             self.cut(most.number, f"over {TOTAL} bytes of unfinished messages of all connections")

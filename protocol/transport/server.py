@@ -26,23 +26,29 @@ from protocol.rules.server_core import ServerCore, allow_all
 from protocol.security.access import Access
 from protocol.security.keys import KeyDirectory
 from protocol.security.zap import ZapHandler
-from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import DEFAULT_BIND
 from protocol.sockets.tcp_listener import Arrival, TcpListener
 from protocol.sockets.waker import Waker
 from protocol.sockets.zmq_sockets import permitted
+from protocol.system.closable import Closable
 from protocol.transport.log_limiter import LogLimiter
 from protocol.transport.publisher import Publisher
 from protocol.wire.codec import MAX_MESSAGE
 from protocol.wire.messages import ErrorReply, Request
 
 _BUDGET: Final = 0.002  # s for frames before the robot and the clock have their turn
-_WINDOW: Final = MAX_MESSAGE + (1 << 18)  # bytes, of a message and of what stands around it
 _LOOK: Final = 0.5  # s between two looks at the list of clients
-_CHUNK: Final = 8192  # bytes of one connection in one turn
 _SHARE: Final = 2 / 3  # of all connections; the others listen to telemetry
 _QUIET: Final = 0.02  # s without a byte, then nothing is on its way any more
 _FAREWELL: Final = 200  # ms that the last replies have to leave
+
+
+class _Requests(TcpListener):
+    """Where requests come in."""
+
+    KIND = zmq.ROUTER
+    WINDOW = MAX_MESSAGE + (1 << 18)  # a message and what stands around it
+    CHUNK = 8192
 
 
 class Server(Closable):
@@ -107,25 +113,11 @@ class Server(Closable):
             if self._access is not None:
                 zap = ZapHandler(self._context, self._access.admits, self._log)
                 self._selector.register(zap, selectors.EVENT_READ, zap.answer)
-            self._listener = TcpListener(
-                self._context,
-                self._selector,
-                zmq.ROUTER,
-                place,
-                pair,
-                window=_WINDOW,
-                chunk=_CHUNK,
-                share=_SHARE,
-                log=self._log,
-            )
+            around = (self._context, self._selector)
+            self._listener = _Requests(*around, place, pair, share=_SHARE, log=self._log)
             made.callback(self._listener.close, _FAREWELL)
             self._publisher = Publisher(
-                self._context,
-                self._selector,
-                telemetry_place,
-                pair,
-                share=1 - _SHARE,
-                log=self._log,
+                *around, telemetry_place, pair, share=1 - _SHARE, log=self._log
             )
             made.callback(self._publisher.close, 0)
             self._made = made.pop_all()

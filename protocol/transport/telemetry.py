@@ -11,9 +11,9 @@ import zmq
 
 from protocol.errors import RemoteProtocolError, RobotUnreachableError
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.zmq_sockets import connected
+from protocol.system.closable import Closable
 from protocol.transport.publisher import TOPIC
 from protocol.wire.codec import decode
 from protocol.wire.messages import Telemetry, parse_telemetry

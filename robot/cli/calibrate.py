@@ -10,8 +10,8 @@ from pathlib import Path
 
 from robot.calibration.guided_session import CalibratedDevices, GuidedSession
 from robot.calibration.questions import Console, Questions, Terminal
-from robot.configuration.calibration_file import Calibration, read_calibration, save_calibration
-from robot.configuration.robot_config import RobotConfig, apply_calibration, read_config
+from robot.configuration.calibration_file import Calibration, save_calibration
+from robot.configuration.robot_config import RobotConfig, read_config, with_calibration
 from robot.drivers.buses import Buses
 from robot.errors import AbandonedError, ConfigError
 from robot.host.clock import Clock, WallClock
@@ -43,10 +43,7 @@ def run(options: argparse.Namespace) -> int:
             file=str(options.config),
             key="calibration",
         )
-    before = Calibration(robot=config.name)
-    if file.exists():
-        before = read_calibration(file, config.servos.counts)
-        config = apply_calibration(config, before, file=str(file))
+    config, before = with_calibration(config, file)
     clock = WallClock()
     devices = open_devices(config, Buses(clock=clock), file=str(options.config))
     try:

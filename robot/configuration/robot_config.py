@@ -187,18 +187,26 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
         ConfigError: Names file, key and reason.
     """
     config, calibration = read_config(path)
-    if calibration is None or (uncalibrated and not calibration.exists()):
-        return config
-    if not calibration.exists():
+    if calibration is not None and not uncalibrated and not calibration.exists():
         raise ConfigError(
             f"names {calibration}, which does not exist. Write it with: robotd calibrate --config "
             f"{path}; or leave [calibration] out.",
             file=str(path),
             key="calibration.file",
         )
-    return apply_calibration(
-        config, read_calibration(calibration, config.servos.counts), file=str(calibration)
-    )
+    return with_calibration(config, calibration)[0]
+
+
+def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfig, Calibration]:
+    """A configuration with the values of a calibration file, which need not exist; and those alone.
+
+    Raises:
+        ConfigError: Names file, key and reason.
+    """
+    if file is None or not file.exists():
+        return config, Calibration(robot=config.name)
+    calibration = read_calibration(file, config.servos.counts)
+    return apply_calibration(config, calibration, file=str(file)), calibration
 
 
 def apply_calibration(config: RobotConfig, calibration: Calibration, *, file: str) -> RobotConfig:

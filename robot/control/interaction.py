@@ -19,12 +19,13 @@ from typing import Final, Protocol
 
 from protocol.errors import RobotError
 from robot.configuration.joint_calibration import DrivenJoint
+from robot.configuration.robot_config import RobotConfig
 from robot.control.motion import Slew
 from robot.drivers.servo_bus import ServoBus
 from robot.errors import DeviceDataError
 from robot.host.trusted_clock import MAX_GAP, SteadyClock
 from robot.sensing.sensors import OnProgress, Reading, Senses
-from robot.sensing.settling import RestCriterion, RestDetector
+from robot.sensing.settling import RestDetector
 
 LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)
@@ -63,14 +64,10 @@ class MotorProgramRunner:
     """Performs motor programs.
 
     Args:
-        joints: The driven joints, in motor order.
+        config: The robot.
         servos: The servo driver.
-        per_update: Outputs that one transmission of it commands.
         sensing: The sensors.
         clock: The robot clock.
-        speed: Top speed of every joint, rad/s.
-        rest: What counts as rest.
-        samples: Samples in an average.
         revive: Makes the devices work again after a fault, or raises ``DeviceError``.
         attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
             pose is compared with the first one since a client took control, and a robot that does
@@ -79,26 +76,20 @@ class MotorProgramRunner:
 
     def __init__(
         self,
+        config: RobotConfig,
         *,
-        joints: Sequence[DrivenJoint],
         servos: ServoBus,
-        per_update: int,
         sensing: Senses,
         clock: SteadyClock,
-        speed: float,
-        rest: RestCriterion,
-        samples: int,
         revive: Callable[[], None],
         attendant: Attendant | None,
     ):
-        self._joints = tuple(joints)
+        self._config = config
+        self._joints = config.joints
+        self._rest = config.settling
         self._servos = servos
-        self._per_update = per_update
         self._sensing = sensing
         self._clock = clock
-        self._speed = speed
-        self._rest = rest
-        self._samples = samples
         self._revive = revive
         self._attendant = attendant
         self._outputs = [joint.output for joint in self._joints]
@@ -260,7 +251,7 @@ class MotorProgramRunner:
             sorted(self._joints, key=lambda joint: joint.output),  # board by board
             start=self._counts,
             targets={j.output: j.quantise(targets[j.name]) for j in self._joints},
-            speed=self._speed,
+            speed=self._config.speed,
             period=LATENESS * self._servos.seconds_for(len(self._joints)),
             now=self._clock.now(),
         )
@@ -268,7 +259,7 @@ class MotorProgramRunner:
             report(phase, slew.fraction)
             self._clock.check()
             now = self._clock.now()
-            counts = slew.due(now, at_most=self._per_update)
+            counts = slew.due(now, at_most=self._config.servos.per_update)
             if not counts:
                 self._clock.sleep(0.005)
                 continue
@@ -319,8 +310,9 @@ class MotorProgramRunner:
 
     def _average(self, report: OnProgress) -> Reading:
         self._clock.check()
-        reading = self._sensing.average(self._samples, report)
-        self._clock.check(MAX_GAP + self._samples * (1.0 / self._rest.rate + _SAMPLE_TIME))
+        samples = self._config.samples
+        reading = self._sensing.average(samples, report)
+        self._clock.check(MAX_GAP + samples * (1.0 / self._rest.rate + _SAMPLE_TIME))
         return reading
 
     def _board_counts(self) -> dict[int, int]:

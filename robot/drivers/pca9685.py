@@ -28,6 +28,7 @@ from robot.drivers.buses import Buses
 from robot.drivers.gpio_line import GPIOLine, OutputLine
 from robot.drivers.i2c import I2CBus, keep_others_out
 from robot.drivers.pca9685_board import ALL_CALL, NAME, OSCILLATOR_MHZ, OUTPUTS, TICKS, PCA9685Board
+from robot.drivers.servo_bus import check_counts, check_outputs
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceMissingError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -197,14 +198,7 @@ class PCA9685:
         """
         if not self._ready:
             raise CommandError("read the servo board's counts before moving its servos")
-        limits = self._settings.counts
-        self._check_outputs(counts)
-        for output, count in counts.items():
-            if count not in limits:
-                raise CommandError(
-                    f"servo {output}: the count must lie in {limits[0]} to {limits[-1]}, "
-                    f"not {count}"
-                )
+        check_counts(counts, self._settings.counts, self._settings.outputs)
         self._driven |= counts.keys()
         for board, outputs in self._by_board(counts).items():
             moves = {output % OUTPUTS: counts[output] for output in outputs}
@@ -224,7 +218,7 @@ class PCA9685:
             DeviceError: A board failed; the others were told.
         """
         released = list(outputs)
-        self._check_outputs(released)
+        check_outputs(released, self._settings.outputs)
         self._driven -= set(released)
         if not self._driven:
             self._switch(on=False)
@@ -250,7 +244,7 @@ class PCA9685:
             CommandError: An output out of range.
             DeviceError: A board failed, or was reset since it was last read.
         """
-        self._check_outputs(outputs)
+        check_outputs(outputs, self._settings.outputs)
         if not self._ready:
             for one in self._boards:
                 self._insist(one.set_up, self._clock.sleep)
@@ -350,9 +344,3 @@ class PCA9685:
                 return transfer(*arguments)
             self.repeats += 1
         return transfer(*arguments)
-
-    def _check_outputs(self, outputs: Iterable[int]) -> None:
-        known = self._settings.outputs
-        for output in outputs:
-            if output not in known:
-                raise CommandError(f"the servo boards have outputs 0 to {known[-1]}, not {output}")

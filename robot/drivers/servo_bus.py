@@ -6,10 +6,11 @@ angle a count is. 0 is not a count: it means that an output is limp.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar, Protocol
 
 from robot.drivers.buses import Buses
+from robot.errors import CommandError
 from robot.toml_sections import Section
 
 
@@ -68,6 +69,33 @@ class ServoBus(Protocol):
 
     def close(self) -> None:
         """Closes the link; the servos stay where they are if the device can hold them."""
+
+
+def check_outputs(outputs: Iterable[int], known: range) -> None:
+    """Refuses outputs that there are none of.
+
+    Raises:
+        CommandError: Names the first.
+    """
+    for output in outputs:
+        if output not in known:
+            raise CommandError(
+                f"the servo boards have outputs {known[0]} to {known[-1]}, not {output}"
+            )
+
+
+def check_counts(counts: Mapping[int, int], known: range, outputs: range) -> None:
+    """Refuses counts that no output can be commanded to, and outputs that there are none of.
+
+    Raises:
+        CommandError: Names the first.
+    """
+    check_outputs(counts, outputs)
+    for output, count in counts.items():
+        if count not in known:
+            raise CommandError(
+                f"servo {output}: the count must lie in {known[0]} to {known[-1]}, not {count}"
+            )
 
 
 class ServoSettings(Protocol):

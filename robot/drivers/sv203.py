@@ -31,6 +31,7 @@ from typing import ClassVar, Final
 import serial
 
 from robot.drivers.buses import Buses
+from robot.drivers.servo_bus import check_counts, check_outputs
 from robot.drivers.sv203_line import SV203Line
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceTimeoutError
 from robot.host.clock import Clock
@@ -152,10 +153,7 @@ class SV203:
             DeviceDataError: A board was reset; it got nothing.
             DeviceError: The line failed; counts not known to have arrived are forgotten.
         """
-        self._check_outputs(counts)
-        for output, count in counts.items():
-            if count not in COUNTS:
-                raise CommandError(f"servo {output}: the count must lie in 1 to 255, not {count}")
+        check_counts(counts, COUNTS, self._outputs)
         if not all(self._held_by(self._board_of(output)) for output in counts):
             raise CommandError("read the servo board's counts before moving its servos")
         changed = sorted(n for n, count in counts.items() if self._sent.get(n) != count)
@@ -171,7 +169,7 @@ class SV203:
             DeviceError: The line failed.
         """
         limp = dict.fromkeys(self._outputs if outputs is None else outputs, LIMP)
-        self._check_outputs(limp)
+        check_outputs(limp, self._outputs)
         for output in limp:
             self._sent.pop(output, None)  # a limp servo is worth the bytes of a repeat
         for board, group in self._by_board(sorted(limp)):
@@ -191,7 +189,7 @@ class SV203:
             DeviceError: The line failed, no reply came, or only garbage did.
         """
         wanted = list(self._outputs if outputs is None else outputs)
-        self._check_outputs(wanted)
+        check_outputs(wanted, self._outputs)
         counts = {}
         for output in wanted:
             self._select(self._board_of(output))
@@ -263,13 +261,6 @@ class SV203:
     def _called(self, board: int) -> str:
         number = f", board {board}" if len(self._boards) > 1 else ""
         return f"servo board ({self.name}{number})"
-
-    def _check_outputs(self, outputs: Iterable[int]) -> None:
-        for output in outputs:
-            if output not in self._outputs:
-                raise CommandError(
-                    f"the servo boards have outputs 1 to {self._outputs[-1]}, not {output}"
-                )
 
     def _send(self, board: int, counts: Mapping[int, int], *, select: str = "") -> None:
         outputs = list(counts)

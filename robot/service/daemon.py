@@ -93,14 +93,10 @@ def assemble(
     ``revive`` makes the devices work again after a fault, or raises ``DeviceError``.
     """
     interaction = MotorProgramRunner(
-        joints=config.joints,
+        config,
         servos=servos,
         sensing=sensing,
         clock=clock,
-        per_update=config.servos.per_update,
-        speed=config.speed,
-        rest=config.settling,
-        samples=config.samples,
         revive=revive,
         attendant=attendant,
     )

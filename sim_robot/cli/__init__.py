@@ -1,4 +1,4 @@
 """The command line of ``sim-robotd``.
 
-``command_line``; ``calibrate`` for ``--calibrate``, and ``console`` for ``--console``.
+``command_line``, and ``console`` for ``--console``.
 """

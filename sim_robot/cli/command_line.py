@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import logging
 from collections.abc import Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from protocol.errors import BodyschemaError
 from protocol.transport.server import Server
@@ -20,6 +21,9 @@ from sim_robot.faults.fault_panel import KNOWN, FaultSpec
 from sim_robot.world.body import body_path, default_body_path, examine, load_body, shipped_bodies
 from sim_robot.world.engines import DEFAULT_ENGINE, ENGINES
 from sim_robot.world.sensor_noise import load_noise
+
+if TYPE_CHECKING:
+    from sim_robot.simulator.daemon import Emulation
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -48,49 +52,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> None:
     """Serves the simulated robot until a signal."""
-    from sim_robot.simulator.daemon import simulated_robot  # noqa: PLC0415 - keeps --help fast
+    from sim_robot.simulator.daemon import robot_on  # noqa: PLC0415 - keeps --help fast
 
     log = logging.getLogger("sim-robotd")
-    body = load_body(options.body)
-    for note in body.notes:
-        log.warning("%s", note)
     with ExitStack() as stack:
-        robot = stack.enter_context(
-            simulated_robot(
-                body,
-                seed=options.seed,
-                levels=load_noise(options.noise),
-                real_time=options.real_time,
-                attendant=options.attendant,
-                log=log,
-                electronics=options.electronics,
-                wrong=options.miscalibrated,
-                calibration=options.calibration,
-                engine=options.engine,
-            )
+        parts = stack.enter_context(
+            _emulation(options, real_time=options.real_time, calibration=options.calibration)
         )
+        for note in parts.body.notes:
+            log.warning("%s", note)
+        controller = robot_on(parts, log, attendant=options.attendant)
         for fault in options.fault:
-            robot.panel.order(fault)
+            parts.panel.order(fault)
         if options.control is not None:
             socket = stack.enter_context(
                 FaultSocket(
-                    robot.panel,
+                    parts.panel,
                     options.control,
                     report=lambda: {
-                        "pulses": list(robot.electronics.pulses())[: len(robot.config.joints)],
-                        "robot_time": robot.clock.now(),
+                        "pulses": list(parts.electronics.pulses())[: len(parts.config.joints)],
+                        "robot_time": parts.clock.now(),
                     },
                 )
             )
             log.info("faults can be injected at %s", socket.endpoint)
         server = Server(
-            robot.controller,
+            controller,
             bind=options.bind,
             keys=options.keys,
             insecure=options.insecure,
             log=log,
         )
-        serve(robot.controller, server, log)
+        serve(controller, server, log)
 
 
 def check(file: Path) -> int:
@@ -108,42 +101,42 @@ def check(file: Path) -> int:
 
 def calibrate(options: argparse.Namespace) -> None:
     """Lets a simulated person calibrate the simulated robot."""
-    from sim_robot.cli.calibrate import calibrate_simulated  # noqa: PLC0415 - keeps --help fast
+    from sim_robot.simulator.person import SimulatedPerson  # noqa: PLC0415 - keeps --help fast
 
-    if options.calibration is None:
+    file = options.calibration
+    if file is None:
         options.refuse("--calibrate needs --calibration FILE, which it writes")
-    calibrate_simulated(
-        load_body(options.body),
-        seed=options.seed,
-        levels=load_noise(options.noise),
-        electronics=options.electronics,
-        wrong=options.miscalibrated,
-        file=options.calibration,
-        echo=print,
-        log=logging.getLogger("sim-robotd"),
-        engine=options.engine,
-    )
+    known = file if file.exists() else None
+    with _emulation(options, real_time=False, calibration=known) as parts:
+        SimulatedPerson(parts, seed=options.seed, echo=print).calibrate(parts.devices, file)
 
 
 def console(options: argparse.Namespace) -> None:
     """Lets a person rehearse at the terminal."""
     from sim_robot.cli.console import RehearsalConsole  # noqa: PLC0415 - keeps --help fast
-    from sim_robot.simulator.daemon import emulation  # noqa: PLC0415 - likewise
 
-    body = load_body(options.body)
-    with emulation(
-        body,
+    with _emulation(options, real_time=True) as parts:
+        for fault in options.fault:
+            parts.panel.order(fault)
+        RehearsalConsole(parts, seed=options.seed, file=options.calibration).run()
+
+
+def _emulation(
+    options: argparse.Namespace, *, real_time: bool, calibration: Path | None = None
+) -> AbstractContextManager[Emulation]:
+    from sim_robot.simulator.daemon import emulation  # noqa: PLC0415 - keeps --help fast
+
+    return emulation(
+        load_body(options.body),
         seed=options.seed,
         levels=load_noise(options.noise),
-        real_time=True,
+        real_time=real_time,
         log=logging.getLogger("sim-robotd"),
         electronics=options.electronics,
         wrong=options.miscalibrated,
+        calibration=calibration,
         engine=options.engine,
-    ) as parts:
-        for fault in options.fault:
-            parts.panel.order(fault)
-        RehearsalConsole(body, parts, seed=options.seed, file=options.calibration).run()
+    )
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -9,10 +9,8 @@ from typing import Final
 
 from protocol.errors import BodyschemaError
 from robot.calibration.questions import Console
-from robot.cli.calibrate import calibrate
 from robot.cli.doctor import print_findings
-from robot.configuration.calibration_file import Calibration, read_calibration
-from robot.configuration.robot_config import RobotConfig, apply_calibration
+from robot.configuration.robot_config import RobotConfig, with_calibration
 from robot.diagnosis.doctor import Doctor
 from robot.errors import CommandError
 from robot.service.devices import open_devices
@@ -21,7 +19,6 @@ from robot.trial.session import Trial
 from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.daemon import Emulation
 from sim_robot.simulator.person import STAND, Rehearsal
-from sim_robot.world.body import Body
 
 HELP: Final = """\
   doctor [--move]      looks at each device, joint and sensor, as robotd doctor does
@@ -36,14 +33,12 @@ class RehearsalConsole:
     """Commands that are typed, on one simulated robot.
 
     Args:
-        body: Its body.
         parts: Its emulated electronics; the drivers that are open there are closed.
         seed: Of the errors of the simulated hands.
         file: The calibration file, which need not exist, or ``None``.
     """
 
-    def __init__(self, body: Body, parts: Emulation, *, seed: int, file: Path | None):
-        self._body = body
+    def __init__(self, parts: Emulation, *, seed: int, file: Path | None):
         self._parts = parts
         self._seed = seed
         self._file = file
@@ -88,34 +83,13 @@ class RehearsalConsole:
                 print(HELP)
 
     def _config(self) -> RobotConfig:
-        config, file = self._parts.config, self._file
-        if file is None or not file.exists():
-            return config
-        return apply_calibration(
-            config, read_calibration(file, config.servos.counts), file=str(file)
-        )
+        return with_calibration(self._parts.config, self._file)[0]
 
     def _calibrate(self, only: Sequence[str]) -> None:
-        parts, file = self._parts, self._file
-        if file is None:
+        if self._file is None:
             raise CommandError("start with --calibration FILE, which this writes")
-        config = self._config()
-        before = Calibration(robot=config.name)
-        if file.exists():
-            before = read_calibration(file, config.servos.counts)
-        hands = Rehearsal(
-            self._body,
-            parts.world,
-            parts.noise,
-            parts.clock,
-            counts=config.servos.counts,
-            seed=self._seed,
-            echo=print,
-        )
-        devices = open_devices(config, parts.buses)
+        devices = open_devices(self._config(), self._parts.buses)
         try:
-            calibrate(
-                config, before, devices, clock=parts.clock, terminal=hands, file=file, only=only
-            )
+            Rehearsal(self._parts, seed=self._seed, echo=print).calibrate(devices, self._file, only)
         finally:
             devices.close()

@@ -27,9 +27,9 @@ from contextlib import suppress
 from typing import Any, Final
 
 from protocol.errors import BodyschemaError
-from protocol.sockets.closable import Closable
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.waker import Waker
+from protocol.system.closable import Closable
 from robot.errors import CommandError
 from sim_robot.errors import FaultError
 from sim_robot.faults.fault_panel import FaultPanel, FaultSpec

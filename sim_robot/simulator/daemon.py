@@ -47,8 +47,10 @@ class Emulation:
         buses: What leads the drivers to the emulators.
         devices: The drivers.
         clock: The robot clock.
+        real_time: Whether time passes as on a wall clock.
         noise: Of the sensors.
-        world: What they sense.
+        body: The body.
+        world: What the sensors sense.
         panel: Where its faults are injected.
         electronics: The emulators.
     """
@@ -58,17 +60,12 @@ class Emulation:
     buses: Buses
     devices: Devices
     clock: HostClock
+    real_time: bool
     noise: Noise
+    body: Body
     panel: FaultPanel
     world: World
     electronics: ElectronicsSet
-
-
-@dataclass(frozen=True, kw_only=True)
-class SimulatedRobot(Emulation):
-    """Emulated electronics with the control loop of a robot."""
-
-    controller: Controller
 
 
 class SimulatedAttendant:
@@ -168,7 +165,9 @@ def emulation(
             buses=buses,
             devices=devices,
             clock=host,
+            real_time=real_time,
             noise=noise,
+            body=body,
             panel=panel,
             world=world,
             electronics=boards,
@@ -186,50 +185,29 @@ def switch_on(parts: Emulation, log: logging.Logger) -> None:
         log.info("the servos were off; the attendant put every joint at 0° and switched them on")
 
 
-@contextmanager
-def simulated_robot(
-    body: Body,
-    *,
-    seed: int,
-    levels: NoiseLevels,
-    real_time: bool,
-    attendant: bool,
-    log: logging.Logger,
-    electronics: str = DEFAULT_SET,
-    wrong: int | None = None,
-    calibration: Path | None = None,
-    engine: str = DEFAULT_ENGINE,
-) -> Iterator[SimulatedRobot]:
-    """Builds a simulated robot; its control loop is not yet started.
+def robot_on(parts: Emulation, log: logging.Logger, *, attendant: bool) -> Controller:
+    """The control loop of a robot on emulated electronics; it is not yet started.
 
-    The arguments are those of ``emulation``, and ``attendant``: whether somebody switches servos
-    that are off on in the zero pose, and puts the body back on its belly before each interaction.
+    Args:
+        parts: The electronics.
+        log: Where to write what a person may want to know.
+        attendant: Whether somebody switches servos that are off on in the zero pose, and puts the
+            body back on its belly before each interaction.
     """
-    with emulation(
-        body,
-        seed=seed,
-        levels=levels,
-        real_time=real_time,
+    if attendant:
+        switch_on(parts, log)
+    controller = build_controller(
+        parts.config,
+        parts.devices,
+        clock=parts.clock,
+        attendant=SimulatedAttendant(
+            parts.world,
+            parts.noise,
+            parts.panel,
+            observed=lambda: controller.snapshot().sequence,
+            lays_down=attendant,
+        ),
+        housekeeping=HOUSEKEEPING if parts.real_time else None,
         log=log,
-        electronics=electronics,
-        wrong=wrong,
-        calibration=calibration,
-        engine=engine,
-    ) as parts:
-        if attendant:
-            switch_on(parts, log)
-        controller = build_controller(
-            parts.config,
-            parts.devices,
-            clock=parts.clock,
-            attendant=SimulatedAttendant(
-                parts.world,
-                parts.noise,
-                parts.panel,
-                observed=lambda: controller.snapshot().sequence,
-                lays_down=attendant,
-            ),
-            housekeeping=HOUSEKEEPING if real_time else None,
-            log=log,
-        )
-        yield SimulatedRobot(controller=controller, **vars(parts))
+    )
+    return controller

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -16,11 +17,11 @@ import numpy as np
 
 from robot.calibration.joints import MAX_STEP
 from robot.calibration.questions import Console
+from robot.cli.calibrate import calibrate
+from robot.configuration.robot_config import with_calibration
 from robot.errors import CommandError
-from robot.host.clock import Clock
-from sim_robot.world.body import Body
-from sim_robot.world.sensor_noise import Noise
-from sim_robot.world.simulation import World
+from robot.service.devices import Devices
+from sim_robot.simulator.daemon import Emulation
 
 PROTRACTOR: Final = 0.2  # degrees: the worst error of one reading, rounding to 0.1° included
 UNEVEN: Final = 1.5  # degrees: how far a body in the hands leans, at most, about each axis
@@ -50,35 +51,29 @@ class SimulatedPerson:
     """Sits at the terminal of a guided session, with the simulated body at hand.
 
     Args:
-        body: The body.
-        world: Where it is.
-        noise: Drawn anew whenever the body is put somewhere.
-        clock: The robot clock; handling takes time.
-        counts: What the servos can be commanded.
+        parts: The body, and the electronics over it; handling takes time on their clock, and their
+            noise is drawn anew whenever the body is put somewhere.
         seed: Of this person's own errors.
         echo: Shown everything that is said and answered.
     """
 
     def __init__(
         self,
-        body: Body,
-        world: World,
-        noise: Noise,
-        clock: Clock,
+        parts: Emulation,
         *,
-        counts: range,
         seed: int,
         echo: Callable[[str], None],
     ):
-        self._body = body
-        self._world = world
-        self._noise = noise
-        self._clock = clock
+        self._parts = parts
+        self._body = parts.body
+        self._world = parts.world
+        self._noise = parts.noise
+        self._clock = parts.clock
         self._rng = np.random.default_rng(seed)
         self._echo = echo
         self._placed = 0
-        self._counts = counts
-        self._joint = _Joint(counts)
+        self._counts = parts.config.servos.counts
+        self._joint = _Joint(self._counts)
         self._answers: tuple[tuple[str, Callable[[re.Match[str]], str]], ...] = (
             ("on the stand", self._on_the_stand),
             (r"(?P<name>.+) is limp; hold it", lambda _: ""),
@@ -94,6 +89,20 @@ class SimulatedPerson:
             (r"plate at (?P<height>\d+) mm", self._over_a_plate),
             ("write this", lambda _: "yes"),
         )
+
+    def calibrate(self, devices: Devices, file: Path, only: Collection[str] = ()) -> None:
+        """Goes through the session of ``robotd calibrate``.
+
+        Args:
+            devices: Drivers on the electronics.
+            file: The calibration file; if it exists, its values are where the session begins.
+            only: What to calibrate; empty for everything.
+
+        Raises:
+            AbandonedError: This person was refused; the file has what was measured before.
+        """
+        config, before = with_calibration(self._parts.config, file)
+        calibrate(config, before, devices, clock=self._clock, terminal=self, file=file, only=only)
 
     def say(self, text: str) -> None:
         """Shows the text to ``echo``."""

@@ -10,7 +10,7 @@ import pytest
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
 from bench.power.tables import page
-from bench.power.trial import Figures, Step, Trial, figures_of
+from bench.power.trial import Figures, Step, Trial, figures_of, is_done
 from bench.prior_bodies import drawn_body
 from sim_robot.world.body import load_body
 
@@ -60,8 +60,10 @@ def test_what_was_done_is_not_repeated(tmp_path: Path) -> None:
     done = figures(5, 12, 0.99)
     (tmp_path / "a-trial" / "5").mkdir(parents=True)
     (tmp_path / "a-trial" / "5" / "figures.json").write_text(done.model_dump_json())
+    assert is_done(trial, 5, tmp_path)
     assert figures_of(trial, 5, tmp_path) == done
     (tmp_path / "a-trial" / "6").mkdir()
+    assert not is_done(trial, 6, tmp_path)
     with pytest.raises(AssertionError):
         figures_of(trial, 6, tmp_path)
 
@@ -83,8 +85,11 @@ def test_certain_and_wrong(run: Figures, wrong: bool) -> None:
 def test_the_page_holds_every_run() -> None:
     trial = Trial(name="one method", seeds=(1, 2))
     runs = [figures(1, 12, 0.99), figures(2, 11, 0.40)]
-    text = page({"whole body": [(trial, runs)], "faults": [(trial, runs[:1])]})
+    text = page(
+        {"whole body": [(trial, runs)], "faults": [(trial, runs[:1])], "lengths": [(trial, runs)]}
+    )
     assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 | 1.0 | 1.0 | 2 of 4 | 20 |" in text
     assert "| one method | 2 | □ | 0.40 | +1.0 -1.0 | 20 |  |" in text
     assert "| one method | 1 | 12 of 12 | 0.99 | +1 -1 | no | Some body explains it. |" in text
-    assert "| 0.99–1 | 1 | 0.99 | 1 |" in text
+    assert "| 0.99–1 | 1 | 0.99 | 1 |" in text  # lengths alone state nothing
+    assert "4 of 8 hold the true length" in text

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from protocol.transport.client import RobotClient
-from tests.processes.test_robotd import free_address
+from tests.free_ports import free_address
 from tests.terminal_window import TerminalWindow
 
 PAGE = (Path(__file__).parents[2] / "docs" / "drivers.md").read_text(encoding="utf-8")

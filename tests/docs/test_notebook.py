@@ -6,7 +6,6 @@ import json
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 from contextlib import suppress
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.docs.notebooks import NOTEBOOK
+from tests.free_ports import two_free_ports
 
 TEXT = NOTEBOOK.read_text(encoding="utf-8")
 RUN = """
@@ -28,19 +28,6 @@ with little_effort():
 
 def code_cells(text: str) -> list[dict[str, Any]]:
     return [cell for cell in json.loads(text)["cells"] if cell["cell_type"] == "code"]
-
-
-def two_free_ports() -> int:
-    """The first of two neighbours: telemetry is on the next one."""
-    while True:
-        with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port: int = first.getsockname()[1]
-            try:
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return port
 
 
 def test_every_cell_runs(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 from packaging.requirements import Requirement
 
 from protocol.sockets.endpoints import Endpoint
-from tests.processes.test_robotd import free_address
+from tests.free_ports import free_address
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "two-computers.md").read_text(encoding="utf-8")

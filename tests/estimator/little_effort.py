@@ -15,9 +15,11 @@ from estimator.__main__ import main
 from estimator.exploration import choosing, information
 from estimator.identification import posterior_method
 from estimator.posterior.checks import recheck
+from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
+from estimator.report.bodies import camera
 
-_LITTLE: Final = Effort(levels=4, width=8, steps=20, rounds=1, draws=60, samples=32)
+_LITTLE: Final = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=16)
 
 
 @contextmanager
@@ -30,6 +32,8 @@ def little_effort() -> Iterator[None]:
         patch.setattr(choosing, "_LIKELY", 20)
         patch.setattr(choosing, "_MORE_DRAWS", 200)
         patch.setattr(recheck, "SAMPLES", 6)
+        patch.setattr(weighing, "_BURN_IN", 10)
+        patch.setattr(camera, "_FINER", 1)
         yield
 
 

@@ -23,6 +23,7 @@ def make_posterior_run(
     radius: float = 0.006,
     rivals: Sequence[BelievedMode] = (),
     decides: NextMovement | None = None,
+    untested: Sequence[str] = (),
 ) -> RunStore:
     """A run that believes in the first of some bodies, the others being its samples.
 
@@ -33,11 +34,12 @@ def make_posterior_run(
         radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
         decides: What would tell most.
+        untested: How else the robot may be built.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if hinge is not None:
         text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
-    with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,))[0] as model:
+    with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,)) as model:
         settings = model.settings.model_copy(update={"method": "posterior"})
     bodies = []
     for row in lengths:
@@ -57,6 +59,7 @@ def make_posterior_run(
         unexplained=(),
         noisy=(),
         decides=decides,
+        untested=tuple(untested),
     )
     store = RunStore.create(folder / "posterior", settings, make_capabilities(), "me")
     store.plan(0, (0.0,) * 4)

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
 from estimator.identification.run import Order, identify, resume
-from estimator.physics.backends import in_this_process
+from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
@@ -57,7 +57,7 @@ def run(folder: Path, **choices: str) -> tuple[Result, list[Generation], list[st
     """A run with the package's parts: its result, its generations, and why each program."""
     with serving(ModelRobot()) as uri:
         order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", **choices})
-        result = identify(folder / "run", order, in_this_process, Witness(), report=without_plots)
+        result = identify(folder / "run", order, IN_THIS_PROCESS, Witness(), report=without_plots)
     with RunStore.open(folder / "run", to_write=False) as store:
         assert store.settings.plugins == PACKAGE
         reasons = [interaction.reason for interaction in store.interactions()]
@@ -97,8 +97,8 @@ def test_a_search_that_is_interrupted_and_resumed(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", "search": "random"})
         with pytest.raises(KeyboardInterrupt):
-            identify(folder / "run", order, in_this_process, Witness(4), report=without_plots)
-        resumed = resume(folder / "run", in_this_process, Witness(), report=without_plots)
+            identify(folder / "run", order, IN_THIS_PROCESS, Witness(4), report=without_plots)
+        resumed = resume(folder / "run", IN_THIS_PROCESS, Witness(), report=without_plots)
     assert outcome(resumed) == outcome(whole)
 
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from estimator.body.morphology import Array, Base
+from estimator.parallel.workers import ThisProcess, Workers
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 
 MODALITIES = ("touch", "tilt", "clearance")
 CAP = 0.2
+LITTLE = Effort(levels=4, width=16, steps=30, rounds=1, draws=60, samples=64)
 NOISE = Noise(tilt=0.0065, clearance=0.0013)
 TWO_UNKNOWN_ROWS = """
 name = "two rows"
@@ -63,6 +66,21 @@ def make_predictor(length: str) -> Predictor:
     problem = Problem.parse(text, "two rows")
     genome = Genome(problem, Base(size=(0.14, 0.14, 0.085), mass=1.0))
     return Predictor(Unknowns(genome), StaticsPhysics())
+
+
+def make_sampler(
+    predictor: Predictor,
+    *,
+    noise: Noise = NOISE,
+    effort: Effort = LITTLE,
+    seed: int = 1,
+    workers: Workers | None = None,
+) -> Sampler:
+    """Samples the problem's posterior, in this process if no workers are given."""
+    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
+    return Sampler(
+        predictor.unknowns, StaticsPhysics, noise, effort, seeds, workers=workers or ThisProcess()
+    )
 
 
 def draw(

@@ -10,7 +10,7 @@ import pytest
 from bench.daemons import simulator
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify
-from estimator.physics.backends import in_this_process
+from estimator.physics.backends import IN_THIS_PROCESS
 from tests.estimator.model_robot import without_plots
 
 LEGS = 8
@@ -99,7 +99,7 @@ def test_lengths_are_found_on_a_robot_of_24_joints(tmp_path: Path) -> None:
             interactions=4,
         )
         result = identify(
-            tmp_path / "run", order, in_this_process, Listener(), report=without_plots
+            tmp_path / "run", order, IN_THIS_PROCESS, Listener(), report=without_plots
         )
     assert len(result.legs) == 3 * LEGS
     found = {leg.joint: leg.length_m for leg in result.legs}

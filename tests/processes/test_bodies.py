@@ -12,17 +12,13 @@ from bench.daemons import simulator
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
 from estimator.identification.listener import Listener
-from estimator.identification.run import Order, identify, problem_of, reconnect
-from estimator.physics.base import Physics, WorldSettings
+from estimator.identification.run import Order, identify, reconnect
+from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 from sim_robot.world.body import body_path
 from tests.estimator.model_robot import without_plots
-
-
-def here(name: str, settings: WorldSettings) -> Physics:
-    return PyBulletPhysics(settings)
 
 
 def whole_path(folder: Path, body: str, problem: str) -> Score:
@@ -37,21 +33,20 @@ def whole_path(folder: Path, body: str, problem: str) -> Score:
             population=4,
             generations=1,
         )
-        result = identify(folder / "run", order, here, Listener(), report=without_plots)
+        result = identify(folder / "run", order, IN_THIS_PROCESS, Listener(), report=without_plots)
         assert result.complete
         assert len(result.best_models[0].leg_lengths_m) == len(result.legs)
         with RunStore.open(folder / "run") as store:
-            asked = problem_of(store)
             with (
-                closing(here("pybullet", asked.settings(store.capabilities))) as physics,
-                closing(reconnect(store, asked, robot.uri, Listener())) as link,
+                closing(PyBulletPhysics(store.world)) as physics,
+                closing(reconnect(store, robot.uri, Listener())) as link,
             ):
-                found = validate(store, asked, physics, link, programs=2, listener=Listener())
+                found = validate(store, physics, link, programs=2, listener=Listener())
                 assert found.programs == 2
                 assert found.random_models["tilt_deg"] is not None
-            world = asked.settings(store.capabilities)
-            with StaticsPhysics(world) as exact, closing(here("pybullet", world)) as reference:
-                return score(store, asked, body_path(body), exact, reference)
+            world = store.world
+            with StaticsPhysics(world) as exact, closing(PyBulletPhysics(world)) as reference:
+                return score(store, body_path(body), exact, reference)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import pytest
 
 from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
+from tests.free_ports import free_address
 
 COMMAND = (sys.executable, "-m", "robot", "run", "--dry", "--bind")
 
@@ -34,19 +35,6 @@ def robotd(
     finally:
         process.kill()
         process.wait()
-
-
-def free_address() -> str:
-    """An address whose next port, for telemetry, is free as well."""
-    while True:
-        with socket.socket() as first, socket.socket() as second:
-            first.bind(("127.0.0.1", 0))
-            port = first.getsockname()[1]
-            try:
-                second.bind(("127.0.0.1", port + 1))
-            except OSError:
-                continue
-            return f"tcp://127.0.0.1:{port}"
 
 
 def move(uri: str) -> None:

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Mapping
 
 import pytest
 
@@ -78,17 +77,17 @@ def test_a_second_controller_is_told_who_holds_it() -> None:
         first.perform(program(first))
 
 
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [({"hip_left": 2.0}, "out_of_range"), ({"wing": 0.0}, "bad_targets"), (None, "bad_targets")],
-)
-def test_wrong_targets_are_refused(change: Mapping[str, float] | None, code: str) -> None:
+def test_wrong_targets_are_refused() -> None:
     with simulator() as robot, RobotClient(robot.uri) as client:
         client.acquire()
-        targets = program(client) | dict(change) if change else {"hip_left": 0.1}
-        with pytest.raises(RobotError) as refused:
-            client.perform(targets)
-        assert refused.value.code == code
+        for targets, code in (
+            (program(client) | {"hip_left": 2.0}, "out_of_range"),
+            (program(client) | {"wing": 0.0}, "bad_targets"),
+            ({"hip_left": 0.1}, "bad_targets"),
+        ):
+            with pytest.raises(RobotError) as refused:
+                client.perform(targets)
+            assert refused.value.code == code
 
 
 def test_a_restarted_daemon_does_not_repeat_a_move() -> None:

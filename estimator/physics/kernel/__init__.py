@@ -2,6 +2,7 @@
 
 =============== ===================================================================================
 ``compiling``   machine code: made once, kept on disk, announced where it takes seconds
+``vectors``     three numbers as one
 ``links``       a tree of parts as rigid links, and where their points are at each step
 ``contact``     which points touch, and whether the centre of mass is over them
 ``rolling``     how a body gets to rest: about a vertex or an edge, or on with its three contacts

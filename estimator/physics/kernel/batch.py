@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.body import accelerometer
-from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
 from estimator.physics.base import Flags
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.physics.kernel.contact import depth
-from estimator.physics.kernel.links import STEPS, assemble
-from estimator.physics.kernel.path import gap, margin, right_itself, settle, undecided, work_space
+from estimator.physics.kernel.links import STEPS, Slew, Trees, assemble, work_space
+from estimator.physics.kernel.path import gap, margin, right_itself, settle, undecided
+from estimator.physics.kernel.vectors import vector
 from protocol.wire import readings as definitions
 
 _SOURCES: Final = stamp(
@@ -32,24 +32,10 @@ def _make_rest(sources: int) -> Any:
     def rest(
         start: int,
         end: int,
-        count: Integers,
-        parent: Integers,
-        mount: Integers,
-        hinge: Integers,
-        motor: Integers,
-        sensor: Integers,
-        length: Array,
-        radius: Array,
-        base: Array,
-        base_mounts: Array,
-        part_mounts: Array,
-        hinges: Array,
+        trees: Trees,
         programs: Array,
         leans: Array,
-        pace: float,
-        reach: float,
-        cosines: Array,
-        sines: Array,
+        slew: Slew,
         cap: float,
         touch_gap: float,
         doubtful_gap: float,
@@ -70,51 +56,32 @@ def _make_rest(sources: int) -> Any:
         Returns:
             How many steps that took.
         """
-        work = work_space(parent.shape[1])
+        work = work_space(trees.parent.shape[1])
         steps = 0 * sources  # named here, so that the cache's key knows it
         for row in range(start, end):
-            parts, own = count[row], base[row]
+            own = trees.base[row]
             program = programs[row if len(programs) > 1 else 0]
-            links, points = assemble(
-                parent[row, :parts],
-                mount[row],
-                hinge[row],
-                motor[row],
-                length[row],
-                radius[row],
-                own,
-                base_mounts,
-                part_mounts,
-                hinges,
-                program,
-                reach,
-                pace,
-                work.tree,
-                work.joint,
-                work.points,
-                work.place,
-                work.at,
-            )
+            links, points = assemble(trees, row, program, slew, work)
             lean = leans[row if len(leans) > 1 else 0]
-            rested = settle(work, links, points, own, cosines, sines, pace, lean[0], lean[1])
+            rested = settle(work, links, points, own, slew, lean[0], lean[1])
             if lean[0] != 0 or lean[1] != 0:
                 rested = right_itself(work, links, points) and rested
             balances[row] = undecided(work, links, points)
-            deep = depth(work.points, points, work.up[0], work.up[1], work.up[2])
+            deep = depth(work.points, points, vector(work.up))
             felt = _up_as_felt(work.up, own[8], own[9])
             tilt[row, 0], tilt[row, 1] = _tilt_of(felt)
             ray = _belly_ray(deep - 0.5 * own[2] * work.up[2], work.up)
             clearance[row], saturated[row] = _clearance_of(ray, cap)
             largest, longest = 0.0, 0
-            for part in range(parts):
+            for part in range(trees.parts[row]):
                 link = work.place[part]
                 longest = max(longest, work.tree[link, STEPS])
-                if motor[row, part] >= 0:
-                    largest = max(largest, abs(program[motor[row, part]]) - reach)
-                if sensor[row, part] >= 0:
+                if trees.motor[row, part] >= 0:
+                    largest = max(largest, abs(program[trees.motor[row, part]]) - slew.reach)
+                if trees.sensor[row, part] >= 0:
                     above = gap(work, link, deep)
-                    touch[row, sensor[row, part]] = _touches(above, touch_gap)
-                    doubtful[row, sensor[row, part]] = _touch_is_doubtful(above, doubtful_gap)
+                    touch[row, trees.sensor[row, part]] = _touches(above, touch_gap)
+                    doubtful[row, trees.sensor[row, part]] = _touch_is_doubtful(above, doubtful_gap)
             miss[row] = largest
             valid[row] = rested and largest <= joint_tolerance
             steps += longest
@@ -128,51 +95,19 @@ def _make_margins(sources: int) -> Any:
     def margins(
         start: int,
         end: int,
-        count: Integers,
-        parent: Integers,
-        mount: Integers,
-        hinge: Integers,
-        motor: Integers,
-        length: Array,
-        radius: Array,
-        base: Array,
-        base_mounts: Array,
-        part_mounts: Array,
-        hinges: Array,
+        trees: Trees,
         programs: Array,
-        pace: float,
-        reach: float,
-        cosines: Array,
-        sines: Array,
+        slew: Slew,
         path_margins: Array,
     ) -> int:
         """Fills rows ``start`` to ``end`` of the path margins; see ``rest``."""
-        work = work_space(parent.shape[1])
+        work = work_space(trees.parent.shape[1])
         for row in range(start, end):
-            parts, own = count[row], base[row]
+            own = trees.base[row]
             program = programs[row if len(programs) > 1 else 0]
-            links, points = assemble(
-                parent[row, :parts],
-                mount[row],
-                hinge[row],
-                motor[row],
-                length[row],
-                radius[row],
-                own,
-                base_mounts,
-                part_mounts,
-                hinges,
-                program,
-                reach,
-                pace,
-                work.tree,
-                work.joint,
-                work.points,
-                work.place,
-                work.at,
-            )
-            settle(work, links, points, own, cosines, sines, pace, 0.0, 0.0)
-            path_margins[row] = margin(work, links, points, own, cosines, sines, pace)
+            links, points = assemble(trees, row, program, slew, work)
+            settle(work, links, points, own, slew, 0.0, 0.0)
+            path_margins[row] = margin(work, links, points, own, slew)
         return 0 * sources
 
     return margins

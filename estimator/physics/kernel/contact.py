@@ -12,7 +12,9 @@ from typing import Final
 
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
+from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled, compiled_for_vectors
+from estimator.physics.kernel.vectors import at, dot, minus
 
 TOUCHING: Final = 1e-7
 """Points this close to the ground touch it, m: far above rounding, far below what tilts a body."""
@@ -24,8 +26,9 @@ _SAME = 1e-9  # relative; how much nearer a point must be to be called nearer
 
 
 @compiled_for_vectors
-def depth(points: Array, count: int, up_x: float, up_y: float, up_z: float) -> float:
+def depth(points: Array, count: int, up: Vector) -> float:
     """How far the lowest point lies below the body's origin, m."""
+    up_x, up_y, up_z = up
     deepest = -math.inf
     for point in range(count):
         below = points[3, point] - (
@@ -38,19 +41,12 @@ def depth(points: Array, count: int, up_x: float, up_y: float, up_z: float) -> f
 
 @compiled
 def touching(
-    points: Array,
-    count: int,
-    centre_x: float,
-    centre_y: float,
-    centre_z: float,
-    up: Array,
-    touch: Integers,
-    flat: Array,
+    points: Array, count: int, centre: Vector, up: Vector, touch: Integers, flat: Array
 ) -> int:
     """Lists the points that touch the ground.
 
     Args:
-        centre_x: Of mass, in the body frame; likewise y and z.
+        centre: Of mass, in the body frame.
         up: World up in the body frame.
         touch: Receives their numbers, in order.
         flat: Shape (2, …); receives where they are across u, from the centre of mass.
@@ -58,18 +54,17 @@ def touching(
     Returns:
         How many there are.
     """
-    up_x, up_y, up_z = up[0], up[1], up[2]
-    least = depth(points, count, up_x, up_y, up_z) - TOUCHING
+    up_x, up_y, up_z = up
+    least = depth(points, count, up) - TOUCHING
     # two axes across u, without a singularity (Duff et al. 2017)
     sign = 1.0 if up_z >= 0 else -1.0
     a = -1.0 / (sign + up_z)
     b = up_x * up_y * a
     contacts = 0
     for point in range(count):
-        x, y, z = points[0, point], points[1, point], points[2, point]
-        if points[3, point] - (up_x * x + up_y * y + up_z * z) >= least:
+        if points[3, point] - dot(up, at(points, point)) >= least:
             touch[contacts] = point
-            x, y, z = x - centre_x, y - centre_y, z - centre_z
+            x, y, z = minus(at(points, point), centre)
             flat[0, contacts] = (1 + sign * up_x * up_x * a) * x + sign * b * y - sign * up_x * z
             flat[1, contacts] = b * x + (sign + up_y * up_y * a) * y - up_y * z
             contacts += 1

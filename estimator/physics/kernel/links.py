@@ -16,17 +16,18 @@ Arrays, for at most n parts:
   The first eight are the main body's corners.
 * ``place`` (n,), integers: link of each part; ``at`` (n, 4): where in the link's plane it begins,
   then cosine and sine of its direction there.
-* ``base_mounts``, ``part_mounts`` and ``hinges``: see ``Bodies``.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
+
+import numpy as np
 
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
-from estimator.physics.kernel.compiling import compiled
+from estimator.physics.kernel.compiling import allocating, compiled
 
 PARENT: Final = 0  # link it sits on
 TURN: Final = 1  # about which axis it turns: one of the four below
@@ -61,43 +62,94 @@ POINT_ROWS: Final = 6
 CORNERS: Final = 8
 
 
+class Trees(NamedTuple):
+    """The arrays of ``Bodies`` that the kernel reads, under their names but for its ``count``."""
+
+    parts: Integers
+    parent: Integers
+    mount: Integers
+    hinge: Integers
+    motor: Integers
+    sensor: Integers
+    length: Array
+    radius: Array
+    base: Array
+    base_mounts: Array
+    part_mounts: Array
+    hinges: Array
+
+
+class Slew(NamedTuple):
+    """How joints turn.
+
+    Attributes:
+        pace: In one step, rad.
+        reach: In all, at most, rad.
+        cosines: Of the angle after each number of steps; likewise ``sines``.
+    """
+
+    pace: float
+    reach: float
+    cosines: Array
+    sines: Array
+
+
+class Work(NamedTuple):
+    """Work space for one body after another; see above."""
+
+    tree: Integers
+    joint: Array
+    frame: Array
+    points: Array
+    place: Integers
+    at: Array
+    touch: Integers
+    flat: Array
+    up: Array
+    stance: Integers
+
+
+@allocating
+def work_space(parts: int) -> Work:
+    """Room for bodies of so many parts."""
+    points = CORNERS + 2 * parts
+    return Work(
+        np.zeros((parts + 1, TREE_COLUMNS), np.int64),
+        np.zeros((parts + 1, JOINT_COLUMNS)),
+        np.zeros((parts + 1, FRAME_COLUMNS)),
+        np.zeros((POINT_ROWS, points)),
+        np.zeros(parts, np.int64),
+        np.zeros((parts, 4)),
+        np.zeros(points, np.int64),
+        np.zeros((2, points)),
+        np.zeros(3),
+        np.zeros(3, np.int64),
+    )
+
+
 @compiled
-def assemble(
-    parent: Integers,
-    mount: Integers,
-    hinge: Integers,
-    motor: Integers,
-    length: Array,
-    radius: Array,
-    base: Array,
-    base_mounts: Array,
-    part_mounts: Array,
-    hinges: Array,
-    program: Array,
-    reach: float,
-    pace: float,
-    tree: Integers,
-    joint: Array,
-    points: Array,
-    place: Integers,
-    at: Array,
-) -> tuple[int, int]:
+def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> tuple[int, int]:
     """Joins parts to links.
 
     Args:
-        parent: Of each part, and so on; see ``Bodies``.
-        base: See ``Bodies``.
+        trees: Where the body is.
+        row: Its row there.
         program: Angle of each motor, rad.
-        reach: How far a joint can turn, rad.
-        pace: How far it turns in one step, rad.
+        slew: How joints turn.
+        work: Receives the body.
 
     Returns:
         Number of links and of points.
     """
+    parent, mount, hinge = trees.parent[row], trees.mount[row], trees.hinge[row]
+    motor, length, radius = trees.motor[row], trees.length[row], trees.radius[row]
+    base, base_mounts, part_mounts = trees.base[row], trees.base_mounts, trees.part_mounts
+    tree, joint, points, place, at = work.tree, work.joint, work.points, work.place, work.at
+    hinges, parts = trees.hinges, trees.parts[row]
     links, ends = 1, CORNERS
     tree[0, STEPS] = 0
     joint[0, MASS] = base[3]
-    for part in range(len(parent)):
+    for part in range(parts):
         on, where = parent[part], mount[part]
         if on < 0:
             carrier, z = 0, base_mounts[where, 2]
@@ -115,9 +167,9 @@ def assemble(
             link = links
             links += 1
             target = program[motor[part]] if motor[part] >= 0 else 0.0
-            angle = min(abs(target), reach)
+            angle = min(abs(target), slew.reach)
             tree[link, PARENT], tree[link, END] = carrier, 0
-            tree[link, OWN_STEPS] = math.ceil(angle / pace - 1e-9)
+            tree[link, OWN_STEPS] = math.ceil(angle / slew.pace - 1e-9)
             tree[link, STEPS] = max(tree[link, OWN_STEPS], tree[carrier, STEPS])
             joint[link, X], joint[link, Y], joint[link, Z] = x, y, z
             joint[link, EAST], joint[link, NORTH] = east, north
@@ -148,7 +200,7 @@ def assemble(
         points[1, corner] = base[1] * (0.5 if corner & 2 else -0.5)
         points[2, corner] = base[2] * (0.5 if corner & 4 else -0.5)
         points[3, corner] = 0.0
-    for part in range(len(parent)):
+    for part in range(parts):
         link, where = place[part], mount[part]
         thick, far = radius[part], length[part] - radius[part]
         end, on = tree[link, END], parent[part]
@@ -170,8 +222,8 @@ def assemble(
         first, end = tree[link, FIRST], tree[link, END]
         tree[link, FIRST] = count
         for old in range(first, end):
-            for row in range(3, POINT_ROWS):
-                points[row, count] = points[row, old]
+            for number in range(3, POINT_ROWS):
+                points[number, count] = points[number, old]
             count += 1
         tree[link, END] = count
     return links, count

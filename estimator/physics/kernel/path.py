@@ -11,27 +11,25 @@ an inclined gravity tells how sure it is to land there under a plumb one.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
-import numpy as np
-
-from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
-from estimator.physics.kernel.compiling import allocating, compiled
+from estimator.body.mounts import Vector
+from estimator.physics.kernel.compiling import compiled
 from estimator.physics.kernel.contact import BALANCED, TOUCHING, balanced, touching
 from estimator.physics.kernel.links import (
     CORNERS,
     END,
     FIRST,
     FRAME_COLUMNS,
-    JOINT_COLUMNS,
     MASS,
-    POINT_ROWS,
     STEPS,
-    TREE_COLUMNS,
+    Slew,
+    Work,
     move,
 )
 from estimator.physics.kernel.rolling import follow, roll
+from estimator.physics.kernel.vectors import at, dot, minus, turning, vector
 
 _SAME: Final = 1e-3  # rad; poses that differ by less are one place
 _STEEPEST: Final = 0.5  # tangent; the largest path margin told
@@ -40,48 +38,13 @@ _FINE: Final = 1.2  # ratio of the two inclinations between which a margin is kn
 _QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed
 
 
-class Work(NamedTuple):
-    """Work space for one body after another; see ``links``."""
-
-    tree: Integers
-    joint: Array
-    frame: Array
-    points: Array
-    place: Integers
-    at: Array
-    touch: Integers
-    flat: Array
-    up: Array
-    stance: Integers
-
-
-@allocating
-def work_space(parts: int) -> Work:
-    """Room for bodies of so many parts."""
-    points = CORNERS + 2 * parts
-    return Work(
-        np.zeros((parts + 1, TREE_COLUMNS), np.int64),
-        np.zeros((parts + 1, JOINT_COLUMNS)),
-        np.zeros((parts + 1, FRAME_COLUMNS)),
-        np.zeros((POINT_ROWS, points)),
-        np.zeros(parts, np.int64),
-        np.zeros((parts, 4)),
-        np.zeros(points, np.int64),
-        np.zeros((2, points)),
-        np.zeros(3),
-        np.zeros(3, np.int64),
-    )
-
-
 @compiled
 def settle(
     work: Work,
     links: int,
     count: int,
     base: Array,
-    cosines: Array,
-    sines: Array,
-    pace: float,
+    slew: Slew,
     lean_x: float,
     lean_y: float,
 ) -> bool:
@@ -108,11 +71,11 @@ def settle(
     up[0] = up[1] = 0.0
     up[2] = 1.0
     stance[0], stance[1], stance[2] = 0, 1, 2
-    least_cosine = math.cos(_QUICK * pace)
+    least_cosine = math.cos(_QUICK * slew.pace)
     on_belly: bool = True
     rested: bool = True
     for step in range(steps + 1):
-        x, y, z = move(step, links, tree, joint, frame, points, cosines, sines)
+        x, y, z = move(step, links, tree, joint, frame, points, slew.cosines, slew.sines)
         x, y, z = x / mass, y / mass, z / mass
         if lean_x != 0 or lean_y != 0:
             foot = stance[0]
@@ -121,11 +84,10 @@ def settle(
             x, y = x + lean_x * height, y + lean_y * height
         if on_belly:
             on_belly = _lies(points, count, base, x, y)
-        if on_belly or (
-            stance[2] >= 0 and follow(points, count, x, y, z, up, stance, least_cosine)
-        ):
+        centre = x, y, z
+        if on_belly or (stance[2] >= 0 and follow(points, count, centre, up, stance, least_cosine)):
             continue
-        if not roll(points, count, x, y, z, up, stance, touch, flat):
+        if not roll(points, count, centre, up, stance, touch, flat):
             rested = False
     return rested
 
@@ -142,7 +104,7 @@ def _lies(points: Array, count: int, base: Array, x: float, y: float) -> bool:
 
 
 @compiled
-def _centre_of_mass(work: Work, links: int) -> tuple[float, float, float]:
+def _centre_of_mass(work: Work, links: int) -> Vector:
     """Of the body that was just settled, in the body frame, m."""
     mass = x = y = z = 0.0
     for link in range(links):
@@ -159,42 +121,31 @@ def right_itself(work: Work, links: int, count: int) -> bool:
     Returns:
         Whether it came to rest.
     """
-    x, y, z = _centre_of_mass(work, links)
-    rested: bool = roll(work.points, count, x, y, z, work.up, work.stance, work.touch, work.flat)
+    centre = _centre_of_mass(work, links)
+    rested: bool = roll(work.points, count, centre, work.up, work.stance, work.touch, work.flat)
     return rested
 
 
 @compiled
 def undecided(work: Work, links: int, count: int) -> bool:
     """Whether the body that was just settled is balanced on the rim of its support."""
-    points, up, stance = work.points, work.up, work.stance
-    x, y, z = _centre_of_mass(work, links)
+    points, up, stance = work.points, vector(work.up), work.stance
+    centre = _centre_of_mass(work, links)
     if stance[2] >= 0:
         least = math.inf
         for side in range(3):
-            a, b = stance[side], stance[(side + 1) % 3]
-            a_x, a_y, a_z = points[0, a] - x, points[1, a] - y, points[2, a] - z
-            d_x, d_y = points[0, b] - points[0, a], points[1, b] - points[1, a]
-            d_z = points[2, b] - points[2, a]
-            area = up[0] * (a_y * d_z - a_z * d_y) + up[1] * (a_z * d_x - a_x * d_z)
-            area += up[2] * (a_x * d_y - a_y * d_x)
-            least = min(least, area * area / (d_x * d_x + d_y * d_y + d_z * d_z))
+            one, two = at(points, stance[side]), at(points, stance[(side + 1) % 3])
+            edge = minus(two, one)
+            area = turning(up, minus(one, centre), edge)
+            least = min(least, area * area / dot(edge, edge))
         if least > 4 * BALANCED * BALANCED:
             return False
-    contacts = touching(points, count, x, y, z, up, work.touch, work.flat)
+    contacts = touching(points, count, centre, up, work.touch, work.flat)
     return balanced(work.flat, contacts)
 
 
 @compiled
-def margin(
-    work: Work,
-    links: int,
-    count: int,
-    base: Array,
-    cosines: Array,
-    sines: Array,
-    pace: float,
-) -> float:
+def margin(work: Work, links: int, count: int, base: Array, slew: Slew) -> float:
     """How far gravity may be inclined, in each of four directions, with the body landing alike.
 
     Args:
@@ -212,7 +163,7 @@ def margin(
         for quarter in range(4):
             lean = tried if quarter < 2 else -tried
             x, y = (lean, 0.0) if quarter % 2 == 0 else (0.0, lean)
-            alike = settle(work, links, count, base, cosines, sines, pace, x, y)
+            alike = settle(work, links, count, base, slew, x, y)
             away = max(abs(up[0] - up_x), abs(up[1] - up_y), abs(up[2] - up_z))
             if not alike or away > _SAME:
                 alike = False
@@ -235,9 +186,8 @@ def gap(work: Work, link: int, deep: float) -> float:
     Args:
         deep: Of the settled body.
     """
-    points, up = work.points, work.up
+    points, up = work.points, vector(work.up)
     least = math.inf
     for point in range(work.tree[link, FIRST], work.tree[link, END]):
-        height = up[0] * points[0, point] + up[1] * points[1, point] + up[2] * points[2, point]
-        least = min(least, deep + height - points[3, point])
+        least = min(least, deep + dot(up, at(points, point)) - points[3, point])
     return 0.0 if least < TOUCHING else least

@@ -18,8 +18,20 @@ from typing import Final
 
 from estimator.body.arrays import Integers
 from estimator.body.morphology import Array
+from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled
 from estimator.physics.kernel.contact import BALANCED, TOUCHING, depth, nearest, touching
+from estimator.physics.kernel.vectors import (
+    at,
+    cross,
+    dot,
+    minus,
+    plus,
+    times,
+    turning,
+    unit,
+    vector,
+)
 
 _ROLLS: Final = 100  # a body needs 0 to 5; no descent needs more than it has edges
 _PIVOTS: Final = 4
@@ -30,9 +42,7 @@ _FLAT: Final = 1e-14  # m⁴: three contacts nearly in a line fix no plane
 def roll(
     points: Array,
     count: int,
-    centre_x: float,
-    centre_y: float,
-    centre_z: float,
+    centre: Vector,
     up: Array,
     stance: Integers,
     touch: Integers,
@@ -41,7 +51,7 @@ def roll(
     """Rolls the body to rest.
 
     Args:
-        centre_x: Of mass, in the body frame; likewise y and z.
+        centre: Of mass, in the body frame.
         up: World up in the body frame; changed.
         stance: Receives three contacts around the centre of mass, or −1 for those that are
             lacking where it is balanced on an edge or a vertex.
@@ -51,63 +61,41 @@ def roll(
         Whether it came to rest.
     """
     for _ in range(_ROLLS):
-        contacts = touching(points, count, centre_x, centre_y, centre_z, up, touch, flat)
+        contacts = touching(points, count, centre, vector(up), touch, flat)
         first, second, third, x, y = nearest(flat, contacts, 0.0, 0.0)
         stance[0] = touch[first]
         stance[1] = touch[second] if second >= 0 else -1
         stance[2] = touch[third] if third >= 0 else -1
         if third >= 0 or x * x + y * y < BALANCED * BALANCED:
             return True
-        if not _turn(points, count, centre_x, centre_y, centre_z, up, stance[0], stance[1]):
+        if not _turn(points, count, centre, up, stance[0], stance[1]):
             return False
     return False
 
 
 @compiled
-def _turn(
-    points: Array,
-    count: int,
-    centre_x: float,
-    centre_y: float,
-    centre_z: float,
-    up: Array,
-    pivot: int,
-    other: int,
-) -> bool:
+def _turn(points: Array, count: int, centre: Vector, up: Array, pivot: int, other: int) -> bool:
     """Turns the body about one contact, or two, until another point touches."""
-    up_x, up_y, up_z = up[0], up[1], up[2]
-    pivot_x, pivot_y, pivot_z = points[0, pivot], points[1, pivot], points[2, pivot]
+    before, foot = vector(up), at(points, pivot)
     # u(t) = share·axis + size·(start cos t + down sin t)
-    x, y, z = pivot_x - centre_x, pivot_y - centre_y, pivot_z - centre_z
-    along = up_x * x + up_y * y + up_z * z
-    down_x, down_y, down_z = x - along * up_x, y - along * up_y, z - along * up_z
-    start_x, start_y, start_z = up_x, up_y, up_z
-    axis_x = axis_y = axis_z = share = 0.0
-    size = 1.0
+    arm = minus(foot, centre)
+    down = minus(arm, times(dot(before, arm), before))
+    start, axis, share, size = before, (0.0, 0.0, 0.0), 0.0, 1.0
     if other >= 0:
-        axis_x, axis_y = points[0, other] - pivot_x, points[1, other] - pivot_y
-        axis_z = points[2, other] - pivot_z
-        scale = 1 / math.sqrt(axis_x * axis_x + axis_y * axis_y + axis_z * axis_z)
-        axis_x, axis_y, axis_z = axis_x * scale, axis_y * scale, axis_z * scale
-        share = up_x * axis_x + up_y * axis_y + up_z * axis_z
-        start_x, start_y = up_x - share * axis_x, up_y - share * axis_y
-        start_z = up_z - share * axis_z
-        size = math.sqrt(start_x * start_x + start_y * start_y + start_z * start_z)
-        start_x, start_y, start_z = start_x / size, start_y / size, start_z / size
-        x, y = axis_y * start_z - axis_z * start_y, axis_z * start_x - axis_x * start_z
-        z = axis_x * start_y - axis_y * start_x
-        sign = 1.0 if x * down_x + y * down_y + z * down_z > 0 else -1.0
-        down_x, down_y, down_z = sign * x, sign * y, sign * z
+        axis = unit(minus(at(points, other), foot))
+        share = dot(before, axis)
+        start = minus(before, times(share, axis))
+        size = math.sqrt(dot(start, start))
+        start = start[0] / size, start[1] / size, start[2] / size
+        side = cross(axis, start)
+        down = times(1.0 if dot(side, down) > 0 else -1.0, side)
     else:
-        scale = 1 / math.sqrt(down_x * down_x + down_y * down_y + down_z * down_z)
-        down_x, down_y, down_z = down_x * scale, down_y * scale, down_z * scale
+        down = unit(down)
     half = math.inf  # tangent of half the angle at which the first point touches
     for point in range(count):
-        x, y, z = points[0, point] - pivot_x, points[1, point] - pivot_y, points[2, point] - pivot_z
-        constant = points[3, pivot] - points[3, point]
-        constant += share * (axis_x * x + axis_y * y + axis_z * z)
-        cosine = size * (start_x * x + start_y * y + start_z * z)
-        sine = size * (down_x * x + down_y * y + down_z * z)
+        away = minus(at(points, point), foot)
+        constant = points[3, pivot] - points[3, point] + share * dot(axis, away)
+        cosine, sine = size * dot(start, away), size * dot(down, away)
         gap, left = constant + cosine, cosine * cosine + sine * sine - constant * constant
         if gap > TOUCHING and left > 0:
             rate = math.sqrt(left) - sine
@@ -117,29 +105,20 @@ def _turn(
         return False  # nothing to fall on: cannot be, with the main body's eight corners
     scale = 1 / (1 + half * half)
     cosine, sine = size * (1 - half * half) * scale, size * 2 * half * scale
-    up_x = share * axis_x + cosine * start_x + sine * down_x
-    up_y = share * axis_y + cosine * start_y + sine * down_y
-    up_z = share * axis_z + cosine * start_z + sine * down_z
-    scale = 1 / math.sqrt(up_x * up_x + up_y * up_y + up_z * up_z)
-    up[0], up[1], up[2] = up_x * scale, up_y * scale, up_z * scale
+    up[0], up[1], up[2] = unit(
+        plus(plus(times(share, axis), times(cosine, start)), times(sine, down))
+    )
     return True
 
 
 @compiled
 def follow(
-    points: Array,
-    count: int,
-    centre_x: float,
-    centre_y: float,
-    centre_z: float,
-    up: Array,
-    stance: Integers,
-    least_cosine: float,
+    points: Array, count: int, centre: Vector, up: Array, stance: Integers, least_cosine: float
 ) -> bool:
     """Goes on resting on the same three contacts, or nearly.
 
     Args:
-        centre_x: Of mass, in the body frame; likewise y and z.
+        centre: Of mass, in the body frame.
         up: World up in the body frame before the change of shape; changed if it succeeds.
         stance: The three contacts; changed if it succeeds.
         least_cosine: Of the angle by which u may turn.
@@ -148,38 +127,32 @@ def follow(
         Whether the body rests so; if not, it has to roll.
     """
     a, b, c = stance[0], stance[1], stance[2]
-    old_x, old_y, old_z = up[0], up[1], up[2]
+    before = vector(up)
     for _ in range(_PIVOTS):
-        fixed, x, y, z = _upright(points, a, b, c, old_x, old_y, old_z)
-        if not fixed or x * old_x + y * old_y + z * old_z < least_cosine:
+        fixed, now = _upright(points, a, b, c, before)
+        if not fixed or dot(now, before) < least_cosine:
             return False
-        a_x, a_y, a_z = points[0, a] - centre_x, points[1, a] - centre_y, points[2, a] - centre_z
-        b_x, b_y, b_z = points[0, b] - centre_x, points[1, b] - centre_y, points[2, b] - centre_z
-        c_x, c_y, c_z = points[0, c] - centre_x, points[1, c] - centre_y, points[2, c] - centre_z
-        a_b = _turning(x, y, z, a_x, a_y, a_z, b_x, b_y, b_z)
-        b_c = _turning(x, y, z, b_x, b_y, b_z, c_x, c_y, c_z)
-        c_a = _turning(x, y, z, c_x, c_y, c_z, a_x, a_y, a_z)
+        to_a = minus(at(points, a), centre)
+        to_b = minus(at(points, b), centre)
+        to_c = minus(at(points, c), centre)
+        a_b, b_c, c_a = turning(now, to_a, to_b), turning(now, to_b, to_c), turning(now, to_c, to_a)
         leftward = a_b > 0 and b_c > 0 and c_a > 0
         if not (leftward or (a_b < 0 and b_c < 0 and c_a < 0)):
             return False
-        lowest = depth(points, count, x, y, z)
-        below = points[3, a] - (x * points[0, a] + y * points[1, a] + z * points[2, a])
-        if lowest <= below + TOUCHING:
-            up[0], up[1], up[2] = x, y, z
+        lowest = depth(points, count, now)
+        if lowest <= points[3, a] - dot(now, at(points, a)) + TOUCHING:
+            up[0], up[1], up[2] = now
             stance[0], stance[1], stance[2] = a, b, c
             return True
         new = 0
         for point in range(count):
-            height = x * points[0, point] + y * points[1, point] + z * points[2, point]
-            if points[3, point] - height >= lowest:
+            if points[3, point] - dot(now, at(points, point)) >= lowest:
                 new = point
-        n_x, n_y = points[0, new] - centre_x, points[1, new] - centre_y
-        n_z = points[2, new] - centre_z
-        n_a = _turning(x, y, z, n_x, n_y, n_z, a_x, a_y, a_z)
-        n_b = _turning(x, y, z, n_x, n_y, n_z, b_x, b_y, b_z)
-        n_c = _turning(x, y, z, n_x, n_y, n_z, c_x, c_y, c_z)
-        if not leftward:
-            n_a, n_b, n_c = -n_a, -n_b, -n_c
+        to_new = minus(at(points, new), centre)
+        side = 1.0 if leftward else -1.0
+        n_a = side * turning(now, to_new, to_a)
+        n_b = side * turning(now, to_new, to_b)
+        n_c = side * turning(now, to_new, to_c)
         if n_a > 0 > n_b:
             c = new
         elif n_b > 0 > n_c:
@@ -190,45 +163,25 @@ def follow(
 
 
 @compiled
-def _turning(
-    x: float,
-    y: float,
-    z: float,
-    a_x: float,
-    a_y: float,
-    a_z: float,
-    b_x: float,
-    b_y: float,
-    b_z: float,
-) -> float:
-    """Twice the area from 0 to a to b as seen along (x, y, z); above 0 for a turn to the left."""
-    return x * (a_y * b_z - a_z * b_y) + y * (a_z * b_x - a_x * b_z) + z * (a_x * b_y - a_y * b_x)
-
-
-@compiled
-def _upright(
-    points: Array, a: int, b: int, c: int, old_x: float, old_y: float, old_z: float
-) -> tuple[bool, float, float, float]:
-    """Up, across the plane under three spheres: of its two solutions the one nearer the old one."""
-    b_x, b_y = points[0, b] - points[0, a], points[1, b] - points[1, a]
-    b_z, b_rise = points[2, b] - points[2, a], points[3, b] - points[3, a]
-    c_x, c_y = points[0, c] - points[0, a], points[1, c] - points[1, a]
-    c_z, c_rise = points[2, c] - points[2, a], points[3, c] - points[3, a]
-    n_x, n_y, n_z = b_y * c_z - b_z * c_y, b_z * c_x - b_x * c_z, b_x * c_y - b_y * c_x
-    squared = n_x * n_x + n_y * n_y + n_z * n_z
+def _upright(points: Array, a: int, b: int, c: int, before: Vector) -> tuple[bool, Vector]:
+    """Up, across the plane under three spheres: of its two solutions the one nearer ``before``."""
+    to_b, b_rise = minus(at(points, b), at(points, a)), points[3, b] - points[3, a]
+    to_c, c_rise = minus(at(points, c), at(points, a)), points[3, c] - points[3, a]
+    across = cross(to_b, to_c)
+    squared = dot(across, across)
     if squared < _FLAT:
-        return False, old_x, old_y, old_z
+        return False, before
     scale = 1 / squared
-    x = y = z = 0.0
+    tilted = 0.0, 0.0, 0.0
     left = 1.0
     if b_rise != 0 or c_rise != 0:
-        x = scale * (b_rise * (c_y * n_z - c_z * n_y) + c_rise * (n_y * b_z - n_z * b_y))
-        y = scale * (b_rise * (c_z * n_x - c_x * n_z) + c_rise * (n_z * b_x - n_x * b_z))
-        z = scale * (b_rise * (c_x * n_y - c_y * n_x) + c_rise * (n_x * b_y - n_y * b_x))
-        left = 1 - (x * x + y * y + z * z)
+        tilted = times(
+            scale, plus(times(b_rise, cross(to_c, across)), times(c_rise, cross(across, to_b)))
+        )
+        left = 1 - dot(tilted, tilted)
         if left <= 0:
-            return False, old_x, old_y, old_z
+            return False, before
     length = math.sqrt(left * scale)
-    if n_x * old_x + n_y * old_y + n_z * old_z < 0:
+    if dot(across, before) < 0:
         length = -length
-    return True, x + length * n_x, y + length * n_y, z + length * n_z
+    return True, plus(tilted, times(length, across))

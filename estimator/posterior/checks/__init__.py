@@ -4,7 +4,7 @@
 Module          What is in it
 =============== =================================================================================
 ``verdict``     does any body that the problem allows explain the readings?
-``thickness``   would parts of another thickness explain them clearly better?
+``departed``    would a body that departs from the problem explain them clearly better?
 ``recheck``     a simulator reweights samples
 =============== =================================================================================
 """

@@ -8,5 +8,6 @@ Module          What is in it
 ``densities``   how likely one modality's readings are
 ``special``     functions that the densities need
 ``unknowns``    the unit cube that all this is over
+``departures``  how a robot may be built otherwise than any body of that cube
 =============== =================================================================================
 """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
+from estimator.posterior.model.departures import Departure
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
@@ -101,34 +101,42 @@ class Predictor:
     Args:
         unknowns: The cube.
         physics: Computes it; its own, so that populations can work side by side.
-        thickness: Factor on the radii of all parts.
+        departure: How the bodies are built otherwise than the problem says.
 
     Attributes:
         unknowns: As above.
         spared: Simulations that early rejection has made unnecessary.
+        simulations_elsewhere: Interactions that copies of it simulated in worker processes.
+        steps_elsewhere: Time steps of these.
     """
 
     def __init__(
-        self, unknowns: Unknowns, physics: ArrayMarginPhysics, *, thickness: float = 1.0
+        self,
+        unknowns: Unknowns,
+        physics: ArrayMarginPhysics,
+        *,
+        departure: Departure | None = None,
     ) -> None:
         self.unknowns = unknowns
         self.spared = 0
+        self.simulations_elsewhere = 0
+        self.steps_elsewhere = 0
         self._physics = physics
-        self._thickness = thickness
+        self._departure = departure
 
-    def with_thickness(self, factor: float) -> Predictor:
-        """The same for parts whose radii are so many times the problem's; physics is shared."""
-        return Predictor(self.unknowns, self._physics, thickness=factor)
+    def departing(self, departure: Departure) -> Predictor:
+        """The same for bodies that depart so from the problem; physics is shared."""
+        return Predictor(self.unknowns, self._physics, departure=departure)
 
     @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
-        return self._physics.simulations
+        return self._physics.simulations + self.simulations_elsewhere
 
     @property
     def steps(self) -> int:
         """How many time steps were computed so far."""
-        return self._physics.steps
+        return self._physics.steps + self.steps_elsewhere
 
     def read(
         self,
@@ -170,9 +178,7 @@ class Predictor:
 
     def _chosen(self, bodies: Bodies, rows: Columns) -> Bodies:
         chosen = bodies[rows]
-        if self._thickness == 1.0:
-            return chosen
-        return replace(chosen, radius=self._thickness * chosen.radius)
+        return chosen if self._departure is None else self._departure.of(chosen)
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

@@ -26,7 +26,7 @@ _WATCHED: Final = 3  # levels, from the coldest up
 _POLISHED: Final = 200
 _POLISHED_BESIDE: Final = 40  # where neighbours are tried, too
 _LEADERS: Final = 4  # in one sweep
-_SWEEPS: Final = 3
+_SWEPT: Final = (math.inf, 16.0, 16.0)  # nats that they may lie below the best, in one and the next
 _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
@@ -57,30 +57,41 @@ class Discovery:
     Args:
         population: Its chains are moved.
         predictor: The population's own.
-        data: What the robot felt.
-        noise: How far readings stray.
         rng: The population's own, apart from its chains'.
         climbs: Whether it tries the neighbours of the best bodies, not other rows of single parts.
+
+    Attributes:
+        population: As above, like ``predictor`` and ``rng``.
     """
 
     def __init__(
         self,
         population: Population,
         predictor: Predictor,
-        data: SensorData,
-        noise: Noise,
         rng: np.random.Generator,
         *,
         climbs: bool,
     ) -> None:
-        population.observe(data, noise, surely=True)
-        self._population = population
-        likelihood = Likelihood(data, noise)
+        self.population = population
+        self.predictor = predictor
+        self.rng = rng
+        self._climbs = climbs
+
+    def observe(self, data: SensorData, noise: Noise) -> None:
+        """Begins anew, from where the chains are.
+
+        Args:
+            data: What the robot felt in all interactions.
+            noise: How far readings stray.
+        """
+        predictor, likelihood = self.predictor, Likelihood(data, noise)
+        self.population.observe(data, noise, surely=True)
         self._lengths = Lengths(predictor, data, likelihood)
-        self._neighbours = Neighbours(predictor, data, likelihood, rng) if climbs else None
+        self._neighbours = (
+            Neighbours(predictor, data, likelihood, self.rng) if self._climbs else None
+        )
         self._several = len(data) >= _SEVERAL
         self._visited = _Visited(predictor)
-        self._rng = rng
 
     def search(self, steps: int) -> Bodies:
         """One round.
@@ -88,7 +99,7 @@ class Discovery:
         Returns:
             All sets of attachments that were met so far.
         """
-        population, visited = self._population, self._visited
+        population, visited = self.population, self._visited
         for step in range(steps):
             population.step()
             if step % EVERY == EVERY - 1:
@@ -101,8 +112,8 @@ class Discovery:
                     break
             return visited.best()
         visited.polish(self._lengths, _POLISHED)
-        for _ in range(_SWEEPS):
-            if not visited.sweep(self._lengths, self._rng):
+        for nats in _SWEPT:
+            if not visited.sweep(self._lengths, self.rng, nats):
                 break
         return visited.best()
 
@@ -112,7 +123,7 @@ class Discovery:
 
     def start_anew(self, *, all_levels: bool) -> None:
         """Draws the chains of all levels from the prior, or those of the hotter half."""
-        self._population.restart(0 if all_levels else self._population.levels // 2)
+        self.population.restart(0 if all_levels else self.population.levels // 2)
 
 
 class _Visited:
@@ -143,9 +154,10 @@ class _Visited:
         if len(values):
             self._add_polished(values, lengths)
 
-    def sweep(self, lengths: Lengths, rng: np.random.Generator) -> bool:
+    def sweep(self, lengths: Lengths, rng: np.random.Generator, nats: float) -> bool:
         """Tries other rows of each part of the best few; False when there is nobody to be swept."""
-        leaders = self.best().values[: 2 * _LEADERS]
+        bodies = self.best()
+        leaders = bodies.values[bodies.fits >= bodies.fits[0] - nats][: 2 * _LEADERS]
         keys = self._unknowns.keys(leaders)
         chosen = [row for row, key in enumerate(keys) if key not in self._swept][:_LEADERS]
         for row in chosen:

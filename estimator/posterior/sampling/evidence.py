@@ -116,6 +116,21 @@ class EvidenceEstimator:
             weights=weights,
         )
 
+    def with_cost(self, task: tuple[Array, Array, int]) -> tuple[ModeEvidence, int, int]:
+        """The evidence of one mode, and the simulations and time steps that it took.
+
+        Args:
+            task: Point and others, as for ``of``, and a seed.
+        """
+        point, others, seed = task
+        simulations, steps = self._predictor.simulations, self._predictor.steps
+        evidence = self.of(point, others, np.random.default_rng(seed))
+        return (
+            evidence,
+            self._predictor.simulations - simulations,
+            self._predictor.steps - steps,
+        )
+
     def _marginal(
         self, point: Array, lengths: Array, rng: np.random.Generator
     ) -> tuple[Array, Array]:

@@ -40,31 +40,49 @@ class Population:
     Args:
         predictor: Its own.
         rng: Its own.
-        levels: How many.
-        width: Chains on a level; a multiple of 4.
-
-    Attributes:
         values: Points of the cube, level by level, shape (levels · width, size).
         scales: Logarithms of the factors on tilt's and clearance's noise, shape (…, 2).
-        levels: How many there are.
+        levels: How many the points are of, equally many on each: a multiple of 4.
+
+    Attributes:
+        values: As above, like ``scales`` and ``levels``.
         width: Chains on a level.
         hasty: Whether every proposal is taken to fall to the side to which its chain has fallen,
             which costs less; only before sampling.
     """
 
     def __init__(
-        self, predictor: Predictor, rng: np.random.Generator, *, levels: int, width: int
+        self,
+        predictor: Predictor,
+        rng: np.random.Generator,
+        values: Array,
+        scales: Array,
+        *,
+        levels: int = 1,
     ) -> None:
         self._predictor = predictor
         self._rng = rng
+        self.values = values
+        self.scales = scales
         self.levels = levels
-        self.width = width
-        self._widths = np.repeat(HOTTEST ** np.linspace(0, 1, levels), width)
-        count = levels * width
-        self.values = predictor.unknowns.permitted(rng.random((count, predictor.unknowns.size)))
-        self.scales = rng.normal(0, SCALE_SPREAD, (count, 2))
-        self._misfits = np.zeros((count, 0, MISFITS))
-        self._fits = np.zeros((count, 0))
+        self.width = len(values) // levels
+        self._widths = np.repeat(HOTTEST ** np.linspace(0, 1, levels), self.width)
+        self._misfits = np.zeros((len(values), 0, MISFITS))
+        self._fits = np.zeros((len(values), 0))
+
+    @classmethod
+    def of_prior(
+        cls, predictor: Predictor, rng: np.random.Generator, *, levels: int, width: int
+    ) -> Self:
+        """Chains that are drawn from the prior, ``width`` of them on each level."""
+        values = rng.random((levels * width, predictor.unknowns.size))
+        return cls(
+            predictor,
+            rng,
+            predictor.unknowns.permitted(values),
+            rng.normal(0, SCALE_SPREAD, (levels * width, 2)),
+            levels=levels,
+        )
 
     def observe(self, data: SensorData, noise: Noise, *, surely: bool) -> None:
         """Takes in all that was felt so far; the chains stay where they are.
@@ -106,8 +124,8 @@ class Population:
     def coldest(self) -> Self:
         """The chains of level 0 by themselves, no longer hasty: what they go on to is samples."""
         cold = slice(0, self.width)
-        chains = self.at(
-            self.values[cold].copy(), self.scales[cold].copy(), self._predictor, self._rng
+        chains = type(self)(
+            self._predictor, self._rng, self.values[cold].copy(), self.scales[cold].copy()
         )
         chains.observe(self._data, self._noise, surely=False)
         return chains
@@ -134,32 +152,7 @@ class Population:
         rng = np.random.default_rng()
         rng.bit_generator.state = state["random"]
         values, scales = (np.array(state[name], dtype=float) for name in ("values", "scales"))
-        return cls.at(values, scales, predictor, rng, levels=int(state["levels"]))
-
-    @classmethod
-    def at(
-        cls,
-        values: Array,
-        scales: Array,
-        predictor: Predictor,
-        rng: np.random.Generator,
-        *,
-        levels: int = 1,
-    ) -> Self:
-        """Chains that stand at some points; by default all of them at level 0.
-
-        Args:
-            values: Shape (n, size).
-            scales: Their noise factors, shape (n, 2).
-            predictor: As above, like ``rng``.
-            rng: Not drawn from.
-            levels: How many the points are of.
-        """
-        population = cls(
-            predictor, np.random.default_rng(0), levels=levels, width=len(values) // levels
-        )
-        population.values, population.scales, population._rng = values, scales, rng
-        return population
+        return cls(predictor, rng, values, scales, levels=int(state["levels"]))
 
     def _ways(self, chains: Columns, turns: Columns) -> Array | None:
         """By which leans chains come to rest now, where proposals are to do likewise."""

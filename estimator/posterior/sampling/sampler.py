@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -14,6 +12,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
+from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.checks.verdict import left_unexplained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
@@ -22,7 +21,7 @@ from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
-from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.wandering import wandered
 from estimator.posterior.sampling.weighing import sampled, weighed
@@ -76,6 +75,10 @@ class Sampler:
         noise: How far readings stray.
         effort: How much to do.
         seeds: One for each population and one for what is done in common.
+        workers: Move the populations' chains; results do not depend on how many there are.
+
+    Attributes:
+        predictor: Predicts readings.
     """
 
     def __init__(
@@ -85,21 +88,25 @@ class Sampler:
         noise: Noise,
         effort: Effort,
         seeds: Sequence[np.random.SeedSequence],
+        *,
+        workers: Workers,
     ) -> None:
         self._noise = noise
         self._effort = effort
+        self._workers = workers
         known = not unknowns.parents.any()
         self._telling = max(_TELLING, math.ceil(unknowns.bits / _TOLD) if known else 0)
-        self._predictors = [Predictor(unknowns, make_physics()) for _ in range(effort.populations)]
+        self._wanders = self._telling > _TELLING
+        self.predictor = Predictor(unknowns, make_physics())
         *own, common = seeds
-        pairs = [seed.spawn(2) for seed in own]
-        self._populations = [
-            Population(
-                predictor, np.random.default_rng(chains), levels=effort.levels, width=effort.width
+        self._searches = []
+        for _, seed in zip(range(effort.populations), own, strict=True):
+            predictor = Predictor(unknowns, make_physics())
+            of_chains, of_search = map(np.random.default_rng, seed.spawn(2))
+            population = Population.of_prior(
+                predictor, of_chains, levels=effort.levels, width=effort.width
             )
-            for predictor, (chains, _) in zip(self._predictors, pairs, strict=True)
-        ]
-        self._searching = [np.random.default_rng(search) for _, search in pairs]
+            self._searches.append(Discovery(population, predictor, of_search, climbs=self._wanders))
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set()
 
@@ -107,8 +114,8 @@ class Sampler:
         """All that ``restore`` needs, for JSON."""
         return {
             "algorithm": ALGORITHM,
-            "populations": [population.state() for population in self._populations],
-            "searching": [rng.bit_generator.state for rng in self._searching],
+            "populations": [search.population.state() for search in self._searches],
+            "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
             "known": sorted(self._known),
         }
@@ -128,12 +135,11 @@ class Sampler:
             raise SearchStateError(
                 "the run was made with another version of the sampler: start a new run"
             )
-        self._populations = [
-            Population.from_state(one, predictor)
-            for one, predictor in zip(state["populations"], self._predictors, strict=True)
-        ]
-        for rng, one in zip(self._searching, state["searching"], strict=True):
-            rng.bit_generator.state = one
+        for search, population, rng in zip(
+            self._searches, state["populations"], state["searching"], strict=True
+        ):
+            search.population = Population.from_state(population, search.predictor)
+            search.rng.bit_generator.state = rng
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
 
@@ -148,21 +154,21 @@ class Sampler:
         return sum(one.steps for one in self._predictors)
 
     @property
-    def predictor(self) -> Predictor:
-        """Predicts readings, for what comes after the sampling."""
-        return self._predictors[0]
-
-    @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
-        return sum(predictor.simulations for predictor in self._predictors)
+        return sum(one.simulations for one in self._predictors)
+
+    @property
+    def _predictors(self) -> list[Predictor]:
+        return [self.predictor, *(search.predictor for search in self._searches)]
 
     def prior(self) -> Posterior:
         """What is believed before the first interaction."""
-        values = np.concatenate([one.values for one in self._populations])
+        populations = [search.population for search in self._searches]
+        values = np.concatenate([one.values for one in populations])
         return Posterior(
             values=values,
-            scales=np.concatenate([one.scales for one in self._populations]),
+            scales=np.concatenate([one.scales for one in populations]),
             weights=np.full(len(values), 1 / len(values)),
             modes=(),
             seen=0.0,
@@ -171,81 +177,83 @@ class Sampler:
     def learn(self, data: SensorData) -> Posterior:
         """What is believed after the interactions so far.
 
-        The search goes on in rounds, each with the hotter half of the chains drawn anew, until the
-        readings are explained, the populations agree, and a round has found nothing that matters
-        and was not believed before.
-        The rounds it may take grow with the interactions, since few readings leave many bodies.
         As long as they cannot tell of all limbs, no attachments are weighed (see ``wandering``),
-        unless the populations agree before, or do not find what explains the readings; afterwards
-        few rounds are left to do.
-        Where populations that ought to agree do not, or nothing explains the readings, all chains
-        start anew and have longer: what one pose that ended elsewhere has led them to may be far
-        from the truth.
+        unless the populations agree before, or do not find what explains the readings.
 
         Args:
             data: All of them.
         """
-        late, wanders = len(data) >= self._telling, self._telling > _TELLING
-        searches = [
-            Discovery(population, predictor, data, self._noise, rng, climbs=wanders)
-            for population, predictor, rng in zip(
-                self._populations, self._predictors, self._searching, strict=True
-            )
-        ]
         known = set(self._known)
-        if wanders:
-            wandering = wandered(
-                self._populations,
-                searches,
-                self.predictor.unknowns,
-                self._searching,
-                steps=self._effort.steps,
+        for search in self._searches:
+            search.observe(data, self._noise)
+        if self._wanders:
+            self._searches, wandering = wandered(
+                self._searches, self._workers, steps=self._effort.steps
             )
-            best = max((search.best() for search in searches), key=lambda one: one.fits[0])
-            told = late or wandering.seen >= _ALIKE
+            bodies = [search.best() for search in self._searches]
+            best = max(bodies, key=lambda one: one.fits[0])
+            told = len(data) >= self._telling or wandering.seen >= _ALIKE
             left = left_unexplained(best.values[0], self.predictor, data, self._noise)
             if not told and left <= ACCIDENTS:
                 return wandering
-            known.update(*(self.predictor.unknowns.keys(one.best().values) for one in searches))
-        predictor = self.predictor
-        likelihood = Likelihood(data, self._noise)
-        draws = self._effort.draws * (_DRAWS if wanders else 1)
-        estimator = EvidenceEstimator(predictor, data, likelihood, draws=draws)
-        steps, number, lost = self._effort.steps, 0, False
-        with ThreadPoolExecutor(len(searches)) as threads:
-            while True:
-                discovered = list(threads.map(Discovery.search, searches, itertools.repeat(steps)))
-                points, fits = _union(discovered, predictor.unknowns)
-                points = points[fits > fits[0] - _CONSIDERED]
-                guesses = estimator.guess(points, fits[: len(points)])
-                shares = softmax(guesses)
-                keys = predictor.unknowns.keys(points)
-                seen = share_seen(keys, shares, discovered, predictor.unknowns)
-                fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
-                known.update(keys)
-                left = left_unexplained(points[0], predictor, data, self._noise)
-                explained = left <= ACCIDENTS
-                credible = left <= min(ACCIDENTS, len(data) // _ACCIDENT_IN)
-                if credible and seen >= _AGREED and fresh <= _NEGLIGIBLE:
-                    break
-                if explained and not late and wanders:
-                    break
-                number += 1
-                agreed = explained and seen >= _AGREED
-                lost = lost or (number > 1 and late and not wanders and not agreed)
-                rounds = min(self._effort.rounds, len(data)) if credible else self._effort.rounds
-                if number >= (_ENOUGH if wanders else rounds + (_MORE if lost else 0)):
-                    break
-                steps = self._effort.steps * (_LONGER if lost else 1)
-                for search in searches:
-                    search.start_anew(all_levels=lost)
+            known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
+        return self._weighed(self._discovered(data, known), data)
+
+    def _discovered(self, data: SensorData, known: set[Attachments]) -> _Discovered:
+        """Searches in rounds, each with the hotter half of the chains drawn anew.
+
+        They end when the readings are explained, the populations agree, and a round has found
+        nothing that matters and was not known before.
+        The rounds that it may take grow with the interactions, since few readings leave many
+        bodies; where chains have wandered before, few are left to do.
+        Where populations that ought to agree do not, or nothing explains the readings, all chains
+        start anew and have longer: what one pose that ended elsewhere has led them to may be far
+        from the truth.
+        """
+        effort, late = self._effort, len(data) >= self._telling
+        steps, number, lost = effort.steps, 0, False
+        predictor, unknowns = self.predictor, self.predictor.unknowns
+        estimator = self._estimator(data)
+        while True:
+            self._searches = self._workers.map(partial(_searched, steps), self._searches)
+            bodies = [search.best() for search in self._searches]
+            points, fits = _union(bodies, unknowns)
+            points = points[fits > fits[0] - _CONSIDERED]
+            guesses = estimator.guess(points, fits[: len(points)])
+            shares, keys = softmax(guesses), unknowns.keys(points)
+            seen = share_seen(keys, shares, bodies, unknowns)
+            fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
+            known.update(keys)
+            left = left_unexplained(points[0], predictor, data, self._noise)
+            explained = left <= ACCIDENTS
+            credible = left <= min(ACCIDENTS, len(data) // _ACCIDENT_IN)
+            number += 1
+            agreed = explained and seen >= _AGREED
+            lost = lost or (number > 1 and late and not self._wanders and not agreed)
+            rounds = min(effort.rounds, len(data)) if credible else effort.rounds
+            if (
+                (credible and seen >= _AGREED and fresh <= _NEGLIGIBLE)
+                or (explained and not late and self._wanders)
+                or number >= (_ENOUGH if self._wanders else rounds + (_MORE if lost else 0))
+            ):
+                return _Discovered(bodies, points, fits[0], guesses, credible)
+            steps = effort.steps * (_LONGER if lost else 1)
+            for search in self._searches:
+                search.start_anew(all_levels=lost)
+
+    def _weighed(self, discovered: _Discovered, data: SensorData) -> Posterior:
+        """Modes by their evidences, and samples."""
+        predictor, effort = self.predictor, self._effort
         modes = weighed(
-            points, guesses, estimator, partial(self._neighbours, best=fits[0]), self._rng
+            discovered.points,
+            discovered.guesses,
+            partial(self._evidences, self._estimator(data), discovered.best),
+            self._rng,
         )
-        chains = sampled(modes, predictor, data, self._noise, self._rng, count=self._effort.samples)
-        for population in self._populations:
-            rows = self._rng.choice(self._effort.samples, population.width)
-            population.replace_coldest(chains.values[rows], chains.scales[rows])
+        chains = sampled(modes, predictor, data, self._noise, self._rng, count=effort.samples)
+        for search in self._searches:
+            rows = self._rng.choice(effort.samples, effort.width)
+            search.population.replace_coldest(chains.values[rows], chains.scales[rows])
         keys = predictor.unknowns.keys(modes.points)
         self._known = set(keys)
         named = [
@@ -254,27 +262,71 @@ class Sampler:
                 keys, modes.shares, modes.points, modes.evidences, strict=True
             )
         ]
+        seen = share_seen(keys, modes.shares, discovered.bodies, predictor.unknowns)
         return Posterior(
             values=chains.values,
             scales=chains.scales,
             weights=np.full(len(chains.values), 1 / len(chains.values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            seen=share_seen(keys, modes.shares, discovered, predictor.unknowns)
-            if credible
-            else 0.0,
+            seen=seen if discovered.credible else 0.0,
         )
+
+    def _estimator(self, data: SensorData) -> EvidenceEstimator:
+        draws = self._effort.draws * (_DRAWS if self._wanders else 1)
+        likelihood = Likelihood(data, self._noise)
+        return EvidenceEstimator(self.predictor, data, likelihood, draws=draws)
+
+    def _evidences(
+        self, estimator: EvidenceEstimator, best: float, points: Array
+    ) -> list[ModeEvidence]:
+        seeds = self._rng.integers(2**32, size=len(points)).tolist()
+        tasks = [
+            (point, self._neighbours(point, best), seed)
+            for point, seed in zip(points, seeds, strict=True)
+        ]
+        evidences = []
+        for evidence, simulations, steps in self._workers.map(estimator.with_cost, tasks):
+            evidences.append(evidence)
+            self.predictor.simulations_elsewhere += simulations
+            self.predictor.steps_elsewhere += steps
+        return evidences
 
     def _neighbours(self, point: Array, best: float) -> Array:
         """Chains with a point's attachments that fit nearly as well as the best body."""
         unknowns = self.predictor.unknowns
         key = unknowns.attachments(point[None])
         chains = []
-        for population in self._populations:
+        for population in (search.population for search in self._searches):
             cold = population.values[: 2 * population.width]
             alike = np.all(unknowns.attachments(cold) == key, axis=1)
             alike &= population.posterior_fits(2) > best - _CONSIDERED
             chains.append(cold[alike][:_NEIGHBOURS])
         return np.concatenate(chains)
+
+
+@dataclass(frozen=True)
+class _Discovered:
+    """What the search has met.
+
+    Attributes:
+        bodies: By each population.
+        points: The best of each set of attachments that may matter, best first, shape (n, size).
+        best: Log-likelihood of the first.
+        guesses: Of their evidences, shape (n,).
+        credible: Whether so few interactions are left unexplained that something can be certain.
+    """
+
+    bodies: Sequence[Bodies]
+    points: Array
+    best: float
+    guesses: Array
+    credible: bool
+
+
+def _searched(steps: int, search: Discovery) -> Discovery:
+    """The search after one more round."""
+    search.search(steps)
+    return search
 
 
 def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:

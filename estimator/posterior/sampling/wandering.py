@@ -8,14 +8,14 @@ next program is chosen, and from there the chains go on.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.parallel.workers import Workers
 from estimator.posterior.model.special import softmax
-from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
 from estimator.posterior.sampling.population import EVERY, Population
@@ -26,42 +26,22 @@ _ROUNDS: Final = 3  # at most, until there are no more of them
 
 
 def wandered(
-    populations: Sequence[Population],
-    searches: Sequence[Discovery],
-    unknowns: Unknowns,
-    rngs: Sequence[np.random.Generator],
-    *,
-    steps: int,
-) -> Posterior:
+    searches: Sequence[Discovery], workers: Workers, *, steps: int
+) -> tuple[list[Discovery], Posterior]:
     """What is believed after the interactions so far.
 
     Args:
-        populations: Their chains are moved.
-        searches: With each of them.
-        unknowns: The cube.
-        rngs: Of each population, apart from its chains'.
+        searches: With each population.
+        workers: Move the chains.
         steps: Of each round, and of sampling after them.
+
+    Returns:
+        The searches as they go on, and the posterior.
     """
-
-    def wander(
-        population: Population, search: Discovery, rng: np.random.Generator
-    ) -> tuple[Array, Array, Array]:
-        for _ in range(_ROUNDS):
-            if _taken_back(population, search.search(steps), rng) <= _STRAGGLERS:
-                break
-        chains, drawn = population.coldest(), []
-        for step in range(steps):
-            chains.step()
-            if step % EVERY == EVERY - 1:
-                fits = chains.posterior_fits(1)
-                drawn.append((chains.values.copy(), chains.scales.copy(), fits))
-        population.replace_coldest(*drawn[-1][:2])
-        values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
-        return values, scales, fits
-
-    with ThreadPoolExecutor(len(populations)) as threads:
-        by_population = list(threads.map(wander, populations, searches, rngs))
+    moved = workers.map(partial(_wander, steps), searches)
+    by_population = [drawn for _, drawn in moved]
     values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
+    unknowns = searches[0].predictor.unknowns
     keys = unknowns.keys(values)
     best: dict[tuple[int, ...], list[int]] = {}
     for row in np.argsort(-fits, kind="stable").tolist():
@@ -73,7 +53,7 @@ def wandered(
         ),
         key=lambda mode: -mode.probability,
     )
-    return Posterior(
+    posterior = Posterior(
         values=values,
         scales=scales,
         weights=np.full(len(values), 1 / len(values)),
@@ -85,9 +65,27 @@ def wandered(
             unknowns,
         ),
     )
+    return [search for search, _ in moved], posterior
 
 
-def _taken_back(population: Population, bodies: Bodies, rng: np.random.Generator) -> float:
+def _wander(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
+    """Moves the chains of one population; its samples, their noise factors and their fits."""
+    population = search.population
+    for _ in range(_ROUNDS):
+        if _lost_ones_moved(population, search.search(steps), search.rng) <= _STRAGGLERS:
+            break
+    chains, drawn = population.coldest(), []
+    for step in range(steps):
+        chains.step()
+        if step % EVERY == EVERY - 1:
+            fits = chains.posterior_fits(1)
+            drawn.append((chains.values.copy(), chains.scales.copy(), fits))
+    population.replace_coldest(*drawn[-1][:2])
+    values, scales, fits = (np.concatenate(arrays) for arrays in zip(*drawn, strict=True))
+    return search, (values, scales, fits)
+
+
+def _lost_ones_moved(population: Population, bodies: Bodies, rng: np.random.Generator) -> float:
     """Share of the coldest chains that were lost; they go on from bodies that fit.
 
     Args:

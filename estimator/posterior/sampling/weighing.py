@@ -12,10 +12,11 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
+from estimator.posterior.sampling.evidence import ModeEvidence
 from estimator.posterior.sampling.population import Population
 
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
+_AT_ONCE: Final = 16  # of them
 _WEIGHED: Final = 9.0  # nats below the best evidence
 _LEAST_POWER: Final = 1e-3
 _STEPS: Final = 20  # of valid sampling
@@ -43,8 +44,7 @@ class WeighedModes:
 def weighed(
     points: Array,
     guesses: Array,
-    estimator: EvidenceEstimator,
-    neighbours: Callable[[Array], Array],
+    evidences_of: Callable[[Array], Sequence[ModeEvidence]],
     rng: np.random.Generator,
 ) -> WeighedModes:
     """The evidence of all modes, or of some that stand for them.
@@ -52,21 +52,17 @@ def weighed(
     Args:
         points: The best of each mode, shape (n, size).
         guesses: Of their evidences, shape (n,).
-        estimator: Estimates an evidence.
-        neighbours: Other points with a point's attachments, by that point.
-        rng: Draws modes, and points.
+        evidences_of: Estimates the evidences of some modes, from their points.
+        rng: Draws modes.
     """
     rows, log_chances = drawn(guesses, rng)
+    hoped = guesses[rows] - log_chances
     evidences: list[ModeEvidence] = []
-    logs: list[float] = []
-    for row, log_chance in zip(rows, log_chances, strict=True):
-        if logs and guesses[row] - log_chance < max(logs) - _WEIGHED:
-            break
-        evidences.append(estimator.of(points[row], neighbours(points[row]), rng))
-        logs.append(evidences[-1].log_evidence - log_chance)
-    return WeighedModes(
-        points=points[rows[: len(logs)]], evidences=evidences, shares=softmax(np.array(logs))
-    )
+    logs = np.empty(0)
+    while len(logs) < len(rows) and hoped[len(logs)] >= logs.max(initial=-np.inf) - _WEIGHED:
+        evidences += evidences_of(points[rows[len(logs) : len(logs) + _AT_ONCE]])
+        logs = np.array([one.log_evidence for one in evidences]) - log_chances[: len(evidences)]
+    return WeighedModes(points=points[rows[: len(logs)]], evidences=evidences, shares=softmax(logs))
 
 
 def sampled(
@@ -97,7 +93,7 @@ def sampled(
     starts = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
     values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
     scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
-    chains = Population.at(values, scales, predictor, rng)
+    chains = Population(predictor, rng, values, scales)
     chains.observe(data, noise, surely=False)
     if modes.evidences[int(np.argmax(modes.shares))].effective < _FEW:
         chains.hasty = True

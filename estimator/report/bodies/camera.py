@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
-from estimator.report.bodies.scene import MAIN_BODY, Solid
+from estimator.report.bodies.jointed_body import MAIN_BODY
+from estimator.report.bodies.scene import Solid
 from estimator.report.leg_styles import leg_colour
 from protocol.system.native_output import native_output_discarded
 

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from typing import Final, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, PlainSerializer
 
-from estimator.body.morphology import BASE, Array, Morphology, part_frames
-from estimator.evaluation.truth.urdf import Urdf, numbers
-from estimator.report.bodies.scene import MAIN_BODY, frame_of, limb_numbers, shape_of
+from estimator.body.morphology import Array, Morphology, rotation
+from estimator.evaluation.truth.urdf import Box, Cylinder, Origin, Sphere, Urdf, numbers
 
-Numbers: TypeAlias = tuple[float, ...]
+MAIN_BODY: Final = -1
+"""In place of a limb's number: the link belongs to the main body."""
 
 _DIGITS: Final = 7
+
+
+def _rounded(values: Sequence[float]) -> list[float]:
+    """Numbers as a page takes them."""
+    return [round(value, _DIGITS) + 0.0 for value in values]
+
+
+Numbers: TypeAlias = Annotated[tuple[float, ...], PlainSerializer(_rounded)]
+Kind: TypeAlias = Literal["box", "cylinder", "sphere"]
+
 _STRAIGHT: Final = tuple(np.eye(3).ravel().tolist())
 
 
@@ -34,7 +43,7 @@ class Shape(_Record):
         turn: Of the shape in the link's frame, nine numbers row by row.
     """
 
-    kind: str
+    kind: Kind | Literal["capsule"]
     size: Numbers
     place: Numbers = (0.0, 0.0, 0.0)
     turn: Numbers = _STRAIGHT
@@ -69,41 +78,35 @@ class Link(_Record):
 
 
 def model_links(
-    body: Morphology, names: Sequence[str], certainties: Sequence[float] = ()
+    body: Morphology, names: Sequence[str] = (), certainties: Sequence[float] = ()
 ) -> tuple[Link, ...]:
     """A model as links, one per part after the main body.
 
     Args:
         body: The model.
-        names: Of its parts.
+        names: Of its parts, where anybody reads them.
         certainties: Share of the posterior that attaches each part so; default: all.
     """
-    origins, turns = part_frames(body, np.zeros(body.motors))
-    _, turned = part_frames(body, np.full(body.motors, math.pi / 2))
-    limbs = limb_numbers(body)
+    angles = body.part_angles(np.zeros(body.motors))
+    limbs = _limb_numbers(body)
     links = [Link(name="main body", shapes=(Shape(kind="box", size=body.base.size),))]
-    for row, (part, name) in enumerate(zip(body.parts, names, strict=True)):
-        on_base = part.parent == BASE
-        origin = np.zeros(3) if on_base else origins[part.parent]
-        straight = np.eye(3) if on_base else turns[part.parent]
-        bent = np.eye(3) if on_base else turned[part.parent]
-        turn = straight.T @ turns[row]
+    for row, part in enumerate(body.parts):
         links.append(
             Link(
-                name=name,
+                name=names[row] if names else "",
                 parent=part.parent + 1,
-                place=_rounded(straight.T @ (origins[row] - origin)),
-                turn=_rounded(turn),
-                axis=_rounded(_axis_of(turn.T @ bent.T @ turned[row])),
+                place=body.place(row),
+                turn=_numbers(body.turn(row, angles[row])),
+                axis=body.hinge(row).axis,
                 joint=-1 if part.motor is None else part.motor,
                 limb=limbs[row],
                 certainty=certainties[row] if certainties else 1.0,
-                end=_rounded((part.length, 0.0, 0.0)),
+                end=(part.length, 0.0, 0.0),
                 shapes=(
                     Shape(
                         kind="capsule",
-                        size=_rounded((part.radius, part.far_centre - part.near_centre)),
-                        place=_rounded(((part.near_centre + part.far_centre) / 2, 0.0, 0.0)),
+                        size=(part.radius, part.far_centre - part.near_centre),
+                        place=((part.near_centre + part.far_centre) / 2, 0.0, 0.0),
                     ),
                 ),
             )
@@ -123,13 +126,13 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
         link.name: tuple(
             Shape(
                 kind=kind,
-                size=_rounded(size),
-                place=_rounded(place),
-                turn=_rounded(turn),
+                size=size,
+                place=_numbers(place),
+                turn=_numbers(turn),
             )
             for collision in link.collisions
-            for kind, size in (shape_of(collision.geometry.shape),)
-            for turn, place in (frame_of(collision.origin),)
+            for kind, size in (_shape_of(collision.geometry.shape),)
+            for turn, place in (_frame_of(collision.origin),)
         )
         for link in urdf.links
     }
@@ -137,7 +140,7 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
     numbered = {urdf.root: 0}
     for joint in urdf.joints:
         parent, child = numbered[joint.parent.link], joint.child.link
-        turn, place = frame_of(joint.origin)
+        turn, place = _frame_of(joint.origin)
         axis = np.array(numbers(joint.axis.xyz))
         moved = joint.type == "revolute" and joint.name in joints
         numbered[child] = len(links)
@@ -145,9 +148,9 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
             Link(
                 name=child,
                 parent=parent,
-                place=_rounded(place),
-                turn=_rounded(turn),
-                axis=_rounded(axis / np.linalg.norm(axis)),
+                place=_numbers(place),
+                turn=_numbers(turn),
+                axis=_numbers(axis / np.linalg.norm(axis)),
                 joint=joints.index(joint.name) if moved else -1,
                 limb=limbs_of.get(joint.name, links[parent].limb),
                 shapes=shapes[child],
@@ -156,18 +159,30 @@ def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) 
     return tuple(links)
 
 
-def _axis_of(quarter: Array) -> Array:
-    """Axis of a quarter turn; of none at all, any."""
-    axis = np.array(
-        [
-            quarter[2, 1] - quarter[1, 2],
-            quarter[0, 2] - quarter[2, 0],
-            quarter[1, 0] - quarter[0, 1],
-        ]
-    )
-    axis = axis / 2
-    return axis if np.linalg.norm(axis) > 0.5 else np.array([1.0, 0.0, 0.0])
+def _numbers(values: Array) -> tuple[float, ...]:
+    return tuple(values.ravel().tolist())
 
 
-def _rounded(values: Array | Sequence[float]) -> Numbers:
-    return tuple((np.round(np.asarray(values, dtype=float).ravel(), _DIGITS) + 0.0).tolist())
+def _limb_numbers(body: Morphology) -> list[int]:
+    """For each part the number of the limb that moves it, by which legs are coloured."""
+    motors = sorted(part.motor for part in body.parts if part.motor is not None)
+    moving = [body.parts[group].motor for group in body.rigid_groups]
+    return [MAIN_BODY if motor is None else motors.index(motor) for motor in moving]
+
+
+def _frame_of(origin: Origin) -> tuple[Array, Array]:
+    """Rotation and place, m, that a URDF's origin stands for."""
+    roll, pitch, yaw = numbers(origin.rpy)
+    inner = rotation((0.0, 0.0, 1.0), yaw) @ rotation((0.0, 1.0, 0.0), pitch)
+    inner = inner @ rotation((1.0, 0.0, 0.0), roll)
+    return inner, np.array(numbers(origin.xyz))
+
+
+def _shape_of(shape: Box | Cylinder | Sphere | None) -> tuple[Kind, tuple[float, ...]]:
+    """Kind and size of a URDF's shape, as a ``Shape`` has them."""
+    if isinstance(shape, Box):
+        return "box", numbers(shape.size)
+    if isinstance(shape, Cylinder):
+        return "cylinder", (shape.radius, shape.length)
+    assert shape is not None
+    return "sphere", (shape.radius,)

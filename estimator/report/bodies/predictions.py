@@ -8,23 +8,18 @@ from contextlib import closing
 import numpy as np
 
 from estimator.body.morphology import Morphology
-from estimator.identification.run import world_of
 from estimator.physics.backends import in_this_process
 from estimator.physics.base import Readings
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.storage.beliefs import Foretold
 from estimator.storage.store import RunStore
 
 
-def predict(
-    store: RunStore, problem: Problem, bodies: Sequence[Morphology]
-) -> list[list[Observation | None]]:
+def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observation | None]]:
     """Simulates bodies in a run's interactions, by the physics whose word the run's tables give.
 
     Args:
         store: The run.
-        problem: Its problem.
         bodies: The bodies.
 
     Returns:
@@ -37,9 +32,9 @@ def predict(
     posterior = store.settings.method == "posterior"
     name = store.settings.physics if posterior else store.settings.reference
     pairs = [(body, np.array(item.angles)) for body in bodies for item in seen]
-    with closing(in_this_process(name, world_of(store, problem))) as physics:
+    with closing(in_this_process(name, store.world)) as physics:
         readings = physics.read(pairs)
-    rows = [_prediction(readings, row, pair[1].tolist()) for row, pair in enumerate(pairs)]
+    rows = [observation_of(readings, row, pair[1].tolist()) for row, pair in enumerate(pairs)]
     return [rows[start : start + len(seen)] for start in range(0, len(rows), len(seen))]
 
 
@@ -50,7 +45,8 @@ def foretold(observation: Observation, item: Foretold) -> Observation:
     )
 
 
-def _prediction(readings: Readings, row: int, angles: list[float]) -> Observation | None:
+def observation_of(readings: Readings, row: int, angles: Sequence[float]) -> Observation | None:
+    """A body's readings as an interaction; ``None`` where the simulation cannot be believed."""
     if not readings.valid[row] or not np.isfinite(readings.tilt[row]).all():
         return None
     left, ahead = readings.tilt[row].tolist()

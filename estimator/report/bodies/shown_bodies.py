@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -13,17 +12,13 @@ from estimator.body.morphology import Morphology
 from estimator.evaluation.truth.urdf import Urdf
 from estimator.identification.final_population import FinalPopulation
 from estimator.problem.genome import Genome
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.report.bodies.jointed_body import Link, model_links, robot_links
 from estimator.report.bodies.predictions import foretold, predict
 from estimator.report.bodies.scene import (
-    LEVEL,
-    Attitude,
     Solid,
     at_rest,
-    model_solids,
-    robot_solids,
+    solids_of,
     turn_at_rest,
 )
 from estimator.report.posterior_tables import percent
@@ -74,23 +69,19 @@ class ShownBodies:
     predicted: tuple[Observation | None, ...] = ()
 
 
-def shown_bodies(
-    store: RunStore, problem: Problem, result: Result, true_body: Urdf | None
-) -> ShownBodies:
+def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> ShownBodies:
     """Collects the bodies of a run.
 
     Args:
         store: The run.
-        problem: Its problem.
         result: The same in numbers.
         true_body: The robot's, where it is known.
     """
     if not result.best_models:
         return ShownBodies()
-    genome = Genome(problem, problem.base(store.capabilities))
-    seen = store.observations()
+    genome, seen = store.genome, store.observations()
     beliefs = store.beliefs()
-    names = [rule.name for rule in problem.parts]
+    names = [rule.name for rule in store.problem.parts]
     if beliefs and result.posterior is not None:
         belief, _ = beliefs[-1]
         rivals = result.posterior.rivals
@@ -117,7 +108,7 @@ def shown_bodies(
         ]
         samples = []
     bodies = [genome.decode(np.array(one)) for one in genes]
-    predicted = predict(store, problem, bodies)
+    predicted = predict(store, bodies)
     if beliefs:
         told = beliefs[-1][0].foretold
         predicted[0][: len(told)] = [
@@ -126,36 +117,33 @@ def shown_bodies(
     certainties = [part.agreement or 0.0 for part in result.best_models[0].parts] if beliefs else []
     shown = []
     for row, (body, (title, note)) in enumerate(zip(bodies, texts, strict=True)):
-        stands, standing = _stands(partial(model_solids, body), seen, predicted[row])
+        links = model_links(body, names, () if row else certainties)
+        stands, standing = _stands(links, seen, predicted[row])
         shown.append(
             ShownBody(
                 title=title,
                 note=note,
-                links=model_links(body, names, () if row else certainties),
+                links=links,
                 samples=() if row else tuple(model_links(sample, names) for sample in samples),
                 stands=stands,
                 standing=standing,
             )
         )
     if true_body is not None:
-        shown.append(_truth(store, problem, true_body, seen))
+        shown.append(_truth(store, true_body, seen))
     return ShownBodies(bodies=tuple(shown), predicted=tuple(predicted[0]))
 
 
-def _truth(
-    store: RunStore, problem: Problem, true_body: Urdf, seen: Sequence[Observation]
-) -> ShownBody:
+def _truth(store: RunStore, true_body: Urdf, seen: Sequence[Observation]) -> ShownBody:
     joints = [joint.name for joint in store.capabilities.joints]
-    limbs = {joints[motor]: limb for limb, motor in enumerate(sorted(problem.motors.driven))}
+    limbs = {joints[motor]: limb for limb, motor in enumerate(sorted(store.problem.motors.driven))}
 
-    def solids(angles: Sequence[float]) -> list[Solid]:
-        return robot_solids(true_body, dict(zip(joints, angles, strict=True)), limbs)
-
-    stands, standing = _stands(solids, seen, seen)
+    links = robot_links(true_body, joints, limbs)
+    stands, standing = _stands(links, seen, seen)
     return ShownBody(
         title="True body",
         note="as the robot stood",
-        links=robot_links(true_body, joints, limbs),
+        links=links,
         stands=stands,
         standing=standing,
         true=True,
@@ -163,7 +151,7 @@ def _truth(
 
 
 def _stands(
-    solids_at: Callable[[Sequence[float]], list[Solid]],
+    links: Sequence[Link],
     seen: Sequence[Observation],
     told: Sequence[Observation | None],
 ) -> tuple[tuple[tuple[float, ...] | None, ...], tuple[Solid, ...]]:
@@ -174,10 +162,9 @@ def _stands(
     stands: list[tuple[float, ...] | None] = []
     standing: list[Solid] = []
     for item, felt in zip(seen, told, strict=False):
-        solids = solids_at(item.angles)
-        attitude = None if felt is None else Attitude.of(felt)
-        standing = at_rest(solids, attitude or LEVEL)
-        turn = None if attitude is None else turn_at_rest(solids, attitude)
+        solids = solids_of(links, item.angles)
+        standing = at_rest(solids, felt)
+        turn = None if felt is None or None in felt.tilt else turn_at_rest(solids, felt)
         stands.append(None if turn is None else tuple(np.round(turn, _DIGITS).ravel().tolist()))
     return tuple(stands), tuple(standing)
 

@@ -12,7 +12,6 @@ from markupsafe import Markup
 
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
-from estimator.problem.problem import Problem
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.bodies.body_picture import body_picture
@@ -56,16 +55,16 @@ class PageSources:
     validation: Validation | None
 
     @classmethod
-    def of(cls, store: RunStore, problem: Problem, result: Result) -> Self:
+    def of(cls, store: RunStore, result: Result) -> Self:
         """Collects them; ``result`` is what ``summarise`` says of the run."""
         legs = [leg.joint for leg in result.legs]
         score = score_of(store.directory, result)
         true_body = None if score is None else read_true_body(store.directory)
-        bodies = shown_bodies(store, problem, result, true_body)
+        bodies = shown_bodies(store, result, true_body)
         return cls(
             result=result,
             bodies=bodies,
-            plots=run_plots(store, problem, legs, score.true_lengths_m if score else ()),
+            plots=run_plots(store, legs, score.true_lengths_m if score else ()),
             picture=_picture(bodies, legs),
             score=score,
             validation=read_validation(store.directory),
@@ -78,10 +77,10 @@ def _picture(bodies: ShownBodies, legs: Sequence[str]) -> bytes | None:
     return as_png(body_picture(bodies.bodies, legs))
 
 
-def run_page(store: RunStore, problem: Problem, sources: PageSources) -> str:
+def run_page(store: RunStore, sources: PageSources) -> str:
     """The page as HTML."""
     result, posterior = sources.result, sources.result.posterior
-    seen, driven = store.observations(), sorted(problem.motors.driven)
+    seen, driven = store.observations(), sorted(store.problem.motors.driven)
     shown = sources.bodies
     drawings = {plot.name: _drawing(plot.figure, plot.caption) for plot in sources.plots}
     if shown.predicted:
@@ -100,14 +99,14 @@ def run_page(store: RunStore, problem: Problem, sources: PageSources) -> str:
         **_verdict(result),
         interactions_asked=store.settings.interactions,
         facts=_facts(result),
-        data=_data(store, problem, shown, seen),
+        data=_data(store, shown, seen),
         samples=len(shown.bodies[0].samples) if shown.bodies else 0,
         flat=sources.picture,
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
         sureness=_sureness(posterior),
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
-        legs=_legs(result),
+        legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
         felt=_felt(result, seen, shown.predicted, driven),
         plots=drawings,
@@ -168,20 +167,8 @@ def _facts(result: Result) -> list[tuple[str, str]]:
 def _sureness(posterior: PosteriorSummary | None) -> str:
     if posterior is None or posterior.probability is None:
         return "How probable all of them together are is not known: too few samples stand for it."
-    return f"The probability of all of them together is {percent(posterior.probability)}."
-
-
-def _legs(result: Result) -> list[dict[str, Any]]:
-    rows = []
-    for index, leg in enumerate(result.legs):
-        length, (low, high) = leg.length_m, leg.population_m or (leg.length_m, leg.length_m)
-        if result.posterior is not None:
-            interval = result.posterior.lengths_m[index]
-            length, low, high = interval.median, interval.low, interval.high
-        touched = "not sensed" if leg.touched is None else "yes" if leg.touched else "never"
-        row: dict[str, Any] = {"joint": leg.joint, "mount": leg.mount, "touched": touched}
-        rows.append(row | {"length_m": length, "low_m": low, "high_m": high})
-    return rows
+    premise = ", if the robot is built as the problem says" if posterior.untested else ""
+    return f"The probability of all of them together is {percent(posterior.probability)}{premise}."
 
 
 def _felt(
@@ -226,19 +213,13 @@ def _validation(validation: Validation | None) -> list[tuple[str, list[tuple[str
                 for modality in MODALITIES.values()
             ],
         )
-        for name, errors in (
-            ("best model", validation.best_model),
-            ("population, median", validation.population_median),
-            ("random models, median", validation.random_models),
-        )
+        for name, errors in validation.groups
     ]
 
 
-def _data(
-    store: RunStore, problem: Problem, shown: ShownBodies, seen: Sequence[Observation]
-) -> dict[str, Any]:
+def _data(store: RunStore, shown: ShownBodies, seen: Sequence[Observation]) -> dict[str, Any]:
     """What the page's script draws."""
-    driven = sorted(problem.motors.driven)
+    driven = sorted(store.problem.motors.driven)
     return {
         "joints": [
             {

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
+from estimator.problem.genome import Genome
 from estimator.report.canvas import new_figure
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import mean_and_deviation
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
-from estimator.reproduction.figures.random_models import Quality, quality, random_models
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
-from estimator.reproduction.runs.plan import Budget, parametric_runs
-from estimator.reproduction.runs.variants import VARIANTS
+from estimator.reproduction.runs.plan import VARIANTS, Budget, parametric_runs
+from estimator.search.randomness import Stream, generator
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +35,8 @@ HEADER: Final = (
     *("variant", "modalities", "iteration", "seed"),
     *("mean_leg_error_m", "longest_minus_shortest_m", "variance_m2"),
 )
+RANDOM_MODELS: Final = 5000
+_SEED: Final = 0  # of those
 _COLOURS: Final = ("#1b4f72", "#2e86c1", "#85929e", "#1e8449", "#bfc9ca", "#82c99d", "#566573")
 """Blue and green with tilt, grey without."""
 
@@ -41,6 +44,41 @@ _MEASURES: Final = (
     ("a", "mean_leg_error_m", "mean |leg - true leg| (mm)", 1e3),
     ("b", "longest_minus_shortest_m", "longest - shortest leg (mm)", 1e3),
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """How good leg lengths are, by the measures of Figure 3; one value per model.
+
+    Attributes:
+        mean_error: Mean of |leg - true leg|, m (Figure 3a).
+        spread: Longest minus shortest leg, m (Figure 3b, by its caption).
+        variance: Variance over the legs, m² (Figure 3b, by the text).
+    """
+
+    mean_error: Array
+    spread: Array
+    variance: Array
+
+
+def quality(lengths: Array, true_lengths: Array) -> Quality:
+    """The measures of some models.
+
+    Args:
+        lengths: m, shape (models, legs).
+        true_lengths: m, shape (legs,).
+    """
+    return Quality(
+        mean_error=np.mean(np.abs(lengths - true_lengths), axis=1),
+        spread=np.ptp(lengths, axis=1),
+        variance=np.var(lengths, axis=1),
+    )
+
+
+def random_models(genome: Genome, true_lengths: Array) -> Quality:
+    """The measures of models whose genes were drawn at random, as the first population's are."""
+    genes = generator(_SEED, Stream.RANDOM_MODELS).random((RANDOM_MODELS, genome.size))
+    return quality(leg_lengths(genome.decode_all(genes)), true_lengths)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,8 +205,7 @@ def _draw(axes: Axes, cells: Sequence[_Cell], iterations: int, measure: str, sca
         )
     axes.set_xticks(range(1, iterations + 1))
     axes.set_xlabel("iteration")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:

@@ -10,19 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from estimator.body.morphology import Morphology
 from estimator.evaluation.truth.urdf import read_urdf
 from estimator.physics.backends import in_this_process
-from estimator.physics.base import Readings
 from estimator.readings.observation import Observation
 from estimator.report.bodies.camera import reach, take_picture
-from estimator.report.bodies.scene import (
-    Attitude,
-    Solid,
-    at_rest,
-    model_solids,
-    robot_solids,
-)
+from estimator.report.bodies.jointed_body import Link, model_links, robot_links
+from estimator.report.bodies.predictions import observation_of
+from estimator.report.bodies.scene import Solid, at_rest, solids_of
 from estimator.report.canvas import leg_patches, new_figure
 from estimator.report.evaluation_files import TRUTH
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
@@ -48,12 +42,11 @@ ROWS: Final = ("first motor program", "fresh motor program")
 
 @dataclass(frozen=True, kw_only=True)
 class _Subject:
-    """One picture: a body in a pose."""
+    """One picture: a body in a pose, and what it felt there."""
 
     name: str
     solids: list[Solid]
-    touch: tuple[bool | None, ...]
-    attitude: Attitude
+    felt: Observation
 
 
 def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> DrawnFigure:
@@ -97,47 +90,34 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
 def _robot(run: FinishedRun, finished_runs: FinishedRuns, pose: Observation) -> _Subject:
     joints = [joint["name"] for joint in run.result.robot["joints"]]
     driven = {joints[motor]: leg for leg, motor in enumerate(sorted(run.problem.motors.driven))}
-    angles = dict(zip(joints, pose.angles, strict=True))
-    left, ahead = pose.tilt
-    attitude = Attitude(
-        tilt=(left or 0.0, ahead or 0.0),
-        clearance=pose.clearance,
-        saturated=pose.clearance_saturated,
-    )
-    solids = robot_solids(read_urdf(finished_runs.root / TRUTH), angles, driven)
-    return _Subject(
-        name="robot", solids=at_rest(solids, attitude), touch=pose.touch, attitude=attitude
-    )
+    links = robot_links(read_urdf(finished_runs.root / TRUTH), joints, driven)
+    return _subject("robot", links, pose)
 
 
 def _models(run: FinishedRun, pose: Observation) -> list[_Subject]:
     ends = run.iteration_ends
     chosen = sorted({0, (len(ends) - 1) // 2, len(ends) - 1})
     bodies = [run.best(ends[index]) for index in chosen]
-    angles = np.array(pose.angles)
     with closing(in_this_process(run.result.reference, run.world)) as physics:
-        readings = physics.read([(body, angles) for body in bodies])
+        readings = physics.read([(body, np.array(pose.angles)) for body in bodies])
     return [
-        _model(f"model after iteration {index + 1}", body, angles, readings, row)
+        _subject(
+            f"model after iteration {index + 1}",
+            model_links(body),
+            observation_of(readings, row, pose.angles) or Observation(angles=pose.angles),
+        )
         for row, (index, body) in enumerate(zip(chosen, bodies, strict=True))
     ]
 
 
-def _model(
-    name: str, body: Morphology, angles: Sequence[float] | Any, readings: Readings, row: int
-) -> _Subject:
-    left, ahead = readings.tilt[row].tolist()
-    attitude = Attitude(
-        tilt=(left, ahead),
-        clearance=float(readings.clearance[row]),
-        saturated=bool(readings.saturated[row]),
-    )
-    return _Subject(
-        name=name,
-        solids=at_rest(model_solids(body, angles), attitude),
-        touch=tuple(readings.touch[row].tolist()),
-        attitude=attitude,
-    )
+def _subject(name: str, links: Sequence[Link], felt: Observation) -> _Subject:
+    return _Subject(name=name, solids=at_rest(solids_of(links, felt.angles), felt), felt=felt)
+
+
+def _tilt(item: _Subject) -> tuple[float, float]:
+    """Degrees; 0 where it was not read."""
+    left, ahead = (math.degrees(angle or 0.0) for angle in item.felt.tilt)
+    return left, ahead
 
 
 def _angles(run: FinishedRun, pose: Observation) -> str:
@@ -146,19 +126,19 @@ def _angles(run: FinishedRun, pose: Observation) -> str:
 
 
 def _touched(item: _Subject) -> str:
-    return "".join("?" if bit is None else str(int(bit)) for bit in item.touch)
+    return "".join("?" if bit is None else str(int(bit)) for bit in item.felt.touch)
 
 
 def _reading(item: _Subject) -> str:
-    left, ahead = (round(math.degrees(angle), 1) + 0.0 for angle in item.attitude.tilt)
-    height = item.attitude.clearance
+    left, ahead = (round(angle, 1) + 0.0 for angle in _tilt(item))
+    height = item.felt.clearance
     clear = "?" if height is None else f"{height * 1000:.0f} mm"
     return f"touch {_touched(item)}, tilt {left:+.1f}°, {ahead:+.1f}°, clearance {clear}"
 
 
 def _row(name: str, panel: str, item: _Subject, angles: str) -> Row:
-    left, ahead = (round(math.degrees(angle), 3) for angle in item.attitude.tilt)
-    height = item.attitude.clearance
+    left, ahead = (round(angle, 3) for angle in _tilt(item))
+    height = item.felt.clearance
     clear = None if height is None else round(height * 1000, 2)
     return name, panel, item.name, angles, _touched(item), left, ahead, clear
 
@@ -166,8 +146,7 @@ def _row(name: str, panel: str, item: _Subject, angles: str) -> Row:
 def _sentence(run: FinishedRun, subjects: Sequence[Sequence[_Subject]]) -> str:
     parts = []
     for name, line in zip(ROWS, subjects, strict=False):
-        robot, last = line[0].attitude.tilt, line[-1].attitude.tilt
-        miss = max(abs(math.degrees(a - b)) for a, b in zip(robot, last, strict=True))
+        miss = max(abs(a - b) for a, b in zip(_tilt(line[0]), _tilt(line[-1]), strict=True))
         parts.append(f"{miss:.1f}° in the {name}")
     return (
         f"Seed {run.planned.seed}: the tilt of the last model differs from the robot's by at most "

@@ -153,8 +153,7 @@ def _draw(axes: Axes, finished: Sequence[FinishedRun], chance: float) -> None:
     axes.set_xlabel("run (seed)")
     axes.set_ylabel("configurations right")
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), frameon=False)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def _row(run: FinishedRun) -> Row:

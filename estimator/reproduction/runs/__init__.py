@@ -1,8 +1,7 @@
 """The runs of a reproduction.
 
 ======================= ==================================================================
-``plan``                seeds and runs, fixed in code before any run
-``variants``            the seven experimental variants, in the order of Figure 3's caption
+``plan``                seeds, experimental variants and runs, fixed in code before any run
 ``robot_process``       a ``sim-robotd`` process for one run
 ``single_run``          one run from start to end
 ``run_processes``       runs in parallel on this computer

@@ -14,7 +14,6 @@ from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
 from estimator.identification.final_population import FinalPopulation
-from estimator.identification.run import problem_of, world_of
 from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -22,7 +21,8 @@ from estimator.readings.observation import Observation
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.result import Result
 from estimator.reproduction.runs.plan import PlannedRun
-from estimator.reproduction.runs.single_run import documents, is_finished
+from estimator.reproduction.runs.run_summary import Summary
+from estimator.reproduction.runs.single_run import is_finished
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 
@@ -61,17 +61,17 @@ class FinishedRun:
     @classmethod
     def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
         """Reads a run that ``single_run.is_finished`` says is."""
-        written = documents(run, root)
-        assert written is not None
+        written = Summary.read(run, root)
+        assert written.result is not None
+        assert written.score is not None
         with RunStore.open(run.directory(root), to_write=False) as store:
-            problem = problem_of(store)
-            validations = store.validations()
+            validations = store.validations.all()
             return cls(
                 planned=run,
-                problem=problem,
-                genome=Genome(problem, problem.base(store.capabilities)),
-                world=world_of(store, problem),
-                truth=Truth.read(root / TRUTH, problem, store.capabilities),
+                problem=store.problem,
+                genome=store.genome,
+                world=store.world,
+                truth=Truth.read(root / TRUTH, store.problem, store.capabilities),
                 generations=_generations(store),
                 interactions=tuple(store.interactions()),
                 predictions=tuple(validations[-1]) if validations else (),
@@ -139,8 +139,7 @@ class FinishedRuns:
 
     def score(self, run: PlannedRun) -> Score | None:
         """A run's score, or ``None`` where it is not finished."""
-        written = documents(run, self.root)
-        return None if written is None else written.score
+        return Summary.read(run, self.root).score
 
     def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
         """Reads some runs, one at a time, in the order given."""

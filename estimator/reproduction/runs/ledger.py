@@ -19,7 +19,7 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -27,6 +27,7 @@ from estimator.errors import RunDirectoryError
 from estimator.reproduction.runs.plan import Budget
 from estimator.storage.locking import lock
 from estimator.versions import versions
+from protocol.system.closable import Closable
 from protocol.system.replace_file import replace_text
 
 LEDGER: Final = "reproduction.json"
@@ -60,7 +61,7 @@ class _Content(BaseModel):
     sessions: tuple[LedgerEntry, ...] = ()
 
 
-class Ledger:
+class Ledger(Closable):
     """The directory of a reproduction, kept for one process; use it as a context manager.
 
     Args:
@@ -99,10 +100,8 @@ class Ledger:
         )
         self.note()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Notes how long the session has worked, and lets others work on the directory."""
         self.note()
         os.close(self._lock)
 

@@ -17,7 +17,6 @@ from pydantic import BaseModel, ConfigDict, Field
 from estimator.identification.run import Order
 from estimator.physics.backends import REFERENCE
 from estimator.problem.problem import Problem
-from estimator.reproduction.runs.variants import ALL_MODALITIES, TOUCH_AND_TILT, VARIANTS, Variant
 
 SEEDS: Final = tuple(range(1000, 1030))
 PARAMETRIC: Final = "parametric"
@@ -29,6 +28,44 @@ PREDICTIONS: Final = 20
 """Fresh motor programs that each topological run predicts in the end."""
 
 FIGURES: Final = ("fig2", "fig3", "fig4", "fig5", "fig6", "fig6-8x4")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """One experimental variant.
+
+    Attributes:
+        number: Its column in Figure 3, from 1.
+        modalities: Modalities that the subjective error counts.
+    """
+
+    number: int
+    modalities: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Short name, fit for a directory."""
+        return "+".join(self.modalities)
+
+
+VARIANTS: Final = tuple(
+    Variant(number=number, modalities=modalities)
+    for number, modalities in enumerate(
+        (
+            ("touch", "tilt", "clearance"),
+            ("tilt", "clearance"),
+            ("touch", "clearance"),
+            ("touch", "tilt"),
+            ("touch",),
+            ("tilt",),
+            ("clearance",),
+        ),
+        start=1,
+    )
+)
+
+ALL_MODALITIES: Final = VARIANTS[0]
+TOUCH_AND_TILT: Final = VARIANTS[3]
 
 
 class Budget(BaseModel):

@@ -18,12 +18,13 @@ from collections import deque
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 from estimator.errors import EstimatorError, InteractionError, RunDirectoryError
 from estimator.parallel.child_process import die_with
 from estimator.readings.observation import Observation, by_joint_name
 from estimator.storage.store import RunStore
+from protocol.system.closable import Closable
 from protocol.transport.client import RobotClient
 
 COMMAND: Final = "sim-robotd"
@@ -33,7 +34,7 @@ _LAST_LINES: Final = 20
 _SERVING: Final = re.compile(r"serving \S+ on (tcp://[^\s,]+)")
 
 
-class RobotProcess:
+class RobotProcess(Closable):
     """A running ``sim-robotd``; use it as a context manager.
 
     It ends when this process does, however that ends, and Ctrl-C in a terminal does not reach it.
@@ -74,12 +75,6 @@ class RobotProcess:
         except BaseException:
             self.close()
             raise
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def close(self) -> None:
         """Lets the robot park, and ends it."""
@@ -132,7 +127,7 @@ def catch_up(store: RunStore, uri: str) -> None:
         RunDirectoryError: It does not feel what the other felt.
         BodyschemaError: It cannot be reached, or did not perform.
     """
-    validations = itertools.chain.from_iterable(store.validations())
+    validations = itertools.chain.from_iterable(store.validations.all())
     performed = [
         (item.program, item.observation)
         for item in (*store.interactions(), *validations)

@@ -10,13 +10,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, Self, TypeAlias
+from typing import Final, TypeAlias
 
 from estimator.identification.listener import Listener
 from estimator.parallel.worker_processes import Raised, Returned, Work, WorkerProcesses
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.single_run import complete_run
 from protocol.errors import BodyschemaError
+from protocol.system.closable import Closable
 
 FAILURES: Final = (BodyschemaError, OSError, sqlite3.Error)
 """Errors that end one run and let the others go on."""
@@ -46,7 +47,7 @@ class Ended:
 News: TypeAlias = Worked | Said | Ended
 
 
-class Workers:
+class Workers(Closable):
     """Processes that do runs; use it as a context manager, which ends them.
 
     Args:
@@ -59,11 +60,9 @@ class Workers:
             partial(_start, root), jobs
         )
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._processes.close()  # a run is safe at any instant
+    def close(self) -> None:
+        """Ends them, also busy ones: a run is safe at any instant."""
+        self._processes.close()
 
     def do(self, runs: Sequence[PlannedRun]) -> Iterator[tuple[PlannedRun, News]]:
         """Does runs, in the order given as far as there are processes; yields what happens."""

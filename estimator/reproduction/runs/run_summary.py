@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
+from estimator.report.evaluation_files import read_document, read_score, read_validation
 from estimator.report.result import Result
+from estimator.report.run_files import RESULT
 from estimator.report.terminal_tables import number
 from estimator.reproduction.runs.plan import PlannedRun
-from estimator.reproduction.runs.single_run import documents
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,6 +33,16 @@ class Summary:
     score: Score | None = None
     validation: Validation | None = None
 
+    @classmethod
+    def read(cls, run: PlannedRun, root: Path, failure: str | None = None) -> Self:
+        """Reads the files of a run; ``failure`` is what is known of why it is not finished."""
+        directory = run.directory(root)
+        result, score = read_document(directory / RESULT, Result), read_score(directory)
+        validation = read_validation(directory)
+        if result is None or score is None or (run.predicts and validation is None):
+            return cls(run=run, failure=failure or "not finished")
+        return cls(run=run, failure=None, result=result, score=score, validation=validation)
+
     @property
     def sentence(self) -> str:
         """How the run went."""
@@ -46,17 +58,3 @@ class Summary:
             f"error {number(self.result.sensor_error)}, legs wrong by "
             f"{self.score.mean_leg_error_m * 1000:.0f} mm{right}, {self.result.wall_seconds:.0f} s"
         )
-
-
-def summarise(run: PlannedRun, root: Path, failure: str | None) -> Summary:
-    """Reads a run's summary; ``failure`` is what is known of why it is not finished."""
-    written = documents(run, root)
-    if written is None:
-        return Summary(run=run, failure=failure or "not finished")
-    return Summary(
-        run=run,
-        failure=None,
-        result=written.result,
-        score=written.score,
-        validation=written.validation,
-    )

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, Self
+from typing import Final
 
 from estimator.errors import WorkerError
 from estimator.identification.listener import Listener
@@ -25,6 +25,7 @@ from estimator.reproduction.runs.run_processes import FAILURES, Ended, News, Sai
 from estimator.reproduction.runs.single_run import complete_run, has_begun, is_finished, work_done
 from estimator.storage.database import DATABASE
 from estimator.storage.store import LOCK, RunStore
+from protocol.system.closable import Closable
 from protocol.system.replace_file import replace_file
 
 TURN: Final = 60.0
@@ -49,7 +50,7 @@ class _Turn:
     failure: str | None
 
 
-class ClusterWorkers:
+class ClusterWorkers(Closable):
     """Does runs on a cluster; use it as a context manager, which ends them.
 
     Args:
@@ -64,10 +65,8 @@ class ClusterWorkers:
         self._turn = turn
         self._busy: dict[Future, PlannedRun] = {}
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
+        """Cancels what is under way."""
         self._cluster.cancel(self._busy)
         self._busy.clear()
 
@@ -184,6 +183,6 @@ def _committed(run: PlannedRun, root: Path) -> int:
     if not has_begun(run, root):
         return 0
     with RunStore.open(run.directory(root), to_write=False) as store:
-        validations = store.validations()
+        validations = store.validations.all()
         performed = sum(item.observation is not None for one in validations for item in one)
         return len(store.generations()) + len(validations) + performed

@@ -8,30 +8,22 @@ finished; what another version wrote otherwise is written again.
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from estimator.errors import InteractionError, RunDirectoryError
-from estimator.evaluation.score import Score, score
-from estimator.evaluation.validate import Validation, compare, validate
+from estimator.evaluation.score import score
+from estimator.evaluation.validate import compare, validate
 from estimator.identification.listener import Listener
-from estimator.identification.run import identify, problem_of, reconnect, resume, world_of
-from estimator.physics.backends import in_this_process
+from estimator.identification.run import identify, reconnect, resume
+from estimator.physics.backends import IN_THIS_PROCESS, in_this_process
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.evaluation_files import (
-    SCORE,
-    TRUTH,
-    VALIDATION,
-    read_document,
-    read_score,
-    read_validation,
-)
-from estimator.report.result import Result
-from estimator.report.run_files import RESULT, write_report
+from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION, read_validation
+from estimator.report.run_files import write_report
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
+from estimator.reproduction.runs.run_summary import Summary
 from estimator.storage.database import holds_run
 from estimator.storage.store import RunStore
 from protocol.errors import RobotUnreachableError
@@ -42,34 +34,9 @@ _ATTEMPTS: Final = 3
 _write = partial(write_report, plots=False)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Documents:
-    """The result files of a finished run.
-
-    Attributes:
-        result: Its outcome.
-        score: Held against the truth.
-        validation: Its predictions held against the robot, where it made any.
-    """
-
-    result: Result
-    score: Score
-    validation: Validation | None
-
-
-def documents(run: PlannedRun, root: Path) -> Documents | None:
-    """Reads a run's result files; ``None`` where it is not finished."""
-    directory = run.directory(root)
-    result, score = read_document(directory / RESULT, Result), read_score(directory)
-    validation = read_validation(directory)
-    if result is None or score is None or (run.predicts and validation is None):
-        return None
-    return Documents(result=result, score=score, validation=validation)
-
-
 def is_finished(run: PlannedRun, root: Path) -> bool:
     """Whether a run has written all its files."""
-    return documents(run, root) is not None
+    return Summary.read(run, root).failure is None
 
 
 def has_begun(run: PlannedRun, root: Path) -> bool:
@@ -122,9 +89,9 @@ def _search_and_validate(run: PlannedRun, root: Path, uri: str, listener: Listen
     if has_begun(run, root):
         with RunStore.open(directory, to_write=False) as store:
             catch_up(store, uri)
-        resume(directory, in_this_process, quietly, robot=uri, report=_write)
+        resume(directory, IN_THIS_PROCESS, quietly, robot=uri, report=_write)
     else:
-        identify(directory, run.order(uri), in_this_process, quietly, report=_write)
+        identify(directory, run.order(uri), IN_THIS_PROCESS, quietly, report=_write)
     if run.predicts and read_validation(directory) is None:
         _validate(run, directory, uri, listener)
 
@@ -147,20 +114,17 @@ class _WorkOnly(Listener):
 
 def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) -> None:
     with RunStore.open(directory) as store:
-        made = store.validations()
+        made = store.validations.all()
         seen = [item.observation for item in made[-1] if item.observation] if made else []
         if made and len(seen) == len(made[-1]):  # ended just before the file was written
             validation = compare(made[-1], seen)
         else:
-            problem = problem_of(store)
-            world = world_of(store, problem)
             with (
-                closing(in_this_process(store.settings.physics, world)) as physics,
-                closing(reconnect(store, problem, uri, listener)) as link,
+                closing(in_this_process(store.settings.physics, store.world)) as physics,
+                closing(reconnect(store, uri, listener)) as link,
             ):
                 validation = validate(
                     store,
-                    problem,
                     physics,
                     link,
                     programs=run.predicts,
@@ -171,12 +135,10 @@ def _validate(run: PlannedRun, directory: Path, uri: str, listener: Listener) ->
 
 def _score(run: PlannedRun, root: Path) -> None:
     directory = run.directory(root)
-    with RunStore.open(directory, to_write=False) as store:
-        problem = problem_of(store)
-        world = world_of(store, problem)
-        with (
-            StaticsPhysics(world) as physics,
-            closing(in_this_process(store.settings.reference, world)) as reference,
-        ):
-            run_score = score(store, problem, root / TRUTH, physics, reference)
+    with (
+        RunStore.open(directory, to_write=False) as store,
+        StaticsPhysics(store.world) as physics,
+        closing(in_this_process(store.settings.reference, store.world)) as reference,
+    ):
+        run_score = score(store, root / TRUTH, physics, reference)
     replace_text(directory / SCORE, run_score.model_dump_json(indent=2) + "\n")

@@ -81,6 +81,25 @@ def test_bodies_of_different_sizes_share_arrays() -> None:
     assert len(Bodies.of([])) == 0
 
 
+def test_joined_bodies_keep_their_own_mounts_and_hinges() -> None:
+    mounts = tuple(replace(mount, yaw=mount.yaw + 0.3) for mount in BODY.mounts)
+    askew = replace(SMALL, base=replace(BODY, mounts=mounts), hinges=SMALL.hinges[::-1])
+    one, two = Bodies.of([SMALL]), Bodies.of([askew, askew])
+    joined, meant = Bodies.joined([one, two, one]), Bodies.of([SMALL, askew, askew, SMALL])
+    assert joined.parent.tolist() == meant.parent.tolist()
+    for table, numbers, column in (
+        ("base_mounts", "mount", 0),
+        ("part_mounts", "mount", 1),
+        ("hinges", "hinge", 0),
+        ("hinges", "hinge", 1),
+    ):
+        own, other = (
+            getattr(bodies, table)[getattr(bodies, numbers)[:, column]]
+            for bodies in (joined, meant)
+        )
+        assert own.tolist() == other.tolist()
+
+
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [

@@ -21,6 +21,7 @@ from estimator.cli.command_line import app
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run, write_truth
 from tests.estimator.identification.test_run import generations_reach, start_identify
+from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import (
     TRUE_LENGTHS,
     ModelRobot,
@@ -31,7 +32,8 @@ from tests.estimator.model_robot import (
 
 
 def estimator(*arguments: str | Path) -> Result:
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+    with little_effort():
+        return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +95,7 @@ def test_show_says_how_far_a_run_has_come(run: Path) -> None:
 
 
 def test_score_as_json_is_nothing_but_json(tmp_path: Path) -> None:
-    store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     store.close()
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
     ended = estimator("score", tmp_path / "run", "--truth", truth, "--json", "--jobs", "1")
@@ -103,7 +105,7 @@ def test_score_as_json_is_nothing_but_json(tmp_path: Path) -> None:
 
 
 def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
-    store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     store.close()
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
     ended = estimator("score", tmp_path / "run", "--truth", truth, "--jobs", "1")
@@ -115,7 +117,7 @@ def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
 
 def test_validate_over_the_wire(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
-    store, _ = make_run(tmp_path, TRUE_LENGTHS)
+    store = make_run(tmp_path, TRUE_LENGTHS)
     store.close()
     with serving(ModelRobot()) as uri:
         ended = estimator(
@@ -300,7 +302,7 @@ def test_show_score_report_and_compare_need_no_writable_directory() -> None:
     with TemporaryDirectory() as name, TemporaryDirectory() as open_to_all:  # pytest's is closed
         folder = Path(name)
         folder.chmod(0o755)
-        store, _ = make_run(folder, (0.17, 0.15, 0.2, 0.16))
+        store = make_run(folder, (0.17, 0.15, 0.2, 0.16))
         store.close()
         truth = write_truth(folder / "t.urdf", lengths=(0.16,) * 4)
         elsewhere, run = Path(open_to_all), folder / "run"

@@ -85,7 +85,7 @@ def test_a_sample_that_there_is_not_is_refused(posterior_run: Path) -> None:
 
 @pytest.mark.parametrize("form", ["urdf", "mjcf", "json"])
 def test_the_best_model_of_the_papers_method(tmp_path: Path, form: str) -> None:
-    make_run(tmp_path, TRUE_LENGTHS)[0].close()
+    make_run(tmp_path, TRUE_LENGTHS).close()
     ended = export(tmp_path / "run", "--format", form)
     assert ended.exit_code == 0, ended.output
     if form == "urdf":
@@ -97,7 +97,7 @@ def test_the_best_model_of_the_papers_method(tmp_path: Path, form: str) -> None:
 
 
 def test_a_run_without_a_model_is_refused(tmp_path: Path) -> None:
-    store, _ = make_run(tmp_path, TRUE_LENGTHS)
+    store = make_run(tmp_path, TRUE_LENGTHS)
     store.close()
     settings = store.settings
     RunStore.create(tmp_path / "empty", settings, make_capabilities(), "me").close()

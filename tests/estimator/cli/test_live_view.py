@@ -103,7 +103,7 @@ def test_what_is_no_address_is_refused_before_the_run(tmp_path: Path, address: s
 
 
 def test_an_address_of_another_computer_is_refused(tmp_path: Path) -> None:
-    store, _ = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     store.close()
     told = sentence("watch", str(tmp_path / "run"), "--live-bind", "192.0.2.1:8080")
     assert "cannot be served on 192.0.2.1:8080" in told

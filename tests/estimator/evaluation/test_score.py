@@ -7,7 +7,6 @@ from estimator.errors import TruthError
 from estimator.evaluation.score import score
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.storage.records import Counters, Generation, RunSettings
 from estimator.storage.store import RunStore
@@ -33,12 +32,11 @@ def write_truth(path: Path, *, lengths: tuple[float, ...], axis_of_front: str = 
 
 def make_run(
     folder: Path, lengths: tuple[float, ...], text: str = PROBLEM, more: tuple[float, ...] = ()
-) -> tuple[RunStore, Problem]:
+) -> RunStore:
     """A run that ended with one model of the given lengths; its right leg never touched.
 
     ``more`` are genes before the last length, where the text leaves more to be found.
     """
-    problem = Problem.parse(text, "test")
     settings = RunSettings(
         robot="replay:x",
         problem="legs",
@@ -59,16 +57,16 @@ def make_run(
         number=0, iteration=0, errors=(2.0, 1.0), best=tuple(genes), counters=Counters()
     )
     store.save(generation, {"population": [[0.0] * len(genes), genes]})
-    return store, problem
+    return store
 
 
 def test_lengths_are_compared_leg_by_leg(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16, 0.16, 0.16, 0.16))
     with store:
-        scored = score(store, problem, truth, statics, physics)
+        scored = score(store, truth, statics, physics)
     assert scored.joints == JOINTS
     assert scored.leg_errors_signed_m == pytest.approx([0.01, -0.01, 0.04, 0.0], abs=1e-9)
     assert scored.leg_errors_m == pytest.approx([0.01, 0.01, 0.04, 0.0], abs=1e-9)
@@ -86,10 +84,10 @@ def test_lengths_are_compared_leg_by_leg(
 def test_a_wrong_hinge_counts_as_one_wrong_configuration(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    store = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     down = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 1 0")
     with store:
-        scored = score(store, problem, down, statics, physics)
+        scored = score(store, down, statics, physics)
     assert scored.configurations_right == scored.configurations_right_up_to_equivalence == 11
 
 
@@ -98,10 +96,10 @@ def test_what_cannot_be_felt_is_right_up_to_equivalence(
 ) -> None:
     up, roll = (f'mount = "front"\nhinge = "{kind}"' for kind in ("up", "roll_left"))
     rolling = PROBLEM.replace(up, roll)
-    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16), rolling)
+    store = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16), rolling)
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="1 0 0")
     with store:
-        scored = score(store, problem, truth, statics, physics)
+        scored = score(store, truth, statics, physics)
     assert scored.configurations_right == 11
     assert scored.configurations_right_up_to_equivalence == 12
 
@@ -109,10 +107,10 @@ def test_what_cannot_be_felt_is_right_up_to_equivalence(
 def test_what_no_genome_can_say_is_wrong_and_listed(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    store = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4, axis_of_front="0 -1 0.3")
     with store:
-        scored = score(store, problem, truth, statics, physics)
+        scored = score(store, truth, statics, physics)
     assert scored.configurations_right == scored.configurations_right_up_to_equivalence == 11
     (sentence,) = scored.not_representable
     assert sentence.startswith("front has its axis 17 degrees")
@@ -121,18 +119,18 @@ def test_what_no_genome_can_say_is_wrong_and_listed(
 def test_another_robots_truth_is_refused(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    store = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     with store, pytest.raises(TruthError, match="no revolute joint named"):
-        score(store, problem, Path("sim_robot/bodies/quadruped.urdf"), statics, physics)
+        score(store, Path("sim_robot/bodies/quadruped.urdf"), statics, physics)
 
 
 def test_the_error_of_the_truth_tells_a_failed_search_from_a_hopeless_one(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    store = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
     with store:
-        scored = score(store, problem, truth, statics, physics)
+        scored = score(store, truth, statics, physics)
     # With all angles 0 the true body lies on its belly, and three feet are said to touch.
     assert scored.true_body_errors == pytest.approx([3.0], abs=0.01)
     assert scored.true_body_error == scored.true_body_errors[0]
@@ -141,14 +139,14 @@ def test_the_error_of_the_truth_tells_a_failed_search_from_a_hopeless_one(
 def test_the_margin_of_the_truth_tells_where_a_trifle_decides(
     tmp_path: Path, statics: StaticsPhysics, physics: PyBulletPhysics
 ) -> None:
-    store, problem = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
+    store = make_run(tmp_path, (0.16, 0.16, 0.16, 0.16))
     truth = write_truth(tmp_path / "t.urdf", lengths=(0.16,) * 4)
     # Left and right legs go down, the others up: the body balances on two feet.
     angles = tuple(np.radians([-25.0, 25.0, -25.0, 25.0]))
     with store:
         store.plan(1, angles)
         store.observe(1, Observation(angles=angles, touch=(True, False, True, False)))
-        scored = score(store, problem, truth, statics, physics)
+        scored = score(store, truth, statics, physics)
     flat, balanced = scored.true_body_margins_deg
     assert flat > 10
     assert balanced < 0.05

@@ -6,9 +6,7 @@ import pytest
 from estimator.errors import EstimatorError, InteractionError
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
 from estimator.identification.listener import Listener
-from estimator.identification.run import problem_of
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.robot_link.replay import Record
 from estimator.robot_link.wire import WireLink
@@ -22,26 +20,24 @@ PROGRAMS = 4
 
 
 @pytest.fixture
-def run(tmp_path: Path) -> tuple[RunStore, Problem]:
+def run(tmp_path: Path) -> RunStore:
     """A run whose best model is the robot itself."""
     return make_run(tmp_path, TRUE_LENGTHS)
 
 
-def performed(
-    run: tuple[RunStore, Problem], uri: str, physics: PyBulletPhysics, first_id: int = 1
-) -> Validation:
+def performed(run: RunStore, uri: str, physics: PyBulletPhysics, first_id: int = 1) -> Validation:
     link = WireLink(uri, client_id="me", first_id=first_id)
     try:
-        return validate(*run, physics, link, programs=PROGRAMS, listener=Listener())
+        return validate(run, physics, link, programs=PROGRAMS, listener=Listener())
     finally:
         link.close()
 
 
 def test_the_true_model_predicts_what_random_ones_do_not(
-    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+    run: RunStore, physics: PyBulletPhysics
 ) -> None:
     robot = ModelRobot()
-    with serving(robot) as uri, run[0]:
+    with serving(robot) as uri, run:
         validation = performed(run, uri, physics)
         again = performed(run, uri, physics, first_id=1000)
     assert validation.programs == PROGRAMS
@@ -56,18 +52,18 @@ def test_the_true_model_predicts_what_random_ones_do_not(
 
 
 def test_predictions_are_on_disk_before_the_robot_moves(
-    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+    run: RunStore, physics: PyBulletPhysics
 ) -> None:
     robot = ModelRobot()
     robot.refusals.append(RobotError("fault", "A servo fell off."))
-    with serving(robot) as uri, run[0] as store:
+    with serving(robot) as uri, run as store:
         with pytest.raises(InteractionError, match="A servo fell off"):
             performed(run, uri, physics)
         assert len(robot.motions) == 1
-        (predictions,) = store.validations()
+        (predictions,) = store.validations.all()
         assert len(predictions) == PROGRAMS
         performed(run, uri, physics, first_id=1000)
-        (finished,) = store.validations()
+        (finished,) = store.validations.all()
         assert [item.readings for item in finished] == [item.readings for item in predictions]
     assert len(robot.motions) == 1 + PROGRAMS
 
@@ -116,16 +112,16 @@ def test_a_robot_without_touch_sensors_has_no_touch_error() -> None:
 
 
 def test_a_run_without_models_predicts_nothing(
-    tmp_path: Path, run: tuple[RunStore, Problem], physics: PyBulletPhysics
+    tmp_path: Path, run: RunStore, physics: PyBulletPhysics
 ) -> None:
-    settings, capabilities = run[0].settings, run[0].capabilities
-    run[0].close()
+    settings, capabilities = run.settings, run.capabilities
+    run.close()
     with (
         serving(ModelRobot()) as uri,
         RunStore.create(tmp_path / "empty", settings, capabilities, "me") as empty,
         pytest.raises(EstimatorError, match="has no model yet"),
     ):
-        performed((empty, problem_of(empty)), uri, physics)
+        performed(empty, uri, physics)
 
 
 class Fresh(Record):
@@ -141,22 +137,22 @@ class Fresh(Record):
 
 
 def test_a_record_counts_as_fresh_only_what_no_model_was_fitted_to(
-    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+    run: RunStore, physics: PyBulletPhysics
 ) -> None:
-    with run[0] as store:
+    with run as store:
         with pytest.raises(InteractionError, match="fitted to 2, so 2 are fresh, not 3: ask for"):
-            validate(*run, physics, Fresh(), programs=3, listener=Listener())
-        assert not store.validations()
-        assert validate(*run, physics, Fresh(), programs=2, listener=Listener()).programs == 2
-        (predictions,) = store.validations()
+            validate(run, physics, Fresh(), programs=3, listener=Listener())
+        assert not store.validations.all()
+        assert validate(run, physics, Fresh(), programs=2, listener=Listener()).programs == 2
+        (predictions,) = store.validations.all()
     clearances = [item.observation and item.observation.clearance for item in predictions]
     assert clearances == [0.01, 0.02]  # each program's own, not the record's first
 
 
 def test_a_record_without_what_was_predicted_is_refused(
-    run: tuple[RunStore, Problem], physics: PyBulletPhysics
+    run: RunStore, physics: PyBulletPhysics
 ) -> None:
-    with run[0] as store:
-        store.predict([Prediction(program=(0.9,) * 4, readings={})])
+    with run as store:
+        store.validations.predict([Prediction(program=(0.9,) * 4, readings={})])
         with pytest.raises(InteractionError, match="the record lacks a motor program"):
-            validate(*run, physics, Fresh(), programs=2, listener=Listener())
+            validate(run, physics, Fresh(), programs=2, listener=Listener())

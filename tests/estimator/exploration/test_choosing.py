@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
+from estimator.posterior.model.departures import Doubt, TurnedHinge
+from estimator.posterior.model.likelihood import apart
 from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
 
@@ -35,6 +39,20 @@ def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) ->
     )
     assert choice.bits == pytest.approx(0.0, abs=1e-6)
     assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
+
+
+def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(predictor: Predictor) -> None:
+    askew = TurnedHinge(name="a turned hinge", part=0, about=0, angle=np.radians(30))
+    doubt = Doubt(departure=askew, point=RIGHT, gains=np.zeros(1))
+    models = replace(Models.equally_likely(np.tile(RIGHT, (20, 1))), doubts=(doubt,))
+    choice = chooser(predictor).choose(models, np.random.default_rng(1))
+    assert choice.tests == (doubt,)
+    assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
+    stated, turned = (
+        one.read_all(RIGHT[None], choice.program[None])
+        for one in (predictor, predictor.departing(askew))
+    )
+    assert apart(stated, turned, NOISE).all()
 
 
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:

@@ -33,10 +33,12 @@ from estimator.body.arrays import Bodies
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.canvas import as_png, as_svg, new_axes
+from tests.estimator.little_effort import little_effort
 StaticsPhysics().read_bodies(Bodies.of([]), numpy.zeros(0))
 PyBulletPhysics().close()
 for draw in (as_png, as_svg):
     draw(new_axes()[0])
+little_effort().__enter__()
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 for line in sys.stdin:
     order = json.loads(line)
@@ -56,9 +58,10 @@ for line in sys.stdin:
     print(child, flush=True)
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
-BUDGET = ("--population", "8", "--generations", "3", "--interactions", "3")
-INTERRUPTIONS = 5  # at least, with either physics
-OF_ONE_RUN = 5  # then it is let be: on a machine that has become busy it would get nowhere
+BUDGET = ("--population", "8", "--generations", "3", "--interactions", "2")
+INTERRUPTIONS = 3  # at least, with either physics
+SIGNALS = itertools.cycle((signal.SIGKILL, signal.SIGINT))
+OF_ONE_RUN = 3  # then it is let be: on a machine that has become busy it would get nowhere
 
 
 class Nursery:
@@ -100,9 +103,9 @@ class Nursery:
         return int(self._process.stdout.readline())
 
 
-@pytest.fixture
-def nursery(tmp_path: Path) -> Iterator[Nursery]:
-    found = Nursery(tmp_path / "output")
+@pytest.fixture(scope="module")
+def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
+    found = Nursery(tmp_path_factory.mktemp("nursery") / "output")
     yield found
     found.close()
 
@@ -158,7 +161,6 @@ def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
     assert code == 0, said
     expected = content(tmp_path / "whole")
 
-    signals = itertools.cycle((signal.SIGKILL, signal.SIGINT))
     interruptions, turn = 0, 0
     while interruptions < INTERRUPTIONS:
         turn += 1
@@ -169,7 +171,7 @@ def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
                 if broken < OF_ONE_RUN and not nursery.ends_within(
                     random.uniform(0.0, 0.7 * lasts)
                 ):
-                    break_off(pid, next(signals))
+                    break_off(pid, next(SIGNALS))
                     broken += 1
                 code, said = nursery.ended()
                 assert code in (0, 1, -signal.SIGKILL), said

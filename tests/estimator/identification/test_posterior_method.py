@@ -13,7 +13,7 @@ from estimator.errors import EstimatorError
 from estimator.identification import posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
-from estimator.physics.backends import in_this_process
+from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
@@ -52,7 +52,7 @@ def soon_done() -> Iterator[None]:
 
 
 def order(folder: Path, uri: str) -> Order:
-    return replace(make_order(folder, uri), method="posterior", interactions=3)
+    return replace(make_order(folder, uri), method="posterior", interactions=2)
 
 
 def outcome(result: Result) -> dict[str, object]:
@@ -65,10 +65,10 @@ def whole(folder: Path, interrupt_after: int | None = None) -> Result:
     with serving(ModelRobot()) as uri:
         asked, listener = order(folder, uri), Interrupting(interrupt_after)
         if interrupt_after is None:
-            return identify(run, asked, in_this_process, listener, report=write_report)
+            return identify(run, asked, IN_THIS_PROCESS, listener, report=write_report)
         with pytest.raises(KeyboardInterrupt):
-            identify(run, asked, in_this_process, listener, report=without_plots)
-        return resume(run, in_this_process, Interrupting(), robot=uri, report=without_plots)
+            identify(run, asked, IN_THIS_PROCESS, listener, report=without_plots)
+        return resume(run, IN_THIS_PROCESS, Interrupting(), robot=uri, report=without_plots)
 
 
 @pytest.fixture(scope="module")
@@ -83,12 +83,12 @@ def test_lengths_are_found_with_intervals_that_hold_them(
     result, _ = uninterrupted
     assert result.posterior is not None
     assert result.posterior.explained
-    assert result.interactions == 3
+    assert result.interactions == 2
     assert result.simulations_requested >= result.simulations_run > 0
     for length, true in zip(result.posterior.lengths_m, TRUE_LENGTHS, strict=True):
         assert length.low - 0.003 < true < length.high + 0.003
     assert result.posterior.simulated > 0
-    assert len(result.posterior.steps) == len(result.posterior.foretold) == 3
+    assert len(result.posterior.steps) == len(result.posterior.foretold) == 2
     assert result.best_models[0].leg_lengths_m == pytest.approx(TRUE_LENGTHS, abs=0.02)
 
 
@@ -98,7 +98,7 @@ def test_everything_is_on_disk(uninterrupted: tuple[Result, Path]) -> None:
         assert (directory / name).stat().st_size > 100
     with RunStore.open(directory, to_write=False) as store:
         assert store.complete
-        assert len(store.beliefs()) == 3
+        assert len(store.beliefs()) == 2
         weights = store.beliefs()[-1][0].weights
     assert np.sum(weights) == pytest.approx(1.0)
     assert result.posterior is not None
@@ -113,15 +113,19 @@ def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
     assert outcome(whole(tmp_path, after)) == outcome(uninterrupted[0])
 
 
-def test_what_is_left_open_comes_with_the_movement_that_would_decide(tmp_path: Path) -> None:
+def test_what_is_left_open_comes_with_the_movement_that_would_decide(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(posterior_method, "clearly_better", lambda doubted: doubted[0].departure)
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=1)
         path = tmp_path / "legs.toml"
         path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"'))
         result = identify(
-            tmp_path / "run", asked, in_this_process, Interrupting(), report=without_plots
+            tmp_path / "run", asked, IN_THIS_PROCESS, Interrupting(), report=without_plots
         )
     assert result.posterior is not None
+    assert result.posterior.explained  # who is not sure of a body says nothing of all others
     assert any(not rival.alike for rival in result.posterior.rivals)
     movement = result.posterior.decides
     assert movement is not None
@@ -134,13 +138,25 @@ def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=9, sure=0.9)
         result = identify(
-            tmp_path / "run", asked, in_this_process, Listener(), report=without_plots
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
     assert result.complete
     assert result.interactions < 9
     assert result.posterior is not None
     for length in result.posterior.lengths_m:
         assert length.high - length.low <= 2.5 * posterior_method.PRECISE  # reweighted since
+
+
+def test_a_run_that_is_sure_at_once_puts_it_to_the_test(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
+    with serving(ModelRobot()) as uri:
+        asked = replace(order(tmp_path, uri), interactions=9, sure=0.9)
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
+        )
+    assert result.interactions == 2
 
 
 @pytest.mark.parametrize(
@@ -157,5 +173,5 @@ def test_what_the_method_cannot_do_is_refused(
     with serving(ModelRobot()) as uri:
         asked = Order(**{**vars(order(tmp_path, uri)), **changes})
         with pytest.raises(EstimatorError, match=reason):
-            identify(tmp_path / "run", asked, in_this_process, Listener(), report=without_plots)
+            identify(tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots)
     assert not (tmp_path / "run").exists()

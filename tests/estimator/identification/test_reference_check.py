@@ -66,7 +66,7 @@ def test_leaders_are_the_best_that_differ_and_can_be_believed(genome: Genome) ->
 def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
     tmp_path: Path, genome: Genome
 ) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))  # and another, of 0.05 each
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))  # and another, of 0.05 each
     with store:
         before = FinalPopulation.of(store)
         assert before.order.tolist() == [1, 0]
@@ -85,7 +85,7 @@ def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
         store.save_finish(found)
         assert store.finish() == found
         assert FinalPopulation.of(store).order.tolist() == [0, 1]
-        result = write_report(store, problem)
+        result = write_report(store)
     assert [model.sensor_error is None for model in result.best_models] == [False, True]
     assert (result.simulations_invalid, result.simulations_run) == (1, 2)
     assert result.finish is not None
@@ -106,16 +106,16 @@ def test_pairs_on_whose_order_the_two_disagree() -> None:
 
 
 def test_plots_end_where_the_tables_do(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     with store:
         assert with_last_word(store) == store.generations()
         store.save_finish(
             Finish(models=(1, 0), searched=(1.0, 2.0), simulated=(4.0, 3.0), simulations=2, steps=9)
         )
         *searched, word = with_last_word(store)
-        result = write_report(store, problem, plots=False)
+        result = write_report(store, plots=False)
     assert (len(searched), word.number, word.iteration) == (1, 1, 1)
     assert min(word.errors) == result.sensor_error == 3.0
-    genome = Genome(problem, problem.base(make_capabilities()))
+    genome = store.genome
     lengths = [limb.length for limb in driven_limbs(genome.decode(np.array(word.best)))]
     assert tuple(lengths) == result.best_models[0].leg_lengths_m

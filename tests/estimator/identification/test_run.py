@@ -15,9 +15,10 @@ from rich.console import Console
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
-from estimator.physics.backends import in_this_process, on_this_computer
+from estimator.parallel.workers import ThisProcess
+from estimator.physics.backends import IN_THIS_PROCESS as HERE
+from estimator.physics.backends import Computers, in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
-from estimator.physics.pybullet import PyBulletPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.report.terminal_tables import print_result
@@ -25,10 +26,6 @@ from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
-
-
-def here(name: str, settings: WorldSettings) -> Physics:
-    return PyBulletPhysics(settings)
 
 
 class Witness(Listener):
@@ -65,7 +62,7 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Result, Pat
     folder = tmp_path_factory.mktemp("uninterrupted")
     with serving(ModelRobot()) as uri:
         result = identify(
-            folder / "run", make_order(folder, uri), here, Witness(), report=write_report
+            folder / "run", make_order(folder, uri), HERE, Witness(), report=write_report
         )
     return result, folder / "run"
 
@@ -94,11 +91,11 @@ def test_an_interrupted_run_resumes_to_the_same_result(
             identify(
                 tmp_path / "run",
                 make_order(tmp_path, uri),
-                here,
+                HERE,
                 Witness(pieces),
                 report=without_plots,
             )
-        result = resume(tmp_path / "run", here, Witness(), report=without_plots)
+        result = resume(tmp_path / "run", HERE, Witness(), report=without_plots)
     assert outcome(result) == outcome(uninterrupted[0])
     assert len(robot.motions) == 2
 
@@ -107,7 +104,7 @@ def test_a_finished_run_needs_no_robot_to_resume(
     uninterrupted: tuple[Result, Path],
 ) -> None:
     result, directory = uninterrupted
-    assert outcome(resume(directory, here, Witness(), report=without_plots)) == outcome(result)
+    assert outcome(resume(directory, HERE, Witness(), report=without_plots)) == outcome(result)
 
 
 def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Result, Path]) -> None:
@@ -115,7 +112,7 @@ def test_a_replay_gives_the_same_result(tmp_path: Path, uninterrupted: tuple[Res
     again = identify(
         tmp_path / "run",
         make_order(tmp_path, f"replay:{directory}"),
-        here,
+        HERE,
         Witness(),
         report=without_plots,
     )
@@ -134,10 +131,11 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
         opened.append(name)
         return in_this_process(name, settings)
 
+    computers = Computers(open_physics=opening, open_workers=ThisProcess)
     monkeypatch.setattr("estimator.identification.run.REFERENCE", "mujoco")
     order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
     order = changed(order, physics="statics")
-    result = identify(tmp_path / "run", order, opening, Witness(), report=without_plots)
+    result = identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
     assert opened == ["statics", "mujoco"]
     assert result.reference == "mujoco"
     assert result.finish is not None
@@ -145,7 +143,7 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
     assert "mujoco had the last word" in capsys.readouterr().out
     monkeypatch.undo()
     opened.clear()
-    resume(tmp_path / "run", opening, Witness(), report=without_plots)
+    resume(tmp_path / "run", computers, Witness(), report=without_plots)
     assert "pybullet" not in opened
 
 
@@ -154,7 +152,7 @@ def test_its_own_readings_serve_as_readings_by_hand(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"file:{directory}/readings.csv")
-    again = identify(tmp_path / "run", order, here, Witness(), report=without_plots)
+    again = identify(tmp_path / "run", order, HERE, Witness(), report=without_plots)
     assert again.interactions == 2
     for one, two in zip(again.legs, result.legs, strict=True):
         assert (one.joint, one.touched) == (two.joint, two.touched)
@@ -203,7 +201,7 @@ def test_killed_while_the_robot_moves_the_outcome_is_fetched(
         kill(process)
         robot.complete()
         robot.manual = False
-        result = resume(tmp_path / "run", here, witness, report=without_plots)
+        result = resume(tmp_path / "run", HERE, witness, report=without_plots)
     assert "Interaction 1 was under way; its outcome was still there." in witness.heard
     assert len(robot.motions) == 2
     assert outcome(result) == outcome(uninterrupted[0])
@@ -230,7 +228,7 @@ def test_killed_while_it_models_nothing_is_lost(
             with pytest.raises(subprocess.TimeoutExpired):
                 process.wait(0.02)
         kill(process)
-        result = resume(tmp_path / "run", here, Witness(), report=without_plots)
+        result = resume(tmp_path / "run", HERE, Witness(), report=without_plots)
     assert outcome(result) == outcome(uninterrupted[0])
     assert len(robot.motions) == 2
     done, reference = history(tmp_path / "run"), history(uninterrupted[1])
@@ -252,7 +250,7 @@ def test_the_daemon_restarts_in_mid_motion(
         assert "the robot's daemon restarted while the motion was under way" in said
         assert f"Go on with: estimator resume {tmp_path / 'run'}" in said
         assert not fresh.motions
-        result = resume(tmp_path / "run", here, witness, report=without_plots)
+        result = resume(tmp_path / "run", HERE, witness, report=without_plots)
     assert any("performed anew" in sentence for sentence in witness.heard)
     assert len(fresh.motions) == 2
     assert outcome(result) == outcome(uninterrupted[0])
@@ -264,9 +262,13 @@ def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
     with serving(robot) as uri:
         with pytest.raises(InteractionError, match="back on its belly"):
             identify(
-                tmp_path / "run", make_order(tmp_path, uri), here, Witness(), report=without_plots
+                tmp_path / "run",
+                make_order(tmp_path, uri),
+                HERE,
+                Witness(),
+                report=without_plots,
             )
-        result = resume(tmp_path / "run", here, Witness(), report=without_plots)
+        result = resume(tmp_path / "run", HERE, Witness(), report=without_plots)
     assert result.complete
     assert len(robot.motions) == 3
 
@@ -282,7 +284,7 @@ def test_nothing_is_left_behind_where_no_robot_answers(
         pass
     order = make_order(tmp_path, uri)
     with pytest.raises(RobotUnreachableError, match="no robot daemon runs"):
-        identify(tmp_path / "run", order, here, Witness(), report=without_plots)
+        identify(tmp_path / "run", order, HERE, Witness(), report=without_plots)
     assert not (tmp_path / "run").exists()
 
 
@@ -318,7 +320,11 @@ def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:
     robot = ModelRobot()
     with serving(robot) as uri, pytest.raises(KeyboardInterrupt):
         identify(
-            tmp_path / "run", make_order(tmp_path, uri), here, Witness(1), report=without_plots
+            tmp_path / "run",
+            make_order(tmp_path, uri),
+            HERE,
+            Witness(1),
+            report=without_plots,
         )
     other = ModelRobot()
     object.__setattr__(other.capabilities, "base_mass", 9.0)
@@ -326,5 +332,5 @@ def test_another_robot_cannot_take_a_run_over(tmp_path: Path) -> None:
         serving(other) as uri,
         pytest.raises(InteractionError, match="other joints, sensors or another main body"),
     ):
-        resume(tmp_path / "run", here, Witness(), report=without_plots, robot=uri)
+        resume(tmp_path / "run", HERE, Witness(), report=without_plots, robot=uri)
     assert not other.motions

@@ -13,7 +13,7 @@ from estimator.identification.run import MethodName, identify
 from estimator.live import run_follower
 from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import RunView
-from estimator.physics.backends import in_this_process
+from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.readings.observation import Observation
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
@@ -62,7 +62,7 @@ def follow_run(folder: Path, method: MethodName, *, interrupt: bool = False) -> 
         order = replace(make_order(folder, uri), method=method, explore="disagreement")
         following = Following(folder / "run", interrupt=interrupt)
         try:
-            identify(folder / "run", order, in_this_process, following, report=without_plots)
+            identify(folder / "run", order, IN_THIS_PROCESS, following, report=without_plots)
         except KeyboardInterrupt:
             assert interrupt
             following.look()

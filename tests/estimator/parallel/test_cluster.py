@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -27,9 +26,11 @@ from estimator.cli.command_line import app
 from estimator.errors import ClusterError, PhysicsError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
+from estimator.parallel.workers import DaskWorkers
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.dask import DaskPhysics
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.posterior.model.unknowns import Predictor
 from estimator.report.evaluation_files import TRUTH
 from estimator.reproduction.runs.plan import Budget, PlannedRun, typical_runs
 from estimator.reproduction.runs.robot_process import print_body
@@ -49,6 +50,8 @@ from tests.estimator.dask_cluster import (
 )
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 from tests.estimator.physics.test_pool import assert_same
+from tests.estimator.two_unknown_rows import draw, make_sampler, programs
+from tests.free_ports import free_address
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 SETTINGS = WorldSettings(steps=60)
@@ -106,6 +109,17 @@ def test_a_cluster_reads_what_this_process_reads(
         DaskPhysics(partial(PyBulletPhysics, other), connected) as there,
     ):
         assert_same(there.read(pairs), here.read(pairs))
+
+
+def test_a_cluster_moves_chains_as_this_process_does(
+    connected: Cluster, predictor: Predictor
+) -> None:
+    point = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+    data = draw(predictor, point, programs(1), np.random.default_rng(2))
+    here = make_sampler(predictor)
+    there = make_sampler(predictor, workers=DaskWorkers(connected))
+    assert np.array_equal(there.learn(data).values, here.learn(data).values)
+    assert there.simulations == here.simulations > 0
 
 
 def test_a_worker_killed_in_its_work_costs_time_not_results(
@@ -173,7 +187,7 @@ def content(directory: Path) -> dict[str, Any]:
     with RunStore.open(directory, to_write=False) as store:
         kept["errors"] = [item.errors for item in store.generations()]
         kept["felt"] = [item.observation for item in store.interactions()]
-        predictions = [item for one in store.validations() for item in one]
+        predictions = [item for one in store.validations.all() for item in one]
         kept["predictions"] = [(item.program, item.readings) for item in predictions]
         kept["felt"] += [item.observation for item in predictions]
     assert None not in kept["felt"]
@@ -200,15 +214,10 @@ def test_identify_resume_and_validate_on_a_cluster(
     assert contents["there"] == contents["here"]
 
 
-def unused() -> str:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return f"tcp://127.0.0.1:{listener.getsockname()[1]}"
-
-
 def test_no_scheduler_is_a_sentence_within_seconds(tmp_path: Path) -> None:
     started = time.monotonic()
     refused = estimator(
-        *("identify", "--robot", "bob", "--problem", "parametric", "--dask", unused()),
+        *("identify", "--robot", "bob", "--problem", "parametric", "--dask", free_address()),
         *("--out", tmp_path / "run"),
     )
     assert refused.exit_code == 1
@@ -222,7 +231,7 @@ def test_nobody_pays_for_dask_who_does_not_use_it(monkeypatch: pytest.MonkeyPatc
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ClusterError, match=r"pip install 'bodyschema\[cluster\]'"):
-        Cluster(unused())
+        Cluster(free_address())
 
 
 @pytest.mark.parametrize("address", ["bob", "tcp://127.0.0.1", "carrier://pigeon:1"])

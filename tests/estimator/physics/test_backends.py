@@ -16,6 +16,7 @@ from estimator.identification.listener import Listener
 from estimator.identification.run import resume
 from estimator.physics.backends import (
     BACKENDS,
+    IN_THIS_PROCESS,
     abilities_of,
     foresight_of,
     in_this_process,
@@ -45,7 +46,7 @@ def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
         arrays=True, path_margins=True, undecided=True, threads=True
     )
     assert abilities_of("pybullet") == Abilities()
-    open_physics = on_this_computer(2)
+    open_physics = on_this_computer(2).open_physics
     with closing(open_physics("statics", WORLD)) as exact:
         assert type(exact) is StaticsPhysics
         assert takes_arrays(exact)
@@ -90,11 +91,11 @@ def test_a_run_with_the_physics_of_another_package(
         assert store.settings.plugins == {"bodyschema-thumb": "0.3"}
 
     with pytest.raises(EstimatorError, match="no physics 'thumb': choose pybullet, mujoco"):
-        resume(run, in_this_process, Listener(), report=without_plots)
+        resume(run, IN_THIS_PROCESS, Listener(), report=without_plots)
     said: list[str] = []
     monkeypatch.setattr(Listener, "say", lambda self, sentence: said.append(sentence))
     monkeypatch.syspath_prepend(str(install(tmp_path / "newer", THUMB, version="0.4")))
-    resume(run, in_this_process, Listener(), report=without_plots)
+    resume(run, IN_THIS_PROCESS, Listener(), report=without_plots)
     assert said == [
         "Note: the run was started with bodyschema-thumb 0.3, and goes on with bodyschema-thumb "
         "0.4."
@@ -154,7 +155,7 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
     monkeypatch.syspath_prepend(str(install(tmp_path, THUMB, code=code)))
     monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
     with (
-        closing(on_this_computer(1)("thumb", WORLD)) as physics,
+        closing(on_this_computer(1).open_physics("thumb", WORLD)) as physics,
         pytest.raises(RuntimeError, match="no licence"),
     ):
         physics.read([(BALL, np.zeros(0))])
@@ -164,4 +165,4 @@ def test_nothing_is_sought_under_a_wrong_name() -> None:
     with pytest.raises(EstimatorError, match="no physics 'bullet': choose pybullet"):
         in_this_process("bullet", WORLD)
     with pytest.raises(PhysicsError, match="at least one thread, not 0"):
-        on_this_computer(0)("statics", WORLD)
+        on_this_computer(0).open_physics("statics", WORLD)

@@ -102,8 +102,8 @@ def test_joints_hold_their_angles(
     physics: Physics, random_quadruped: MakeBody, random_tree: MakeBody
 ) -> None:
     """With the true inertia of such light parts, joints miss by whole degrees."""
-    quadrupeds = physics.read(random_pairs(random_quadruped, 60, seed=1, motors=4))
-    trees = physics.read(random_pairs(random_tree, 60, seed=2))
+    quadrupeds = physics.read(random_pairs(random_quadruped, 30, seed=1, motors=4))
+    trees = physics.read(random_pairs(random_tree, 30, seed=2))
     for felt in (quadrupeds, trees):
         assert np.degrees(felt.joint_miss).max() < 0.1
         assert felt.valid.all()
@@ -127,10 +127,10 @@ def test_joints_hold_their_angles_in_robots_of_any_size(
         )
         return replace(body, base=base, parts=tuple(parts)), program
 
-    pairs = random_pairs(random_quadruped, 40, seed=3, motors=4)
+    pairs = random_pairs(random_quadruped, 15, seed=3, motors=4)
     felt = physics.read([sized(pair) for pair in pairs])
     assert np.degrees(felt.joint_miss).max() < 0.1
-    felt = physics.read([sized(pair) for pair in random_pairs(random_tree, 40, seed=4)])
+    felt = physics.read([sized(pair) for pair in random_pairs(random_tree, 15, seed=4)])
     assert np.degrees(felt.joint_miss).max() < 0.1
 
 

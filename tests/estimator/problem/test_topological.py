@@ -15,6 +15,7 @@ from estimator.body.morphology import BASE
 from estimator.errors import ProblemError
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify
+from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
@@ -257,7 +258,7 @@ def test_readings_by_hand_of_a_robot_with_three_legs(tmp_path: Path) -> None:
         population=4,
         generations=1,
     )
-    result = identify(tmp_path / "run", order, here, Listener(), report=without_plots)
+    result = identify(tmp_path / "run", order, IN_THIS_PROCESS, Listener(), report=without_plots)
     assert result.complete
     assert result.interactions == 2
     assert [part.joint for part in result.best_models[0].parts] == ["a", "b", "c"]

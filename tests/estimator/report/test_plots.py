@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.canvas import as_png, as_svg
+from estimator.report.canvas import as_png, as_svg, new_axes
 from estimator.report.leg_styles import MARKERS
-from estimator.report.plots import draw_lengths, plot_errors, plot_lengths
+from estimator.report.plots import draw_errors, draw_lengths
 from estimator.storage.records import Counters, Generation
 from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities, make_problem
 
@@ -34,6 +34,12 @@ def history(*errors: Sequence[float]) -> list[Generation]:
 
 
 GENERATIONS = history((3.0, float("inf"), 5.0), (2.0, 3.0, 4.0), (2.5, 3.0, 3.5), (1.0, 1.0, 2.0))
+
+
+def plot_errors(generations: Sequence[Generation]) -> Figure:
+    figure, axes = new_axes()
+    draw_errors(axes, generations)
+    return figure
 
 
 def ends_of_iterations(axes: Axes) -> list[float]:
@@ -65,7 +71,8 @@ def test_a_perfect_model_is_drawn() -> None:
 def test_legs_are_drawn_with_the_papers_arrows_in_centimetres() -> None:
     problem = make_problem()
     genome = Genome(problem, problem.base(make_capabilities()))
-    (axes,) = plot_lengths(GENERATIONS, genome, JOINTS, targets=(0.1, 0.2, 0.3, 0.4)).axes
+    _, axes = new_axes()
+    draw_lengths(axes, GENERATIONS, genome, JOINTS, targets=(0.1, 0.2, 0.3, 0.4))
     lines = {line.get_label(): line for line in axes.lines}
     assert MARKERS == {"left": "<", "front": "^", "right": ">", "back": "v"}
     assert [lines[name].get_marker() for name in JOINTS] == ["<", "^", ">", "v"]
@@ -103,7 +110,8 @@ motor = {number}
     genome = Genome(Problem.parse(head + parts, "test"), make_problem().base(make_capabilities()))
     names = ["$\\frac{", "_hidden", "a\x1b[31m", *"defgh"]
     generations = [replace(item, best=(0.5,) * 8) for item in GENERATIONS]
-    (axes,) = plot_lengths(generations, genome, names).axes
+    _, axes = new_axes()
+    draw_lengths(axes, generations, genome, names)
     lines = axes.lines[:8]
     assert [line.get_label() for line in lines] == ["$\\frac{", " _hidden", r"a\x1b[31m", *"defgh"]
     assert len({line.get_color() for line in lines}) == 8

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from estimator.identification.run import problem_of
+from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior_summary import verdict_on_fit
 from estimator.report.result import summarise
 from estimator.report.terminal_tables import print_result
@@ -30,7 +30,7 @@ def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None
     rivals = [rival(3.5 / 6, alike=False), rival(4.5 / 6, alike=True)]
     lengths = [TRUE_LENGTHS] * 3
     with make_posterior_run(tmp_path, lengths, hinge=UP, rivals=rivals, decides=movement) as run:
-        result = summarise(run, problem_of(run))
+        result = summarise(run)
     text = io.StringIO()
     print_result(Console(file=text, width=200), result)
     said = text.getvalue()
@@ -45,36 +45,49 @@ def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None
     assert all(leg.population_m is None for leg in result.legs)
 
 
+def test_what_the_movements_have_not_tested_is_said_in_terminal_and_page(tmp_path: Path) -> None:
+    others = [f"leg {number} twice as thick" for number in range(1, 6)]
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP, untested=others) as run:
+        result = summarise(run)
+        page = run_page(run, PageSources.of(run, result))
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result)
+    assert ", if the robot is built as the problem says." in text.getvalue()
+    assert f"not tested: {'; '.join(others[:3])}; and 2 more." in text.getvalue()
+    assert ", if the robot is built as the problem says." in page
+    assert f"not tested: {'; '.join(others)}." in page
+
+
 def test_what_no_movement_could_tell_is_said(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=4.5 / 6) as run:
-        result = summarise(run, problem_of(run))
+        result = summarise(run)
     assert result.posterior is not None
     assert result.posterior.equivalent == ("a servo of back that never moves feels like a roll",)
 
 
 def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        result = summarise(run, problem_of(run))
+        result = summarise(run)
     assert result.posterior is not None
     assert result.posterior.equivalent == ()
     assert result.posterior.probability == 1.0
 
 
-def test_a_thickness_that_explains_clearly_better_is_no_explanation(tmp_path: Path) -> None:
+def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
         (belief, _) = run.beliefs()[-1]
     assert belief.explained
-    doubted = belief.model_copy(update={"thickness": 0.5})
+    doubted = belief.model_copy(update={"departure": "parts 0.5 times as thick"})
     assert not doubted.explained
     assert verdict_on_fit(doubted) == (
-        "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one whose parts are 0.5 "
-        "times as thick, so no length can be trusted."
+        "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one with parts 0.5 "
+        "times as thick, so neither attachments nor lengths can be trusted."
     )
 
 
 def test_a_radius_that_the_robot_states_otherwise_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, radius=0.013) as run:
-        result = summarise(run, problem_of(run))
+        result = summarise(run)
     assert result.posterior is not None
     assert not result.posterior.explained
     assert result.posterior.verdict == (

@@ -11,9 +11,9 @@ from tests.estimator.model_robot import JOINTS, PROBLEM
 
 
 def test_a_run_in_numbers(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
-        result = summarise(store, problem)
+        result = summarise(store)
     assert not result.complete
     assert (result.problem, result.physics, result.seed) == ("legs", "pybullet", 1)
     assert result.modalities == ("touch", "tilt", "clearance")
@@ -33,9 +33,9 @@ def test_a_run_in_numbers(tmp_path: Path) -> None:
 
 
 def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
-        result = summarise(store, problem)
+        result = summarise(store)
     assert [leg.touched for leg in result.legs] == [True, True, False, True]
     (warning,) = result.warnings
     assert warning.startswith("The leg at right never touched the ground")
@@ -43,9 +43,9 @@ def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:
 
 def test_a_radius_other_than_the_robots_is_warned_about(tmp_path: Path) -> None:
     thick = PROBLEM.replace("radius = 0.006", "radius = 0.009", 1)
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16), thick)
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16), thick)
     with store:
-        warning = summarise(store, problem).warnings[0]
+        warning = summarise(store).warnings[0]
     assert warning == (
         "The robot states a radius of 6.0 mm for left, and the problem 9.0 mm: write "
         "radius = 0.006 there, or its lengths will be wrong."
@@ -53,7 +53,7 @@ def test_a_radius_other_than_the_robots_is_warned_about(tmp_path: Path) -> None:
 
 
 def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
         store.plan(1, (0.0,) * 4)
         store.observe(
@@ -62,7 +62,7 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
                 angles=(0.0,) * 4, touch=(True,) * 4, settled=False, saturated_joints=("left",)
             ),
         )
-        warnings = summarise(store, problem).warnings
+        warnings = summarise(store).warnings
     assert warnings == (
         "The robot was not at rest when interaction 2 was read.",
         "At the end of what they can reach stood, at times: left.",
@@ -70,20 +70,20 @@ def test_doubtful_interactions_are_warned_about(tmp_path: Path) -> None:
 
 
 def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
         store._database.execute("DELETE FROM checkpoint")
         store._database.execute("DELETE FROM generations")
-        result = write_report(store, problem)
+        result = write_report(store)
     assert (result.sensor_error, result.legs, result.best_models) == (None, (), ())
     assert not (store.directory / "plots").exists()
 
 
 def test_result_json_has_no_infinity_in_it(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
         store._database.execute("UPDATE generations SET errors = '[Infinity, Infinity]'")
-        result = write_report(store, problem)
+        result = write_report(store)
     assert result.warnings[0].startswith("No model could be simulated")
 
     def refuse(constant: str) -> None:
@@ -95,9 +95,9 @@ def test_result_json_has_no_infinity_in_it(tmp_path: Path) -> None:
 
 
 def test_robot_and_readings_stand_beside_the_result(tmp_path: Path) -> None:
-    store, problem = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
+    store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))
     with store:
-        write_report(store, problem)
+        write_report(store)
     header, row = (store.directory / "readings.csv").read_text().splitlines()
     assert header.split(",")[:4] == [f"angle_deg_{joint}" for joint in JOINTS]
     assert row.split(",")[4:8] == ["1", "1", "0", "1"]

@@ -99,15 +99,15 @@ def test_what_the_problem_gives_is_not_listed() -> None:
 
 
 def test_a_result_shows_how_parts_hang_together_where_that_was_to_be_found(tmp_path: Path) -> None:
-    known, problem = make_run(tmp_path / "known", (0.1,) * 4)
+    known = make_run(tmp_path / "known", (0.1,) * 4)
     unknown = PROBLEM.replace('parent = 0\nmount = "back"', 'parent = "unknown"\nmount = "unknown"')
     assert unknown != PROBLEM
-    store, open_problem = make_run(tmp_path / "unknown", (0.1,) * 4, unknown, more=(0.99, 0.3))
+    store = make_run(tmp_path / "unknown", (0.1,) * 4, unknown, more=(0.99, 0.3))
     texts = []
-    for each, asked in ((known, problem), (store, open_problem)):
+    for each in (known, store):
         with each:
             console = Console(file=StringIO(), width=120, color_system=None)
-            print_result(console, summarise(each, asked))
+            print_result(console, summarise(each))
             assert isinstance(console.file, StringIO)
             texts.append(console.file.getvalue())
     assert "sits on" not in texts[0]

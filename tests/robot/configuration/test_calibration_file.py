@@ -197,7 +197,7 @@ def test_a_file_made_for_other_counts_is_refused(tmp_path: Path) -> None:
 
 def test_a_truncated_file_is_refused_wherever_it_was_cut(tmp_path: Path) -> None:
     text = to_toml(WHOLE)
-    for cut in range(text.rindex("[end]") + 5):
+    for cut in range(0, text.rindex("[end]") + 5, 3):
         with pytest.raises(ConfigError):
             load_config(written(tmp_path, text[:cut]))
 

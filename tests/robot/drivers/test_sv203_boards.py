@@ -28,7 +28,7 @@ def boards() -> Iterator[SV203Emulator]:
 @pytest.fixture
 def servos(boards: SV203Emulator, clock: InstantClock) -> Iterator[SV203]:
     driver = SV203(
-        lambda: open_serial(boards.port, 9600), boards=[1, 2, 7], clock=clock, reply_timeout=0.05
+        lambda: open_serial(boards.port, 9600), boards=[1, 2, 7], clock=clock, reply_timeout=5.0
     )
     yield driver
     driver.close()
@@ -101,7 +101,7 @@ def test_the_selected_one_ignores_moves_after_a_reset(servos: SV203, boards: SV2
 
 def test_a_board_that_is_not_there_is_named(boards: SV203Emulator, clock: InstantClock) -> None:
     servos = SV203(
-        lambda: open_serial(boards.port, 9600), boards=[1, 3], clock=clock, reply_timeout=0.02
+        lambda: open_serial(boards.port, 9600), boards=[1, 3], clock=clock, reply_timeout=0.5
     )
     assert servos.read_counts([1]) == {1: 128}
     with pytest.raises(DeviceTimeoutError, match=r"\(SV203, board 3\) did not answer RR51"):

@@ -10,8 +10,9 @@ from __future__ import annotations
 import logging
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,16 +22,17 @@ from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.drivers.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
-from sim_robot.cli.calibrate import calibrate_simulated
 from sim_robot.cli.command_line import _parser
 from sim_robot.simulator import pc104_set, pi_set
-from sim_robot.simulator.daemon import SETS, simulated_robot
+from sim_robot.simulator.daemon import SETS, emulation, robot_on
 from sim_robot.simulator.miscalibration import miscalibrated
+from sim_robot.simulator.person import SimulatedPerson
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 
+LOG = logging.getLogger("test")
 SEEDS = range(1000, 1010)
-AT_EACH_CHANGE = range(1000, 1003)  # of those on a Raspberry Pi's chips, which is the same code
+AT_EACH_CHANGE = {"pc104": (1000,), "pi": (1002,)}
 BODY = load_body(default_body_path())
 BELIEVED = {
     "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),
@@ -91,38 +93,55 @@ def _tilt_error(config: RobotConfig, truth: RobotConfig, across: float, along: f
     return max(abs(a - b) for a, b in zip(tilt, (across, along), strict=True))
 
 
-def calibrated(seed: int, file: Path, shown: list[str], electronics: str = "pc104") -> RobotConfig:
-    calibrate_simulated(
+def calibrate(seed: int, electronics: str, file: Path) -> list[str]:
+    """A session with the robot that is wrong by a seed; what was shown."""
+    shown: list[str] = []
+    with emulation(
         BODY,
         seed=seed,
         levels=NoiseLevels(),
+        real_time=False,
+        log=LOG,
         electronics=electronics,
         wrong=seed,
-        file=file,
-        echo=shown.append,
-        log=logging.getLogger("test"),
-    )
-    believed = BELIEVED[electronics]
-    read = read_calibration(file, believed.servos.counts)
-    return apply_calibration(believed, read, file=str(file))
+        calibration=file if file.exists() else None,
+    ) as parts:
+        SimulatedPerson(parts, seed=seed, echo=shown.append).calibrate(parts.devices, file)
+    return shown
 
 
-def on_pi(seed: int) -> ParameterSet:
-    wanted = seed in AT_EACH_CHANGE or "ALL_SEEDS" in os.environ
-    return pytest.param(
-        seed, "pi", marks=pytest.mark.skipif(not wanted, reason="make calibration has all seeds")
-    )
+@pytest.fixture(scope="module")
+def calibrated(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, str], Path]:
+    """The file that a first session writes."""
+
+    @cache
+    def first_session(seed: int, electronics: str) -> Path:
+        file = tmp_path_factory.mktemp("robot") / "calibration.toml"
+        calibrate(seed, electronics, file)
+        return file
+
+    return first_session
+
+
+def robot(seed: int, electronics: str) -> ParameterSet:
+    wanted = seed in AT_EACH_CHANGE[electronics] or "ALL_SEEDS" in os.environ
+    skip = pytest.mark.skipif(not wanted, reason="make calibration has all seeds")
+    return pytest.param(seed, electronics, marks=skip)
 
 
 @pytest.mark.parametrize(
-    ("seed", "electronics"), [*((seed, "pc104") for seed in SEEDS), *map(on_pi, SEEDS)]
+    ("seed", "electronics"), [robot(seed, name) for name in SETS for seed in SEEDS]
 )
-def test_a_wrong_calibration_is_put_right(seed: int, electronics: str, tmp_path: Path) -> None:
+def test_a_wrong_calibration_is_put_right(
+    seed: int, electronics: str, calibrated: Callable[[int, str], Path]
+) -> None:
     believed = BELIEVED[electronics]
     truth = miscalibrated(believed, seed)
     before = errors(believed, truth)
     assert before.joint > 10  # degrees: there is something to put right
-    after = errors(calibrated(seed, tmp_path / "calibration.toml", [], electronics), truth)
+    file = calibrated(seed, electronics)
+    read = read_calibration(file, believed.servos.counts)
+    after = errors(apply_calibration(believed, read, file=str(file)), truth)
     assert after.joint < 1
     assert after.tilt < 1
     assert after.clearance < 1
@@ -130,18 +149,14 @@ def test_a_wrong_calibration_is_put_right(seed: int, electronics: str, tmp_path:
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The calibration of the robot that is wrong by seed 5."""
-    written = tmp_path_factory.mktemp("robot") / "calibration.toml"
-    calibrated(5, written, [])
-    return written
+def file(calibrated: Callable[[int, str], Path]) -> Path:
+    return calibrated(SEEDS[0], "pc104")
 
 
 def test_a_second_session_begins_with_the_first(file: Path, tmp_path: Path) -> None:
     copy = tmp_path / "calibration.toml"
     copy.write_bytes(file.read_bytes())
-    shown: list[str] = []
-    calibrated(5, copy, shown)
+    shown = calibrate(SEEDS[0], "pc104", copy)
     assert read_calibration(copy, COUNTS).revision == 2
     assert (tmp_path / "calibration.toml.1").read_bytes() == file.read_bytes()
     assert not any("other way" in text for text in shown)
@@ -150,20 +165,20 @@ def test_a_second_session_begins_with_the_first(file: Path, tmp_path: Path) -> N
 def test_the_robot_lies_flat_with_its_calibration_and_not_without(file: Path) -> None:
     misses = []
     for calibration in (None, file):
-        with simulated_robot(
+        with emulation(
             BODY,
             seed=0,
             levels=NO_NOISE,
             real_time=False,
-            attendant=True,
-            log=logging.getLogger("test"),
-            wrong=5,
+            log=LOG,
+            wrong=SEEDS[0],
             calibration=calibration,
-        ) as robot:
-            robot.controller.start()
-            robot.controller.shut_down()  # parks at what it believes is zero
-            robot.clock.sleep(1.0)
-            misses.append(max(abs(math.degrees(angle)) for angle in robot.world.angles()))
+        ) as parts:
+            controller = robot_on(parts, LOG, attendant=True)
+            controller.start()
+            controller.shut_down()  # parks at what it believes is zero
+            parts.clock.sleep(1.0)
+            misses.append(max(abs(math.degrees(angle)) for angle in parts.world.angles()))
     assert misses[0] > 3
     assert misses[1] < 1
 

@@ -41,7 +41,7 @@ def typed(
         return left.pop(0)
 
     monkeypatch.setattr("builtins.input", line)
-    RehearsalConsole(BODY, parts, seed=1, file=file).run()
+    RehearsalConsole(parts, seed=1, file=file).run()
     assert not left
 
 

@@ -27,15 +27,7 @@ def parts() -> Iterator[Emulation]:
 
 @pytest.fixture
 def person(parts: Emulation) -> SimulatedPerson:
-    return SimulatedPerson(
-        BODY,
-        parts.world,
-        parts.noise,
-        parts.clock,
-        counts=parts.config.servos.counts,
-        seed=1,
-        echo=lambda text: None,
-    )
+    return SimulatedPerson(parts, seed=1, echo=lambda text: None)
 
 
 def test_the_protractor_shows_the_real_angle(parts: Emulation, person: SimulatedPerson) -> None:

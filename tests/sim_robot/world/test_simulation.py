@@ -47,7 +47,7 @@ def rest(world: World, degrees: list[float], seconds: float = 3.0) -> None:
 def test_the_default_body_holds_every_pose(world: World) -> None:
     corners = [list(corner) + [0.0] * 4 for corner in itertools.product((-30.0, 30.0), repeat=4)]
     rng = np.random.default_rng(7)
-    inside = [[*rng.uniform(-30, 30, 4), 0.0, 0.0, 0.0, 0.0] for _ in range(32)]
+    inside = [[*rng.uniform(-30, 30, 4), 0.0, 0.0, 0.0, 0.0] for _ in range(8)]
     for degrees in corners + inside:
         rest(world, degrees)
         assert math.degrees(world.largest_miss()) < 0.1, degrees
@@ -73,7 +73,7 @@ def test_a_body_of_any_size_holds_its_poses(tmp_path: Path, engine: str, scale: 
     body = load_body(enlarged(default_body_path(), scale, tmp_path))
     rng = np.random.default_rng(8)
     with open_world(body, log=LOG, engine=engine) as world:
-        for degrees in rng.uniform(-30, 30, (24, 4)):
+        for degrees in rng.uniform(-30, 30, (8, 4)):
             rest(world, [*degrees, 0.0, 0.0, 0.0, 0.0], seconds=4.0)
             assert math.degrees(world.largest_miss()) < 0.1, degrees
 
@@ -88,12 +88,12 @@ def test_laid_down_it_lies_flat(world: World) -> None:
 
 def test_laying_it_down_again_and_again_costs_no_memory(world: World) -> None:
     def resident() -> int:
-        for _ in range(200):
+        for _ in range(100):
             world.lay_down()
         return int(psutil.Process().memory_info().rss)
 
     resident()
-    assert resident() - resident() > -500_000
+    assert resident() - resident() > -250_000
 
 
 def test_no_file_is_left_even_by_one_that_is_killed(

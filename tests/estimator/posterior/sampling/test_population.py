@@ -20,7 +20,7 @@ WIDE = Noise(tilt=0.12, clearance=0.03)
 def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -> None:
     nothing = Observation(angles=(0.1, 0.2, 0.0, 0.0), touch=(None,) * 4)
     blind = SensorData.of([nothing], MODALITIES, CAP)
-    population = Population(predictor, np.random.default_rng(1), levels=4, width=32)
+    population = Population.of_prior(predictor, np.random.default_rng(1), levels=4, width=32)
     population.observe(blind, NOISE, surely=True)
     values, scales = [], []
     for _ in range(12):
@@ -44,7 +44,7 @@ def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
     replications, chains, scales = 80, [], []
     for seed in range(replications):
         rng = np.random.default_rng(seed)
-        population = Population(short, rng, levels=3, width=4)
+        population = Population.of_prior(short, rng, levels=3, width=4)
         data = draw(short, population.values[0], moved, rng, scales=population.scales[0])
         start_exactly(population, short, data, rng)
         population.observe(data, NOISE, surely=True)
@@ -89,7 +89,7 @@ def test_chains_agree_with_enumeration(narrow: Predictor) -> None:
     point = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
     data = draw(narrow, point, programs(2, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
-    population = Population(narrow, np.random.default_rng(2), levels=4, width=64)
+    population = Population.of_prior(narrow, np.random.default_rng(2), levels=4, width=64)
     population.observe(data, WIDE, surely=True)
     counts: Counter[Attachments] = Counter()
     for step in range(600):
@@ -105,7 +105,7 @@ def test_chains_agree_with_enumeration(narrow: Predictor) -> None:
 
 def test_a_population_goes_on_as_if_it_had_not_been_put_away(predictor: Predictor) -> None:
     data = draw(predictor, np.full(7, 0.4), programs(2), np.random.default_rng(1))
-    population = Population(predictor, np.random.default_rng(3), levels=4, width=8)
+    population = Population.of_prior(predictor, np.random.default_rng(3), levels=4, width=8)
     population.observe(data, NOISE, surely=True)
     population.step()
     copy = Population.from_state(json.loads(json.dumps(population.state())), predictor)

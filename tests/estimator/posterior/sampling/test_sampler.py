@@ -1,41 +1,38 @@
 from __future__ import annotations
 
+import json
+from contextlib import closing
+
 import numpy as np
 import pytest
 
 from estimator.errors import SearchStateError
-from estimator.physics.statics import StaticsPhysics
+from estimator.parallel.workers import LocalWorkers
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.evidence import EvidenceEstimator
-from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
 from tests.estimator.posterior.sampling.enumeration import distance, enumerated
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
+from tests.estimator.two_unknown_rows import draw, make_sampler, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
-SMALL = Effort(levels=4, width=16, steps=30, rounds=1, draws=60, samples=64)
-
-
-def sampler(predictor: Predictor, noise: Noise, effort: Effort = SMALL, seed: int = 1) -> Sampler:
-    seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)
-    return Sampler(predictor.unknowns, StaticsPhysics, noise, effort, seeds)
 
 
 def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
     data = draw(narrow, POINT, programs(3, seed=3), np.random.default_rng(6))
     exact = enumerated(narrow, data, WIDE, (4, 6, 2, 4, 6))
     effort = Effort(levels=4, width=16, steps=40, rounds=1, draws=800, samples=64)
-    posterior = sampler(narrow, WIDE, effort, seed=3).learn(data)
+    posterior = make_sampler(narrow, noise=WIDE, effort=effort, seed=3).learn(data)
     sampled = {mode.attachments: mode.probability for mode in posterior.modes}
     assert distance(sampled, exact) < 0.02
 
 
 def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) -> None:
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
-    posterior = sampler(predictor, NOISE).learn(data)
+    posterior = make_sampler(predictor).learn(data)
     assert posterior.modes[0].attachments == predictor.unknowns.keys(POINT[None])[0]
     assert posterior.modes[0].probability > 0.9
     assert posterior.seen > 0.9
@@ -45,11 +42,16 @@ def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) 
         assert high - low < 0.9  # the prior's is 0.99
 
 
-def test_the_same_seeds_give_the_same_posterior(predictor: Predictor) -> None:
+def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
-    first, second = (sampler(predictor, NOISE).learn(data) for _ in range(2))
-    assert np.array_equal(first.values, second.values)
-    assert [mode.probability for mode in first.modes] == [mode.probability for mode in second.modes]
+    here = make_sampler(predictor)
+    with closing(LocalWorkers(2)) as workers:
+        there = make_sampler(predictor, workers=workers)
+        for turns in (1, 2):
+            expected, posterior = here.learn(data[:turns]), there.learn(data[:turns])
+    assert np.array_equal(posterior.values, expected.values)
+    assert (there.simulations, there.requested) == (here.simulations, here.requested)
+    assert json.dumps(there.state()) == json.dumps(here.state())
 
 
 def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
@@ -78,7 +80,7 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
 ) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
     data.felt["tilt"].values[1] += 0.6
-    assert sampler(predictor, NOISE).learn(data).seen == 0.0
+    assert make_sampler(predictor).learn(data).seen == 0.0
 
 
 def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None:
@@ -96,7 +98,7 @@ def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None
 
 
 def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) -> None:
-    state = sampler(predictor, NOISE).state()
+    state = make_sampler(predictor).state()
     del state["known"]
     with pytest.raises(SearchStateError, match="another version of the sampler: start a new run"):
-        sampler(predictor, NOISE).restore(state)
+        make_sampler(predictor).restore(state)

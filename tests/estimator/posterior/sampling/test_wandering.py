@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.parallel.workers import ThisProcess
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -32,7 +33,7 @@ def data(predictor: Predictor) -> SensorData:
 
 def sampler(predictor: Predictor) -> Sampler:
     seeds = np.random.SeedSequence(1).spawn(SMALL.populations + 1)
-    return Sampler(predictor.unknowns, StaticsPhysics, NOISE, SMALL, seeds)
+    return Sampler(predictor.unknowns, StaticsPhysics, NOISE, SMALL, seeds, workers=ThisProcess())
 
 
 def test_one_reading_of_two_legs_is_explained_and_nothing_is_certain(

@@ -13,15 +13,15 @@ from estimator.report.bodies.camera import (
     reach,
     take_picture,
 )
-from estimator.report.bodies.scene import Attitude, Solid, at_rest, model_solids
+from estimator.report.bodies.jointed_body import model_links
+from estimator.report.bodies.scene import Solid, at_rest, solids_of
 
 
 def scene(length: float) -> list[Solid]:
     """A body whose only leg points ahead, towards the camera's right."""
     part = Part(parent=BASE, mount=1, hinge=2, length=length, radius=0.01, motor=0)
     body = Morphology(base=Base(size=(0.14, 0.14, 0.085), mass=1.0), parts=(part,), density=1e3)
-    flat = Attitude(tilt=(0.0, 0.0), clearance=0.0, saturated=False)
-    return at_rest(model_solids(body, [0.3]), flat)
+    return at_rest(solids_of(model_links(body), [0.3]), None)
 
 
 def blue(picture: Picture) -> np.ndarray:

@@ -11,14 +11,10 @@ import pytest
 from estimator.body.morphology import Morphology, rotation, tips
 from estimator.evaluation.truth.urdf import Urdf, read_urdf
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.report.bodies.scene import (
-    MAIN_BODY,
-    Attitude,
-    Solid,
-    at_rest,
-    model_solids,
-    robot_solids,
-)
+from estimator.readings.observation import Observation
+from estimator.report.bodies.jointed_body import MAIN_BODY, model_links, robot_links
+from estimator.report.bodies.predictions import observation_of
+from estimator.report.bodies.scene import Solid, at_rest, solids_of
 from estimator.reproduction.runs.robot_process import print_body
 
 MakeBody = Callable[[np.random.Generator], Morphology]
@@ -63,14 +59,10 @@ def test_a_model_lies_where_it_was_simulated_to_lie(
     rng = np.random.default_rng(seed)
     body, angles = random_quadruped(rng), rng.uniform(-0.5, 0.5, 4)
     readings = physics.read([(body, angles)])
-    attitude = Attitude(
-        tilt=(float(readings.tilt[0, 0]), float(readings.tilt[0, 1])),
-        clearance=float(readings.clearance[0]),
-        saturated=bool(readings.saturated[0]),
-    )
-    solids = at_rest(model_solids(body, angles), attitude)
+    felt = observation_of(readings, 0, angles.tolist())
+    solids = at_rest(solids_of(model_links(body), angles), felt)
     assert min(item.lowest(UP) for item in solids) == pytest.approx(0, abs=1e-9)
-    assert clearance(solids) == pytest.approx(attitude.clearance, abs=0.002)
+    assert clearance(solids) == pytest.approx(float(readings.clearance[0]), abs=0.002)
     low = {item.limb for item in solids if item.lowest(UP) < 0.002}
     assert low >= {leg for leg in range(4) if readings.touch[0, leg]}
 
@@ -78,15 +70,17 @@ def test_a_model_lies_where_it_was_simulated_to_lie(
 def test_solids_are_where_the_kinematics_says(random_tree: MakeBody) -> None:
     body = random_tree(np.random.default_rng(3))
     angles = np.linspace(-1, 1, 8)
-    spheres = [item for item in model_solids(body, angles) if item.kind == "sphere"]
+    spheres = [item for item in solids_of(model_links(body), angles) if item.kind == "sphere"]
     for tip, part in zip(tips(body, angles), body.parts, strict=True):
         reach = [float(np.linalg.norm(item.place - tip)) - part.radius for item in spheres]
         assert min(map(abs, reach)) < 1e-9
 
 
 def test_a_body_on_its_back_is_shown_on_its_back() -> None:
-    upright = at_rest([box()], Attitude(tilt=(0.0, 0.0), clearance=0.0, saturated=False))
-    overturned = at_rest([box()], Attitude(tilt=(0.0, 0.0), clearance=0.2, saturated=True))
+    upright = at_rest([box()], Observation(angles=(), tilt=(0.0, 0.0), clearance=0.0))
+    overturned = at_rest(
+        [box()], Observation(angles=(), tilt=(0.0, 0.0), clearance=0.2, clearance_saturated=True)
+    )
     assert upright[0].turn[2, 2] == pytest.approx(1)
     assert overturned[0].turn[2, 2] == pytest.approx(-1)
 
@@ -99,14 +93,15 @@ def urdf(tmp_path_factory: pytest.TempPathFactory) -> Urdf:
 
 
 def test_the_robot_has_the_papers_measures(urdf: Urdf) -> None:
-    solids = robot_solids(urdf, {}, HIPS)
+    solids = solids_of(robot_links(urdf, list(HIPS), HIPS), [0.0] * 4)
     for motor, way in enumerate(([0, 1, 0], [1, 0, 0], [0, -1, 0], [-1, 0, 0])):
         leg = [item for item in solids if item.limb == motor]
         assert max(-item.lowest(-np.array(way)) for item in leg) == pytest.approx(0.07 + 0.22)
 
 
 def test_a_positive_angle_lifts_the_robots_leg(urdf: Urdf) -> None:
-    solids = robot_solids(urdf, {"hip_front": math.radians(30)}, HIPS)
+    angles = [0.0, math.radians(30), 0.0, 0.0]
+    solids = solids_of(robot_links(urdf, list(HIPS), HIPS), angles)
     foot = next(item for item in solids if item.limb == 1 and item.kind == "sphere")
     reach = 0.095 + 0.119
     assert foot.place.tolist() == pytest.approx(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +15,6 @@ from typer.testing import CliRunner
 
 from estimator.body.morphology import tips
 from estimator.cli.command_line import app
-from estimator.identification.run import problem_of
-from estimator.problem.genome import Genome
 from estimator.report.evaluation_files import SCORE, TRUTH
 from estimator.report.page.run_page import PageSources
 from estimator.report.result import summarise
@@ -70,8 +69,7 @@ def ends(page: Page) -> np.ndarray:
 
 def test_the_page_poses_bodies_as_our_own_kinematics_do(run: Path, browser: Browser) -> None:
     with RunStore.open(run, to_write=False) as store:
-        problem = problem_of(store)
-        genome = Genome(problem, problem.base(store.capabilities))
+        genome = store.genome
         modes = store.beliefs()[-1][0].modes
         performed = store.observations()[1].angles
     angles = [-25.0, 30.0, 12.5, -7.5, 22.0, -18.0, 3.0, 28.5]
@@ -193,8 +191,7 @@ def test_it_looks_right_in_the_light_in_the_dark_on_a_phone_and_on_paper(
     assert max(sizes.values()) < 400_000, sizes
 
 
-@pytest.mark.parametrize("method", ["paper", "posterior"])
-@pytest.mark.parametrize("problem", SHIPPED)
+@pytest.mark.parametrize(("problem", "method"), list(zip(SHIPPED, cycle(("paper", "posterior")))))
 def test_every_shipped_problem_has_a_page(problem: str, method: str, tmp_path: Path) -> None:
     directory = made_run(
         tmp_path / "run",
@@ -229,8 +226,7 @@ def test_damaged_files_beside_a_run_are_passed_over(tmp_path: Path) -> None:
     (directory / TRUTH).write_bytes(b"\xff\x00")
     (directory / "validation.json").mkdir()
     with RunStore.open(directory, to_write=False) as store:
-        problem = problem_of(store)
-        sources = PageSources.of(store, problem, summarise(store, problem))
+        sources = PageSources.of(store, summarise(store))
     assert (sources.score, sources.validation) == (None, None)
     assert [body.true for body in sources.bodies.bodies] == [False]
 

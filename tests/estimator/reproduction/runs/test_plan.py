@@ -1,12 +1,12 @@
 from estimator.reproduction.runs.plan import (
     FIGURES,
     SEEDS,
+    VARIANTS,
     Budget,
     planned_runs,
     topological_runs,
     work_of,
 )
-from estimator.reproduction.runs.variants import VARIANTS
 
 
 def test_seeds_are_those_that_nothing_was_tuned_on() -> None:

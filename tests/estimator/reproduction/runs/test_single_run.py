@@ -53,7 +53,7 @@ def history(run: PlannedRun, root: Path) -> tuple[list[Generation], list[Observa
             for item in store.generations()
         ]
         felt = [item.observation for item in store.interactions()]
-        felt += [item.observation for validation in store.validations() for item in validation]
+        felt += [item.observation for validation in store.validations.all() for item in validation]
     return generations, felt
 
 

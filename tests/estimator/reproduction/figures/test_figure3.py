@@ -5,7 +5,7 @@ from scipy import stats
 from estimator.body.morphology import Base
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.reproduction.figures.random_models import quality, random_models
+from estimator.reproduction.figures.figure3 import quality, random_models
 
 
 def test_measures_by_hand() -> None:

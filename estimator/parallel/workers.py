@@ -1,0 +1,102 @@
+"""Where work is shared out: in this process, to processes on this computer, or to a cluster."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Sequence
+from typing import Any, Final, Protocol, TypeVar
+
+from estimator.parallel.cluster import Cluster
+from estimator.parallel.worker_processes import Work, WorkerProcesses
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+_TASK: Final = "share"
+
+
+class Workers(Protocol):
+    """Do tasks that depend on nothing but themselves, so it does not matter who does which."""
+
+    def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+        """Calls a copy of a function once with a copy of each task.
+
+        Args:
+            function: Picklable, like tasks and results.
+            tasks: Its arguments.
+
+        Returns:
+            The results in the order of the tasks.
+
+        Raises:
+            WorkerError: Several workers died of the same task.
+            Exception: The first error that a task raised.
+        """
+
+    def close(self) -> None:
+        """Gives processes back; may be called twice."""
+
+
+class ThisProcess:
+    """No workers: tasks are done here, one after the other."""
+
+    def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+        """See ``Workers``."""
+        results = []
+        for task in tasks:
+            called, copied = pickle.loads(pickle.dumps((function, task)))
+            results.append(called(copied))
+        return results
+
+    def close(self) -> None:
+        """Does nothing."""
+
+
+class LocalWorkers:
+    """Processes on this computer, which start with the first tasks.
+
+    Args:
+        jobs: Maximum number of processes, at least 1.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        self._processes: WorkerProcesses[tuple[Callable[..., Any], Any], None, Any] = (
+            WorkerProcesses(_start, jobs)
+        )
+
+    def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+        """See ``Workers``."""
+        return self._processes.results([(function, task) for task in tasks])
+
+    def close(self) -> None:
+        """Ends the processes."""
+        self._processes.close()
+
+
+class DaskWorkers:
+    """The workers of a cluster.
+
+    Args:
+        cluster: Stays open.
+    """
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+
+    def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
+        """See ``Workers``; raises a ``ClusterError`` if the cluster fails."""
+        futures = []
+        try:
+            for task in tasks:
+                futures.append(self._cluster.submit(_TASK, function, task))
+            return [self._cluster.result(future) for future in futures]
+        except BaseException:
+            self._cluster.cancel(futures)
+            raise
+
+    def close(self) -> None:
+        """Does nothing: the workers are the cluster's."""
+
+
+def _start() -> Work[tuple[Callable[..., Any], Any], None, Any]:
+    return lambda work, _: work[0](work[1])

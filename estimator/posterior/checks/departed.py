@@ -1,0 +1,110 @@
+"""Is the robot built as the problem says, or would a departure explain the readings better?
+
+What a problem states wrongly can be made up for by lengths or by other attachments: readings stay
+explained, and the answer is wrong. So bodies that depart from the problem are fitted to the
+readings too. One that explains them clearly better says that the problem is wrong; one that
+explains them as well is a doubt, which a movement may settle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.parallel.workers import Workers
+from estimator.posterior.model.departures import Departure, Doubt
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.posterior import Posterior
+
+_CLEARLY_BETTER: Final = 2.0  # nats, the interaction that speaks most for it left out
+_BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
+_STARTS: Final = 8
+
+
+def doubts(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    departures: Sequence[Departure],
+    *,
+    workers: Workers,
+) -> tuple[Doubt, ...]:
+    """Fits a body of each departure to the readings, from the best body and some samples.
+
+    Args:
+        posterior: Of the problem's bodies.
+        predictor: Likewise.
+        data: What the robot felt.
+        noise: How far readings stray.
+        departures: Which to look at; those that leave the best body as it is are left out.
+        workers: Fit them.
+    """
+    every = max(1, len(posterior.values) // _STARTS)
+    best = posterior.modes[0].point
+    starts = np.vstack([best, posterior.values[::every][:_STARTS]])
+    bodies = predictor.unknowns.bodies(best[None])
+    looked_at = [one for one in departures if one.changes(bodies)]
+    fitted = []
+    fitting = _Fitting(starts[:2], predictor, data, noise)
+    for one, (fit, simulations, steps) in zip(
+        looked_at, workers.map(fitting.with_cost, looked_at), strict=True
+    ):
+        fitted.append((one, *fit))
+        predictor.simulations_elsewhere += simulations
+        predictor.steps_elsewhere += steps
+    # another of the problem's bodies may explain what the most probable one does not, and lengths
+    # that a departure brings to light may suit it as well
+    others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
+    lengths = [point for _, point, fits in sorted(fitted, key=lambda item: -item[2].sum())]
+    candidates = np.vstack([starts, *others, *lengths[:_STARTS]])
+    _, as_stated = _fitted(candidates, predictor, data, noise)
+    doubted = [
+        Doubt(departure=one, point=point, gains=fits - as_stated) for one, point, fits in fitted
+    ]
+    return tuple(sorted(doubted, key=lambda doubt: -doubt.gains.sum()))
+
+
+def clearly_better(doubted: Sequence[Doubt]) -> Departure | None:
+    """The departure by which the readings are explained clearly better, if any."""
+    best = max(doubted, key=lambda doubt: doubt.clear_gain, default=None)
+    if best is not None and best.clear_gain > _CLEARLY_BETTER:
+        return best.departure
+    best = max(doubted, key=lambda doubt: doubt.gains.sum(), default=None)
+    return best.departure if best is not None and best.gains.sum() > _BETTER_BY_FAR else None
+
+
+@dataclass(frozen=True)
+class _Fitting:
+    """Fits lengths, from some points."""
+
+    starts: Array
+    predictor: Predictor
+    data: SensorData
+    noise: Noise
+
+    def with_cost(self, departure: Departure) -> tuple[tuple[Array, Array], int, int]:
+        """Those of bodies that depart so, and the simulations and time steps that it took."""
+        departing = self.predictor.departing(departure)
+        simulations, steps = departing.simulations, departing.steps
+        fit = _fitted(self.starts, departing, self.data, self.noise)
+        return fit, departing.simulations - simulations, departing.steps - steps
+
+
+def _fitted(
+    starts: Array, predictor: Predictor, data: SensorData, noise: Noise
+) -> tuple[Array, Array]:
+    """The point that fits best, shape (size,), and its log-likelihoods, shape (k,)."""
+    likelihood = Likelihood(data, noise)
+    lengths = Lengths(predictor, data, likelihood)
+    polished, _ = lengths.polished(starts)
+    points = np.vstack([starts, polished])
+    best = points[[np.argmax(lengths.fits(points))]]
+    misfits = likelihood.misfits_of(predictor, best)
+    return best[0], likelihood.of(misfits, np.ones(1), np.zeros((1, 2)))[0]

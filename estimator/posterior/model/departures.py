@@ -1,0 +1,191 @@
+"""Ways in which a robot may be built otherwise than a problem says.
+
+A problem lists what a leg can sit on and how its hinge can turn it. A robot whose hinge was put in
+askew is none of its bodies, but in some movements feels like one of them. Departures are bodies
+next to those of the problem, by which such a robot is noticed.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.arrays import Bodies
+from estimator.body.morphology import BASE, Array
+from estimator.problem.problem import Problem
+
+_THICKNESSES: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)  # of all parts
+_ONE_THICKNESS: Final = (0.5, 1.5, 2.5)
+_TURNS: Final = (-30, -15, 15, 30)  # degrees
+_DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
+_SAME_WAY: Final = 0.99  # cosine of the angle between axes
+_WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
+
+
+@dataclass(frozen=True, kw_only=True)
+class Departure(ABC):
+    """One way in which the robot may be built otherwise.
+
+    Attributes:
+        name: For people, as the rest of "a body with …".
+    """
+
+    name: str
+
+    @abstractmethod
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies built so."""
+
+    def changes(self, bodies: Bodies) -> bool:
+        """Whether that makes another body of the first of them."""
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thickness(Departure):
+    """Parts of another thickness.
+
+    Attributes:
+        factor: On the radii of the parts.
+        parts: Indices of those that have it; all without.
+    """
+
+    factor: float
+    parts: tuple[int, ...] | None = None
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such parts."""
+        radius = bodies.radius.copy()
+        columns = slice(None) if self.parts is None else list(self.parts)
+        radius[:, columns] *= self.factor
+        return replace(bodies, radius=radius)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnedHinge(Departure):
+    """The axis of one part's hinge turned about one of the part's own directions.
+
+    Attributes:
+        part: Its index.
+        about: 0: along the part, 1: leftward, 2: upward in the planar pose.
+        angle: rad.
+    """
+
+    part: int
+    about: int
+    angle: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such a hinge."""
+        hinge = bodies.hinge.copy()
+        hinge[:, self.part] += len(bodies.hinges)
+        turned = bodies.hinges @ _rotation(self.about, self.angle).T
+        return replace(bodies, hinge=hinge, hinges=np.vstack([bodies.hinges, turned]))
+
+    def changes(self, bodies: Bodies) -> bool:
+        """Not where the hinge's axis is that about which it is turned."""
+        axis = bodies.hinges[bodies.hinge[0, self.part]]
+        return bool(abs(axis[self.about]) < _SAME_WAY)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnedMount(Departure):
+    """One part that points elsewhere from where it sits.
+
+    Attributes:
+        part: Its index.
+        angle: Leftward in the planar pose, rad.
+    """
+
+    part: int
+    angle: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with the part so turned."""
+        tables = (bodies.base_mounts, bodies.part_mounts)
+        rotation = _rotation(2, self.angle)[:2, :2]
+        turned = [np.hstack([table[:, :-2], table[:, -2:] @ rotation.T]) for table in tables]
+        on_base = bodies.parent[:, self.part] == BASE
+        mount = bodies.mount.copy()
+        mount[:, self.part] += np.where(on_base, *map(len, tables))
+        return replace(
+            bodies,
+            mount=mount,
+            base_mounts=np.vstack([tables[0], turned[0]]),
+            part_mounts=np.vstack([tables[1], turned[1]]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """A body that departs from the problem, with the lengths that fit best.
+
+    Attributes:
+        departure: How it does.
+        point: Its genes, shape (size,).
+        gains: How much better than the best body of the problem it explains each interaction,
+            nats, shape (k,).
+    """
+
+    departure: Departure
+    point: Array
+    gains: Array
+
+    @property
+    def is_left(self) -> bool:
+        """Whether it explains the readings about as well."""
+        return bool(self.gains.sum() > -_WORSE)
+
+    @property
+    def clear_gain(self) -> float:
+        """Sum of the gains but the largest, nats.
+
+        An interaction that ended elsewhere may gain much by accident.
+        """
+        return float(self.gains.sum() - self.gains.max())
+
+
+def possible_departures(problem: Problem) -> tuple[Departure, ...]:
+    """What is looked at: other thickness, and hinges and mounts turned by up to 30°."""
+    listed: list[Departure] = [
+        Thickness(name=f"parts {factor:g} times as thick", factor=factor) for factor in _THICKNESSES
+    ]
+    for index, part in enumerate(problem.parts):
+        listed += [
+            Thickness(name=f"{part.name} {factor:g} times as thick", factor=factor, parts=(index,))
+            for factor in _ONE_THICKNESS
+        ]
+        for degrees in _TURNS:
+            angle = math.radians(degrees)
+            if part.motor is not None:
+                listed += [
+                    TurnedHinge(
+                        name=f"the hinge of {part.name} turned by {degrees}° about {direction}",
+                        part=index,
+                        about=about,
+                        angle=angle,
+                    )
+                    for about, direction in enumerate(_DIRECTIONS)
+                ]
+            listed.append(
+                TurnedMount(
+                    name=f"{part.name} pointing {abs(degrees)}° "
+                    f"{'left' if degrees > 0 else 'right'} of its mount's direction",
+                    part=index,
+                    angle=angle,
+                )
+            )
+    return tuple(listed)
+
+
+def _rotation(about: int, angle: float) -> Array:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    one, two = (about + 1) % 3, (about + 2) % 3
+    matrix = np.eye(3)
+    matrix[one, one] = matrix[two, two] = cosine
+    matrix[one, two], matrix[two, one] = -sine, sine
+    return matrix

@@ -1,0 +1,148 @@
+"""What each gene of a problem's genomes decides, and where genes of a kind stand.
+
+A genome goes through the problem's parts in order. Each part contributes one gene for each thing
+that is to be found about it, in the order of the paper's rows: parent P, mount O, hinge J, length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.arrays import Integers
+from estimator.body.morphology import BASE, Array
+from estimator.problem.problem import Problem
+
+Indices: TypeAlias = NDArray[np.intp]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gene:
+    """What one gene decides.
+
+    Attributes:
+        part: Index of the part; ``BASE`` for a nuisance parameter.
+        trait: Which of the part's traits.
+        choices: How many values it chooses from, at most: the main body may have other mounts than
+            parts have. 0 for what is any in a range.
+        name: For people.
+        parent: What the part sits on, where that is known.
+        unit: For people, of what is any in a range.
+    """
+
+    part: int
+    trait: Literal["parent", "mount", "hinge", "length", "nuisance"]
+    choices: int
+    name: str
+    parent: int | None = None
+    unit: str = ""
+
+
+class Traits(NamedTuple):
+    """How parts are attached and how long they are, of n bodies, shape (n, parts) each."""
+
+    parent: Integers
+    mount: Integers
+    hinge: Integers
+    length: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneColumns:
+    """Which columns of genomes say what, so that n of them are read at once.
+
+    Attributes:
+        chosen: Columns of choices.
+        counts: How many values each of these chooses from.
+        open_mounts: Columns of mounts on a parent that is chosen, too.
+        their_parents: Columns of these parents.
+        known: Of one body, shape (parts,): what the problem says, anything where a gene says.
+        of_traits: Parts and their columns, for what is chosen, by trait.
+        lengths: Parts and their columns, for lengths.
+        shortest: Of these, m.
+        spans: Of these, m.
+        mounted: Parts of which the mount is known.
+        on_base: Their mounts if they sit on the main body.
+        on_part: The same on a part.
+    """
+
+    chosen: Indices
+    counts: Integers
+    open_mounts: Indices
+    their_parents: Indices
+    known: Traits
+    of_traits: dict[str, tuple[Indices, Indices]]
+    lengths: tuple[Indices, Indices]
+    shortest: Array
+    spans: Array
+    mounted: Indices
+    on_base: Integers
+    on_part: Integers
+
+    @classmethod
+    def of(cls, problem: Problem, genes: Sequence[Gene]) -> GeneColumns:
+        """Those of a problem's genomes."""
+        rules, attached = problem.parts, problem.tables.attached
+        places = {(gene.trait, gene.part): column for column, gene in enumerate(genes)}
+
+        def of_trait(name: str) -> tuple[Indices, Indices]:
+            found = [(part, at) for (trait, part), at in places.items() if trait == name]
+            parts, columns = np.array(found, dtype=np.intp).reshape(-1, 2).T
+            return parts, columns
+
+        chosen = [column for column, gene in enumerate(genes) if gene.choices]
+        open_parts = [
+            part for trait, part in places if trait == "mount" and ("parent", part) in places
+        ]
+        lengths = of_trait("length")
+        ranges = np.array([rules[part].length for part in lengths[0].tolist()]).reshape(-1, 2)
+        mounted = [part for part, rule in enumerate(rules) if rule.mount is not None]
+        return cls(
+            chosen=np.array(chosen, dtype=np.intp),
+            counts=np.array([genes[column].choices for column in chosen], dtype=np.int64),
+            open_mounts=np.array([places["mount", part] for part in open_parts], dtype=np.intp),
+            their_parents=np.array([places["parent", part] for part in open_parts], dtype=np.intp),
+            known=Traits(
+                np.array([BASE if rule.parent is None else rule.parent for rule in rules]),
+                np.zeros(len(rules), dtype=np.int64),
+                np.array([one.hinge or 0 for one in attached]),
+                np.array([rule.length[0] for rule in rules]),
+            ),
+            of_traits={name: of_trait(name) for name in ("parent", "mount", "hinge")},
+            lengths=lengths,
+            shortest=ranges[:, 0],
+            spans=ranges[:, 1] - ranges[:, 0],
+            mounted=np.array(mounted, dtype=np.intp),
+            on_base=np.array([attached[part].on_base or 0 for part in mounted], dtype=np.int64),
+            on_part=np.array([attached[part].on_part or 0 for part in mounted], dtype=np.int64),
+        )
+
+
+def genes_of(problem: Problem, index: int) -> list[Gene]:
+    """The genes of one part of a problem."""
+    rule, tables = problem.parts[index], problem.tables
+    mounts = max(tables.base_choices, tables.part_choices)
+    if rule.parent is not None or index == 0:
+        mounts = tables.part_choices if rule.parent not in (None, BASE) else tables.base_choices
+    traits: tuple[tuple[Literal["parent", "mount", "hinge", "length"], bool, int], ...] = (
+        ("parent", rule.parent is None, index + 1),
+        ("mount", rule.mount is None, mounts),
+        ("hinge", rule.hinge is None, tables.hinge_choices),
+        ("length", rule.length_unknown, 0),
+    )
+    return [
+        Gene(
+            part=index,
+            trait=trait,
+            choices=choices,
+            name=f"{trait} of {rule.name}",
+            parent=rule.parent,
+            unit="" if choices else "mm",
+        )
+        for trait, unknown, choices in traits
+        if unknown
+    ]

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.parallel.workers import ThisProcess
+from estimator.posterior.checks.departed import clearly_better, doubts
+from estimator.posterior.model.departures import (
+    Departure,
+    Doubt,
+    Thickness,
+    TurnedHinge,
+    TurnedMount,
+)
+from estimator.posterior.model.likelihood import SensorData
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.posterior import Mode, Posterior
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
+
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+MOVED = programs(32, seed=5)
+THICK = Thickness(name="thick parts", factor=2.0)
+THICKER = Thickness(name="thicker parts", factor=2.8)
+ONE_THICK = Thickness(name="a thick leg", factor=2.5, parts=(1,))
+ASKEW = TurnedHinge(name="a turned hinge", part=0, about=0, angle=math.radians(30))
+ROUND = TurnedHinge(name="a hinge turned about its axis", part=0, about=1, angle=1.0)
+ASIDE = TurnedMount(name="a leg that points aside", part=0, angle=math.radians(30))
+LOOKED_AT = (THICK, THICKER, ONE_THICK, ASKEW, ASIDE)
+
+
+def around(point: np.ndarray) -> Posterior:
+    values = np.tile(point, (12, 1))
+    values[:, [2, 6]] = np.random.default_rng(1).uniform(0.3, 0.7, (12, 2))
+    return Posterior(
+        values=values,
+        scales=np.zeros((12, 2)),
+        weights=np.full(12, 1 / 12),
+        modes=(Mode((), 1.0, point, 12.0),),
+        seen=1.0,
+    )
+
+
+def doubted(predictor: Predictor, data: SensorData, *others: Departure) -> tuple[Doubt, ...]:
+    departures = (*LOOKED_AT, *others)
+    return doubts(around(POINT), predictor, data, NOISE, departures, workers=ThisProcess())
+
+
+def felt_by(predictor: Predictor) -> SensorData:
+    return draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+
+
+@pytest.mark.parametrize("true", LOOKED_AT)
+def test_a_robot_that_departs_from_the_problem_is_noticed(
+    predictor: Predictor, true: Departure
+) -> None:
+    better = clearly_better(doubted(predictor, felt_by(predictor.departing(true))))
+    assert better == true
+
+
+def test_a_robot_that_does_not_is_not_suspected(predictor: Predictor) -> None:
+    felt = felt_by(predictor)
+    assert clearly_better(doubted(predictor, felt)) is None
+    assert not any(doubt.is_left for doubt in doubted(predictor, felt))
+
+
+def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor) -> None:
+    rival = POINT.copy()
+    rival[5] = 0.1  # yaw instead of up
+    data = draw(predictor, rival, MOVED, np.random.default_rng(11), outlier=0.0)
+    alone = around(POINT)
+    both = replace(alone, modes=(*alone.modes, Mode((1,), 0.3, rival, 12.0)))
+    gains = [
+        max(
+            doubt.gains.sum()
+            for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT, workers=ThisProcess())
+        )
+        for one in (alone, both)
+    ]
+    assert gains[0] > -5.0
+    assert gains[1] < -15.0
+
+
+def test_what_few_movements_cannot_tell_stays_a_doubt(predictor: Predictor) -> None:
+    flat = replace(felt_by(predictor)[:1], programs=np.zeros((1, 4)))
+    still = draw(predictor, POINT, flat.programs, np.random.default_rng(11), outlier=0.0)
+    left = {doubt.departure for doubt in doubted(predictor, still) if doubt.is_left}
+    assert ASKEW in left  # an axis shows when the leg turns
+
+
+def test_a_hinge_turned_about_its_own_axis_is_the_same_hinge(predictor: Predictor) -> None:
+    names = [doubt.departure for doubt in doubted(predictor, felt_by(predictor), ROUND)]
+    assert ASKEW in names
+    assert ROUND not in names
+
+
+def test_one_movement_that_only_a_departure_explains_is_no_accident(predictor: Predictor) -> None:
+    fitted = doubted(predictor, felt_by(predictor))
+    best = replace(fitted[0], gains=np.array([19.0, -0.5, 0.3, -1.0]))
+    assert clearly_better([best, *fitted[1:]]) == best.departure
+    worse = replace(best, gains=np.array([19.0, -8.0, 0.3, -2.0]))
+    assert clearly_better([worse, *fitted[1:]]) is None
+
+
+def test_one_movement_that_ended_elsewhere_says_nothing(predictor: Predictor) -> None:
+    data, thick = felt_by(predictor), felt_by(predictor.departing(THICK))
+    felt = {name: replace(one, values=one.values.copy()) for name, one in data.felt.items()}
+    for name, one in felt.items():
+        one.values[3] = thick.felt[name].values[3]
+    assert clearly_better(doubted(predictor, replace(data, felt=felt))) is None
+
+
+def test_margins_are_of_the_same_parts_as_readings(predictor: Predictor) -> None:
+    bodies, rows = predictor.unknowns.bodies(POINT[None]), np.zeros(len(MOVED), dtype=np.intp)
+    thick = predictor.departing(THICK).margins(bodies, rows, MOVED)
+    as_if = predictor.margins(replace(bodies, radius=2.0 * bodies.radius), rows, MOVED)
+    assert thick.tolist() == as_if.tolist()
+    assert thick.tolist() != predictor.margins(bodies, rows, MOVED).tolist()
