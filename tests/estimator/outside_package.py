@@ -1,7 +1,10 @@
 """A package from elsewhere, as ``pip install`` leaves it: one module and its metadata."""
 
 import re
+import sys
 from pathlib import Path
+
+import pytest
 
 _PAGE = (Path(__file__).parents[2] / "docs" / "physics.md").read_text(encoding="utf-8")
 ((PHYSICS, _TABLE),) = re.findall(r"```python\n(.*?)```.*?```toml\n(.*?)```", _PAGE, re.DOTALL)
@@ -33,3 +36,11 @@ def install(
     )
     (information / "entry_points.txt").write_text(entry_points, "utf-8")
     return folder
+
+
+def put_on_path(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lets the packages of a folder be imported until the test ends, anew in each test."""
+    for module in (path.stem for path in folder.glob("*.py")):
+        monkeypatch.setitem(sys.modules, module, None)  # what was there comes back at the end
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.syspath_prepend(str(folder))

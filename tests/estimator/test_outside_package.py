@@ -7,7 +7,6 @@ A physics from outside is in ``physics/test_backends.py``, servos and sensors in
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +23,7 @@ from estimator.storage.store import RunStore
 from tests.estimator import outside_parts
 from tests.estimator.identification.test_run import Witness, outcome
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
-from tests.estimator.outside_package import PHYSICS, THUMB, install
+from tests.estimator.outside_package import PHYSICS, THUMB, install, put_on_path
 
 SEARCH: type[Search] = outside_parts.RandomSearch
 OBJECTIVE: type[Objective] = outside_parts.WrongTouches
@@ -50,7 +49,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = install(
         tmp_path / "outside", POINTS, name="bodyschema-parts", version="1.2", code=CODE
     )
-    monkeypatch.syspath_prepend(str(folder))
+    put_on_path(folder, monkeypatch)
 
 
 def run(folder: Path, **choices: str) -> tuple[Result, list[Generation], list[str]]:
@@ -114,8 +113,7 @@ def test_a_report_in_html(tmp_path: Path) -> None:
 def test_all_together_and_a_physics_of_a_second_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
-    monkeypatch.syspath_prepend(str(install(tmp_path / "thumb", THUMB, code=PHYSICS)))
+    put_on_path(install(tmp_path / "thumb", THUMB, code=PHYSICS), monkeypatch)
     monkeypatch.setitem(PACKAGE, "bodyschema-thumb", "0.3")
     result, *_ = run(
         tmp_path, physics="thumb", search="random", objective="touches", explore="steepest"

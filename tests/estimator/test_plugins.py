@@ -7,7 +7,7 @@ import pytest
 from estimator.errors import EstimatorError
 from estimator.parallel import cluster
 from estimator.plugins import Registry, installed_packages
-from tests.estimator.outside_package import install
+from tests.estimator.outside_package import install, put_on_path
 
 NUMBERS: Registry[float] = Registry(
     kind="number", group="bodyschema.numbers", own={"pi": "math:pi", "e": "math:e"}
@@ -27,7 +27,7 @@ def test_what_a_package_brings_is_imported_when_it_is_asked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     points = "[bodyschema.numbers]\ntau = math:tau\nbroken = no_such_module:x\n[other]\nx = y\n"
-    monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
+    put_on_path(install(tmp_path, points, name="circles", version="2.0"), monkeypatch)
     assert NUMBERS.names() == ("pi", "e", "broken", "tau")
     assert NUMBERS.load("tau") == 2 * NUMBERS.load("pi")
     assert NUMBERS.package("tau") == {"circles": "2.0"}
@@ -42,7 +42,7 @@ def test_a_cluster_must_have_the_packages_that_compute_here(
     assert installed_packages() == {}
     theirs = cluster._identity.__wrapped__()
     points = "[bodyschema.numbers]\ntau = math:tau\n"
-    monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
+    put_on_path(install(tmp_path, points, name="circles", version="2.0"), monkeypatch)
     assert installed_packages() == {"circles": "2.0"}
     with pytest.raises(EstimatorError, match=r"circles is missing there and 2\.0 here"):
         cluster._compare("Worker 1", theirs, cluster._identity.__wrapped__())
@@ -59,7 +59,7 @@ def test_a_program_brings_implementations_of_its_own(
         kind="number", group="bodyschema.numbers", own={"pi": "math:pi"}
     )
     points = "[bodyschema.numbers]\ntau = math:tau\n"
-    monkeypatch.syspath_prepend(str(install(tmp_path, points, name="circles", version="2.0")))
+    put_on_path(install(tmp_path, points, name="circles", version="2.0"), monkeypatch)
     name = f"{__name__}:Half"
     with pytest.raises(
         EstimatorError, match=f"{name}' is part of a program: let .* `estimator.resume`"

@@ -29,7 +29,7 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 from tests.estimator.model_robot import make_capabilities, make_order, without_plots
-from tests.estimator.outside_package import PHYSICS, THUMB, install
+from tests.estimator.outside_package import PHYSICS, THUMB, install, put_on_path
 
 ROOT = Path(__file__).parents[3]
 WORLD = WorldSettings()
@@ -94,7 +94,7 @@ def test_a_run_with_the_physics_of_another_package(
         resume(run, IN_THIS_PROCESS, Listener(), report=without_plots)
     said: list[str] = []
     monkeypatch.setattr(Listener, "say", lambda self, sentence: said.append(sentence))
-    monkeypatch.syspath_prepend(str(install(tmp_path / "newer", THUMB, version="0.4")))
+    put_on_path(install(tmp_path / "newer", THUMB, version="0.4"), monkeypatch)
     resume(run, IN_THIS_PROCESS, Listener(), report=without_plots)
     assert said == [
         "Note: the run was started with bodyschema-thumb 0.3, and goes on with bodyschema-thumb "
@@ -139,8 +139,7 @@ def test_a_package_that_cannot_be_used_is_named(
     code: str,
     sentence: str,
 ) -> None:
-    monkeypatch.syspath_prepend(str(install(tmp_path, entry_points, code=code)))
-    monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
+    put_on_path(install(tmp_path, entry_points, code=code), monkeypatch)
     assert BACKENDS.names() == ("pybullet", "mujoco", "statics", "thumb")
     assert abilities_of("pybullet") == Abilities()  # others are not concerned
     name = "statics" if "statics =" in entry_points else "thumb"
@@ -152,8 +151,7 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     code = PHYSICS.replace("super().__init__()", "raise RuntimeError('no licence')")
-    monkeypatch.syspath_prepend(str(install(tmp_path, THUMB, code=code)))
-    monkeypatch.delitem(sys.modules, "bodyschema_thumb", raising=False)
+    put_on_path(install(tmp_path, THUMB, code=code), monkeypatch)
     with (
         closing(on_this_computer(1).open_physics("thumb", WORLD)) as physics,
         pytest.raises(RuntimeError, match="no licence"),
