@@ -15,8 +15,8 @@ from estimator.body.morphology import Array
 from estimator.exploration.few_limbs import LimbGenes, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
-from estimator.physics.base import Readings
-from estimator.posterior.model.departures import Doubt
+from estimator.physics.base import Flags, Readings
+from estimator.posterior.model.departures import Doubt, lying_down
 from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.model.unknowns import Columns, Predictor
 
@@ -56,11 +56,13 @@ class _Hypotheses:
         bodies: n of them.
         scales: Logarithms of their noise factors, shape (n, 2).
         groups: Bodies of one group are the same, shape (n,).
+        lying: Touch sensors that feel the ground whatever the pose, shape (n, sensors).
     """
 
     bodies: Bodies
     scales: Array
     groups: NDArray[np.int64]
+    lying: Flags
 
     def __len__(self) -> int:
         return len(self.groups)
@@ -133,10 +135,12 @@ class Chooser:
         )
 
     def _models(self, samples: Models) -> _Hypotheses:
+        bodies = self._predictor.unknowns.bodies(samples.genes)
         return _Hypotheses(
-            bodies=self._predictor.unknowns.bodies(samples.genes),
+            bodies=bodies,
             scales=samples.scales,
-            groups=np.arange(len(samples.genes)),
+            groups=np.arange(len(bodies)),
+            lying=np.zeros((len(bodies), bodies.sensors), dtype=bool),
         )
 
     def _with_doubts(
@@ -146,9 +150,12 @@ class Chooser:
         count = len(models)
         others = np.arange(max(len(doubts), count // 3)) % len(doubts)
         order = rng.permutation(count + len(others))
-        bodies = [self._built(doubts[index]) for index in others.tolist()]
+        mixed = [doubts[index] for index in others.tolist()]
+        built = [self._built(doubt) for doubt in mixed]
+        lying = [doubt.departure.lying(one) for doubt, one in zip(mixed, built, strict=True)]
         return _Hypotheses(
-            bodies=Bodies.joined([models.bodies, *bodies])[order],
+            bodies=Bodies.joined([models.bodies, *built])[order],
+            lying=np.vstack([models.lying, *lying])[order],
             scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],
             groups=np.concatenate([models.groups, count + others])[order],
         )
@@ -164,7 +171,8 @@ class Chooser:
         tested = []
         for doubt in doubts:
             bodies = self._built(doubt)[np.zeros(len(models), dtype=np.intp)]
-            felt = self._read(replace(models, bodies=bodies), program, LEANS[0])
+            lying = doubt.departure.lying(bodies)
+            felt = self._read(replace(models, bodies=bodies, lying=lying), program, LEANS[0])
             if np.mean(self._gain.apart(expected, felt)) > 0.5:
                 tested.append(doubt)
         return tuple(tested)
@@ -189,7 +197,8 @@ class Chooser:
         count = len(known)
         rows = np.tile(np.arange(count), len(programs))
         repeated = np.repeat(programs, count, axis=0)
-        return self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
+        readings = self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
+        return lying_down(readings, known.lying[rows])
 
     def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns

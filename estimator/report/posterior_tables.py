@@ -67,13 +67,7 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
 def _print_attachments(console: Console, posterior: PosteriorSummary) -> None:
     if not posterior.attachments:
         return
-    sure = (
-        "is not known: too few samples stand for it"
-        if posterior.probability is None
-        else f"is {percent(posterior.probability)}"
-    )
-    premise = ", if the robot is built as the problem says" if posterior.untested else ""
-    console.print(f"The probability of these attachments together {sure}{premise}.")
+    console.print(sureness(posterior))
     table = plain_table("what", "best body", "probability", justify="left")
     for item in posterior.attachments:
         table.add_row(item.what, item.value, percent(item.probability))
@@ -122,6 +116,17 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
         )
         table.add_row(str(number), *bits, percent(step.probability), Text(step.reason))
     console.print(table)
+
+
+def sureness(posterior: PosteriorSummary) -> str:
+    """A sentence: how probable the best body's attachments are, and on what condition."""
+    sure = (
+        "is not known: too few samples stand for it"
+        if posterior.probability is None
+        else f"is {percent(posterior.probability)}"
+    )
+    premise = ", if the robot is built as the problem says" if posterior.untested else ""
+    return f"The probability of these attachments together {sure}{premise}."
 
 
 def percent(share: float) -> str:

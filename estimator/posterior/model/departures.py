@@ -16,12 +16,14 @@ import numpy as np
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array
+from estimator.physics.base import Flags, Readings
 from estimator.problem.problem import Problem
 
 _THICKNESSES: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)  # of all parts
 _ONE_THICKNESS: Final = (0.5, 1.5, 2.5)
 _TURNS: Final = (-30, -15, 15, 30)  # degrees
 _DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
+_STUB: Final = 0.02  # of a part's length
 _SAME_WAY: Final = 0.99  # cosine of the angle between axes
 _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
@@ -43,6 +45,10 @@ class Departure(ABC):
     def changes(self, bodies: Bodies) -> bool:
         """Whether that makes another body of the first of them."""
         return True
+
+    def lying(self, bodies: Bodies) -> Flags:
+        """Touch sensors whose part lies on the ground in every pose, shape (n, sensors)."""
+        return np.zeros((len(bodies), bodies.sensors), dtype=bool)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +127,41 @@ class TurnedMount(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Limp(Departure):
+    """One part, and what it carries, hangs from a joint that its servo does not hold.
+
+    Such parts support nothing, as if they had no length, and their ends lie on the ground.
+
+    Attributes:
+        part: Its index.
+    """
+
+    part: int
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with what hangs too short to reach the ground."""
+        return replace(bodies, length=np.where(self._hanging(bodies), _STUB, 1.0) * bodies.length)
+
+    def lying(self, bodies: Bodies) -> Flags:
+        """Those of the parts that hang."""
+        lying = super().lying(bodies)
+        rows, columns = np.nonzero(self._hanging(bodies) & (bodies.sensor >= 0))
+        lying[rows, bodies.sensor[rows, columns]] = True
+        return lying
+
+    def _hanging(self, bodies: Bodies) -> Flags:
+        hanging = np.zeros(bodies.parent.shape, dtype=bool)
+        hanging[:, self.part] = True
+        rows = np.arange(len(bodies))
+        for column in range(
+            self.part + 1, bodies.parent.shape[1]
+        ):  # a carrier comes before its parts
+            carrier = bodies.parent[:, column]
+            hanging[:, column] |= (carrier != BASE) & hanging[rows, carrier]
+        return hanging
+
+
+@dataclass(frozen=True, kw_only=True)
 class Doubt:
     """A body that departs from the problem, with the lengths that fit best.
 
@@ -150,7 +191,7 @@ class Doubt:
 
 
 def possible_departures(problem: Problem) -> tuple[Departure, ...]:
-    """What is looked at: other thickness, and hinges and mounts turned by up to 30°."""
+    """What is looked at: other thickness, dead servos, hinges and mounts turned by up to 30°."""
     listed: list[Departure] = [
         Thickness(name=f"parts {factor:g} times as thick", factor=factor) for factor in _THICKNESSES
     ]
@@ -159,6 +200,8 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
             Thickness(name=f"{part.name} {factor:g} times as thick", factor=factor, parts=(index,))
             for factor in _ONE_THICKNESS
         ]
+        if part.motor is not None:
+            listed.append(Limp(name=f"the servo of {part.name} dead", part=index))
         for degrees in _TURNS:
             angle = math.radians(degrees)
             if part.motor is not None:
@@ -180,6 +223,20 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
                 )
             )
     return tuple(listed)
+
+
+def lying_down(readings: Readings, lying: Flags) -> Readings:
+    """The readings of n bodies, some of whose sensors feel the ground whatever the pose.
+
+    Args:
+        readings: As if they did not.
+        lying: Which do, shape (n, sensors).
+    """
+    return replace(
+        readings,
+        touch=readings.touch | lying,
+        touch_doubtful=readings.touch_doubtful & ~lying,
+    )
 
 
 def _rotation(about: int, angle: float) -> Array:

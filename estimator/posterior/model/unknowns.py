@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
-from estimator.posterior.model.departures import Departure
+from estimator.posterior.model.departures import Departure, lying_down
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
@@ -156,9 +156,11 @@ class Predictor:
             leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
             quickly: Likewise.
         """
-        return self._physics.read_bodies(
-            self._chosen(bodies, rows), programs, leans, quickly=quickly
-        )
+        chosen = self._chosen(bodies, rows)
+        readings = self._physics.read_bodies(chosen, programs, leans, quickly=quickly)
+        if self._departure is None:
+            return readings
+        return lying_down(readings, self._departure.lying(chosen))
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""

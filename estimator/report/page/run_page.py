@@ -21,8 +21,7 @@ from estimator.report.evaluation_files import read_true_body, read_validation, s
 from estimator.report.leg_styles import leg_colour
 from estimator.report.page.commands import commands
 from estimator.report.page.templates import render
-from estimator.report.posterior_summary import PosteriorSummary
-from estimator.report.posterior_tables import WHAT_TO_CHECK, percent
+from estimator.report.posterior_tables import WHAT_TO_CHECK, percent, sureness
 from estimator.report.prediction_plot import plot_predictions
 from estimator.report.result import Result
 from estimator.report.run_plots import RunPlot, run_plots
@@ -103,7 +102,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         samples=len(shown.bodies[0].samples) if shown.bodies else 0,
         flat=sources.picture,
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
-        sureness=_sureness(posterior),
+        sureness="" if posterior is None else sureness(posterior),
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
@@ -162,13 +161,6 @@ def _facts(result: Result) -> list[tuple[str, str]]:
     facts.append(("simulations", f"{result.simulations_run:,}"))
     facts.append(("time", f"{result.wall_seconds:.0f} s"))
     return facts
-
-
-def _sureness(posterior: PosteriorSummary | None) -> str:
-    if posterior is None or posterior.probability is None:
-        return "How probable all of them together are is not known: too few samples stand for it."
-    premise = ", if the robot is built as the problem says" if posterior.untested else ""
-    return f"The probability of all of them together is {percent(posterior.probability)}{premise}."
 
 
 def _felt(

@@ -8,7 +8,7 @@ import pytest
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
-from estimator.posterior.model.departures import Doubt, TurnedHinge
+from estimator.posterior.model.departures import Departure, Doubt, Limp, TurnedHinge
 from estimator.posterior.model.likelihood import apart
 from estimator.posterior.model.unknowns import Predictor
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
@@ -41,18 +41,26 @@ def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) ->
     assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
 
 
-def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(predictor: Predictor) -> None:
-    askew = TurnedHinge(name="a turned hinge", part=0, about=0, angle=np.radians(30))
-    doubt = Doubt(departure=askew, point=RIGHT, gains=np.zeros(1))
+@pytest.mark.parametrize(
+    "departure",
+    [
+        TurnedHinge(name="a turned hinge", part=0, about=0, angle=np.radians(30)),
+        Limp(name="a dead servo", part=0),
+    ],
+)
+def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
+    predictor: Predictor, departure: Departure
+) -> None:
+    doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
     models = replace(Models.equally_likely(np.tile(RIGHT, (20, 1))), doubts=(doubt,))
     choice = chooser(predictor).choose(models, np.random.default_rng(1))
     assert choice.tests == (doubt,)
     assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
-    stated, turned = (
+    stated, departing = (
         one.read_all(RIGHT[None], choice.program[None])
-        for one in (predictor, predictor.departing(askew))
+        for one in (predictor, predictor.departing(departure))
     )
-    assert apart(stated, turned, NOISE).all()
+    assert apart(stated, departing, NOISE).all()
 
 
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:

@@ -11,6 +11,7 @@ from estimator.posterior.checks.departed import clearly_better, doubts
 from estimator.posterior.model.departures import (
     Departure,
     Doubt,
+    Limp,
     Thickness,
     TurnedHinge,
     TurnedMount,
@@ -28,7 +29,8 @@ ONE_THICK = Thickness(name="a thick leg", factor=2.5, parts=(1,))
 ASKEW = TurnedHinge(name="a turned hinge", part=0, about=0, angle=math.radians(30))
 ROUND = TurnedHinge(name="a hinge turned about its axis", part=0, about=1, angle=1.0)
 ASIDE = TurnedMount(name="a leg that points aside", part=0, angle=math.radians(30))
-LOOKED_AT = (THICK, THICKER, ONE_THICK, ASKEW, ASIDE)
+DEAD = Limp(name="a dead servo", part=0)
+LOOKED_AT = (THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD)
 
 
 def around(point: np.ndarray) -> Posterior:
