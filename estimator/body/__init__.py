@@ -6,6 +6,7 @@ Module                  What is in it
 ``morphology``          one body, and its forward kinematics
 ``mounts``              where parts can sit, and how they can turn; the paper's tables
 ``arrays``              many bodies as arrays, without an object per body
+``accelerometer``       what one feels that does not sit straight on the main body
 ``limbs``               what moves as one piece, with its length and how it is attached
 ======================= =========================================================================
 """

@@ -7,7 +7,7 @@ Module                  What is in it
                         ``validate``, ``export``, ``report``, ``compare``,
                         ``watch``, ``doctor``, ``reproduce``
 ``command_line``        the list of the subcommands
-``live_view``             the live page of a run, in a process of its own
+``live_view``           the live page of a run, in a process of its own
 ``options``             options that several subcommands share
 ``console``             output to the terminal, and the end of a command that failed
 ``screen``              the progress display of a run

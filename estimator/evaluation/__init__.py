@@ -5,8 +5,7 @@ Module                  What is in it
 ======================= =========================================================================
 ``score``               the objective error: the distance from the true body
 ``attachments``         how parts are attached, compared with the true body part by part
-``equivalence``         whether two bodies can be told apart by what they feel
-``length_search``       whether they can at all lengths
+``length_search``       whether attachments other than the true ones feel the same at some lengths
 ``validate``            the prediction error: fresh motor programs, predicted and then performed
 ``truth``               the true body, which nothing else may read
 ======================= =========================================================================

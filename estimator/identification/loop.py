@@ -6,16 +6,14 @@ from collections.abc import Callable
 from functools import partial
 
 from estimator.errors import InteractionError
-from estimator.exploration.rules import RULES
-from estimator.exploration.situation import Choice, Situation
+from estimator.exploration.situation import Choice
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.identification.method import Method
-from estimator.identification.objectives import OBJECTIVES
+from estimator.identification.next_program import next_program
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.readings.observation import Observation
 from estimator.robot_link.base import RobotLink
-from estimator.search.randomness import Stream, generator
 from estimator.storage.records import InteractionRecord
 from estimator.storage.store import RunStore
 
@@ -109,18 +107,10 @@ class Identification:
                 reason="reads the accelerometer's own tilt while the robot lies flat",
             )
         if link.recorded is None:
-            situation = Situation(
-                problem=self._store.problem,
-                capabilities=self._store.capabilities,
-                modalities=settings.modalities,
-                observations=tuple(observations),
-                models=self._method.models(),
-                objective=OBJECTIVES.load(settings.objective)(self._store.capabilities),
-                physics=self._foresight,
-                clearance_cap=self._store.world.clearance_cap,
-                rng=generator(settings.seed, Stream.PROGRAMS, number),
+            models = self._method.models()
+            return next_program(
+                self._store, settings.explore, observations, models, self._foresight
             )
-            return RULES.load(settings.explore)(situation)
         if number >= len(link.recorded):
             raise InteractionError(
                 f"interaction {number + 1} was never recorded: the record holds "

@@ -11,10 +11,9 @@ import numpy as np
 
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Morphology
-from estimator.exploration.rules import RULES
-from estimator.exploration.situation import Models, Situation
+from estimator.exploration.situation import Models
 from estimator.identification.listener import Listener
-from estimator.identification.objectives import OBJECTIVES
+from estimator.identification.next_program import next_program
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
@@ -201,25 +200,13 @@ class PosteriorMethod:
 
     def _deciding(self, belief: Belief, observations: Sequence[Observation]) -> NextMovement:
         """The movement that would tell most about what is left open."""
-        settings = self._store.settings
+        models = Models(
+            genes=np.array(belief.genes),
+            weights=np.array(belief.weights),
+            scales=np.array(belief.scales),
+        )
         with closing(self._make_physics()) as foresight:
-            choice = RULES.load("information")(
-                Situation(
-                    problem=self._store.problem,
-                    capabilities=self._store.capabilities,
-                    modalities=settings.modalities,
-                    observations=tuple(observations),
-                    models=Models(
-                        genes=np.array(belief.genes),
-                        weights=np.array(belief.weights),
-                        scales=np.array(belief.scales),
-                    ),
-                    physics=foresight,
-                    objective=OBJECTIVES.load(settings.objective)(self._store.capabilities),
-                    clearance_cap=self._store.world.clearance_cap,
-                    rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
-                )
-            )
+            choice = next_program(self._store, "information", observations, models, foresight)
         return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
 
     def _data(self, observations: Sequence[Observation]) -> SensorData:

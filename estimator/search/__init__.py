@@ -2,6 +2,7 @@
 
 =================================================== ===========================================
 ``deterministic_crowding.DeterministicCrowding``    the paper's genetic algorithm
+``searches``                                        searches by name, and what a search is
 ``operators``                                       crossover, mutation, distance; by name
 ``randomness``                                      a run's seed, in independent streams
 =================================================== ===========================================

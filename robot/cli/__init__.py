@@ -3,8 +3,8 @@
 =========================== =====================================================================
 Module                      What is in it
 =========================== =====================================================================
-``run``, ``doctor``, …      a subcommand each, by its name: ``calibrate``, ``drivers``, …;
-                            ``try_out`` is ``try``
+``run``, ``doctor``, …      a subcommand each, by its name: ``new``, ``calibrate``, ``drivers``,
+                            ``keys``; ``try_out`` is ``try``
 ``command_line``            finds the subcommands in ``COMMANDS``
 ``startup``                 what a person sees who stops a command before it got to its work
 =========================== =====================================================================

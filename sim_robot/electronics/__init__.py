@@ -16,6 +16,7 @@ emulator                       behaves as                        does not model
 =============================  ================================  ==================================
 
 They are told what there is to feel by plain callables, know nothing of bodies, and charge the
-clock for each access as the real electronics would take: 1 µs a port, 100 µs an I²C transfer. An
-idle emulator costs nothing. Each has switchable faults, see ``faults.FaultSwitch``.
+``clock`` for each access as the real electronics would take: 1 µs a port, 100 µs an I²C transfer.
+An idle emulator costs nothing. Each has faults that can be switched on, see ``fault_switch``; those
+of the ``servos`` themselves lie behind the board, whose processor is ``sv203_board``.
 """
