@@ -19,6 +19,7 @@ from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.belief import believe
 from estimator.posterior.checks.departed import clearly_better, doubts
+from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.model.departures import Doubt, possible_departures
 from estimator.posterior.model.likelihood import Noise, SensorData
@@ -171,11 +172,17 @@ class PosteriorMethod:
             checked = recheck(
                 self._posterior, self._sampler.predictor, data, self._noise, reference
             )
+            posterior = with_left_out(
+                checked.posterior,
+                self._sampler.predictor,
+                data,
+                self._noise,
+                reference=reference,
+                rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
+            )
             simulations, steps = reference.simulations, reference.steps
         doubted = self._doubts(checked.posterior, data)
-        final = believe(
-            checked.posterior, self._sampler.predictor, data, self._noise, self._same_as
-        )
+        final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
         better = clearly_better(doubted) if final.probability >= SURE else None
         final = final.model_copy(
             update={

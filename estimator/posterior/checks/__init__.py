@@ -6,5 +6,6 @@ Module          What is in it
 ``verdict``     does any body that the problem allows explain the readings?
 ``departed``    would a body that departs from the problem explain them clearly better?
 ``recheck``     a simulator reweights samples
+``left_out``    does one interaction rule out lengths that the simulator would admit?
 =============== =================================================================================
 """

@@ -133,7 +133,7 @@ class SensorData:
     def __len__(self) -> int:
         return len(self.programs)
 
-    def __getitem__(self, turns: slice) -> SensorData:
+    def __getitem__(self, turns: slice | Columns) -> SensorData:
         """Some of the interactions."""
         felt = {name: values[turns] for name, values in self.felt.items()}
         return SensorData(programs=self.programs[turns], felt=felt, cap=self.cap)

@@ -1,0 +1,145 @@
+"""Does one interaction rule out lengths that it would not rule out in the simulator?
+
+Where the engines end in different poses, statics of the true body contradicts what was felt, and
+other lengths may explain it. Bodies that explain all interactions but one are therefore drawn, for
+each interaction in turn, and those that statics contradicts there are simulated in it. What the
+simulator confirms belongs to the posterior as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array, Morphology
+from estimator.physics.base import Physics
+from estimator.posterior.information import systematic
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.posterior import Posterior
+
+_DRAWS: Final = 64
+_SIMULATED: Final = 12  # of the draws of one interaction
+_CONTRADICTED: Final = 6.0  # nats less than the best body has
+_FEWEST: Final = 4.0  # effective number of draws that may stand for others
+_WIDE: Final = 1.5  # factor on the proposal's spread
+_LITTLE: Final = 0.01  # share of the posterior that is not worth adding
+
+
+def with_left_out(
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    *,
+    reference: Physics,
+    rng: np.random.Generator,
+) -> Posterior:
+    """The posterior with the lengths that only the simulator admits.
+
+    Args:
+        posterior: Of bodies that explain the readings by statics.
+        predictor: Statics.
+        data: What the robot felt.
+        noise: How far readings stray.
+        reference: The simulator.
+        rng: Draws bodies.
+    """
+    if len(data) < 2 or not predictor.unknowns.continuous.size:
+        return posterior
+    best = posterior.modes[0].point
+    likelihood = Likelihood(data, noise)
+    highest = _fits(likelihood, predictor, best[None])[0]
+    found = highest.sum() - _log_density_at(Lengths(predictor, data, likelihood), best)
+    added, shares = [], []
+    for turn in range(len(data)):
+        rest = data[np.delete(np.arange(len(data)), turn)]
+        draws, log_density = _draws(
+            best, Lengths(predictor, rest, Likelihood(rest, noise)), predictor, rng
+        )
+        fits = _fits(likelihood, predictor, draws)
+        others = np.delete(fits, turn, axis=1).sum(axis=1)
+        contradicted = fits[:, turn] < highest[turn] - _CONTRADICTED
+        explains = others > highest.sum() - highest[turn] - _CONTRADICTED
+        rows = np.flatnonzero(contradicted & explains)
+        if not rows.size:
+            continue
+        tried = predictor.unknowns.decode_all(draws[rng.permutation(rows)[:_SIMULATED]])
+        felt = _simulated(tried, data[turn : turn + 1], noise, reference)
+        # which of them the simulator confirms is chance: there a trifle decides
+        logs = others - log_density - found
+        confirmed = np.exp(logs[rows]) * np.mean(np.exp(felt)) / _DRAWS
+        as_stated = np.exp((logs + fits[:, turn])[~contradicted]).sum() / _DRAWS
+        as_stated = max(as_stated, 1.0)  # what was found, should the draws not be near it
+        share = float(confirmed.sum() / (confirmed.sum() + as_stated))
+        probable = confirmed / max(confirmed.sum(), np.finfo(float).tiny)
+        if share > _LITTLE and _FEWEST * np.sum(probable**2) < 1.0:
+            added.append((draws[rows], probable))
+            shares.append(share)
+    return _mixed(posterior, added, np.array(shares), rng) if added else posterior
+
+
+def _draws(
+    best: Array, lengths: Lengths, predictor: Predictor, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Bodies around the lengths that fit best, and the logarithm of their density."""
+    points, _ = lengths.polished(best[None])
+    columns = predictor.unknowns.continuous
+    normal = rng.standard_normal((_DRAWS, columns.size))
+    covariance = np.linalg.inv(lengths.slopes(points).precision[0])
+    draws = np.tile(points[0], (_DRAWS, 1))
+    draws[:, columns] += normal @ (_WIDE * np.linalg.cholesky(covariance)).T
+    highest = _log_density_at(lengths, points[0]) - columns.size * math.log(_WIDE)
+    inside = np.all((draws[:, columns] >= 0) & (draws[:, columns] <= 1), axis=1)
+    return draws[inside], (highest - 0.5 * np.sum(normal**2, axis=1))[inside]
+
+
+def _log_density_at(lengths: Lengths, best: Array) -> float:
+    """Of the normal distribution that a posterior resembles, at its middle."""
+    precision = lengths.slopes(best[None]).precision[0]
+    return float(0.5 * np.linalg.slogdet(precision / (2 * math.pi))[1])
+
+
+def _fits(likelihood: Likelihood, predictor: Predictor, points: Array) -> Array:
+    """Log-likelihoods of n points in k interactions, shape (n, k)."""
+    misfits = likelihood.misfits_of(predictor, points)
+    return likelihood.of(misfits, np.ones(len(points)), np.zeros((len(points), 2)))
+
+
+def _simulated(
+    bodies: Sequence[Morphology], one: SensorData, noise: Noise, reference: Physics
+) -> Array:
+    """Log-likelihoods of n bodies in one interaction by the simulator, shape (n,)."""
+    readings = reference.read([(body, one.programs[0]) for body in bodies])
+    misfits = one.misfits(readings, np.zeros(len(bodies), dtype=np.intp))
+    fits: Array = Likelihood(one, noise).of(
+        misfits[:, None], np.ones(len(bodies)), np.zeros((len(bodies), 2))
+    )[:, 0]
+    return fits
+
+
+def _mixed(
+    posterior: Posterior,
+    added: list[tuple[Array, Array]],
+    shares: Array,
+    rng: np.random.Generator,
+) -> Posterior:
+    """The samples with the added bodies in the places of some of them, by their shares."""
+    odds = shares / np.maximum(1.0 - shares, _LITTLE)
+    counts = np.rint(len(posterior.values) * odds / (1.0 + odds.sum())).astype(int)
+    kept = systematic(posterior.weights, len(posterior.values), float(rng.random()))
+    values = posterior.values[kept]
+    places = np.split(rng.permutation(len(values)), np.cumsum(counts))
+    for (bodies, probable), rows in zip(added, places, strict=False):  # the rest stays
+        values[rows] = bodies[rng.choice(len(bodies), len(rows), p=probable)]
+    return replace(
+        posterior,
+        values=values,
+        scales=posterior.scales[kept],
+        weights=np.full(len(values), 1.0 / len(values)),
+    )
