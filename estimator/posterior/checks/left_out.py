@@ -20,6 +20,7 @@ from estimator.physics.base import Physics
 from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 
@@ -55,7 +56,7 @@ def with_left_out(
     best = posterior.modes[0].point
     likelihood = Likelihood(data, noise)
     highest = _fits(likelihood, predictor, best[None])[0]
-    found = highest.sum() - _log_density_at(Lengths(predictor, data, likelihood), best)
+    evidence = highest.sum() - _log_density_at(Lengths(predictor, data, likelihood), best)
     added, shares = [], []
     for turn in range(len(data)):
         rest = data[np.delete(np.arange(len(data)), turn)]
@@ -72,12 +73,12 @@ def with_left_out(
         tried = predictor.unknowns.decode_all(draws[rng.permutation(rows)[:_SIMULATED]])
         felt = _simulated(tried, data[turn : turn + 1], noise, reference)
         # which of them the simulator confirms is chance: there a trifle decides
-        logs = others - log_density - found
-        confirmed = np.exp(logs[rows]) * np.mean(np.exp(felt)) / _DRAWS
-        as_stated = np.exp((logs + fits[:, turn])[~contradicted]).sum() / _DRAWS
-        as_stated = max(as_stated, 1.0)  # what was found, should the draws not be near it
-        share = float(confirmed.sum() / (confirmed.sum() + as_stated))
-        probable = confirmed / max(confirmed.sum(), np.finfo(float).tiny)
+        logs = others - log_density - math.log(_DRAWS)
+        confirmed = logs[rows] + logsumexp(felt) - math.log(len(felt))
+        as_stated = logsumexp((logs + fits[:, turn])[~contradicted])
+        # by the evidence, should the draws not come near the lengths that are believed
+        share = float(softmax(np.array([logsumexp(confirmed), max(as_stated, evidence)]))[0])
+        probable = softmax(confirmed)
         if share > _LITTLE and _FEWEST * np.sum(probable**2) < 1.0:
             added.append((draws[rows], probable))
             shares.append(share)
