@@ -50,7 +50,6 @@ OnProgress: TypeAlias = Callable[[Progress], None]
 R = TypeVar("R", bound=Message)
 
 _FAREWELL: Final = 1.0  # s that close waits for its release to be answered
-_LOOK_CLOSER: Final = 1.0  # s in which to find out why nobody answers
 
 
 class RobotClient(Closable):
@@ -195,7 +194,7 @@ class RobotClient(Closable):
         try:
             self.hello()
         except RobotUnreachableError as error:
-            diagnosis = probe(self._uri, keys, patience=min(_LOOK_CLOSER, self._timeout))
+            diagnosis = probe(self._uri, keys)  # a busy robot's refusal may come late
             raise RobotUnreachableError(
                 str(error) if diagnosis.fine else diagnosis.sentence
             ) from None
