@@ -14,49 +14,27 @@ from estimator.physics.base import Flags
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 
 _SOURCES: Final = stamp(Path(__file__).parent)
-_LEAST: Final = -700.0  # exponents below give 0
+_LEAST: Final = -60.0  # densities with smaller exponents vanish beside an outlier's
 
 
 @compiled
-def _inlier(
-    touch: Flags,
-    doubtful: Flags,
-    tilt: Array,
-    clearance: float,
-    beyond: bool,
-    sigma_tilt: float,
-    sigma_clearance: float,
-    wrong: float,
-    cap: float,
-    senses: Flags,
-    bits: Flags,
-    one: float,
-    two: float,
-    height: float,
-    far: bool,
-) -> float:
-    """Density of a reading (bits, two tilts, height or beyond the range) under one prediction."""
-    factor, exponent = 1.0, 0.0
-    if senses[1]:
-        x, y = (one - tilt[0]) / sigma_tilt, (two - tilt[1]) / sigma_tilt
-        exponent -= 0.5 * (x * x + y * y)
-        factor /= 2 * math.pi * sigma_tilt * sigma_tilt
-    if senses[2]:
-        if not far:
-            x = (height - clearance) / sigma_clearance
-            exponent -= 0.5 * x * x
-            factor /= math.sqrt(2 * math.pi) * sigma_clearance
-        elif not beyond:
-            factor *= 0.5 * math.erfc((cap - clearance) / sigma_clearance / math.sqrt(2.0))
-    if senses[0]:
-        for bit in range(len(bits)):
-            if doubtful[bit]:
-                factor *= 0.5
-            elif touch[bit] == bits[bit]:
-                factor *= 1 - wrong
-            else:
-                factor *= wrong
-    return factor * math.exp(exponent) if exponent > _LEAST else 0.0
+def _bits_factor(touch: Flags, doubtful: Flags, bits: Flags, wrong: float) -> float:
+    """Probability of touch bits under one prediction."""
+    factor = 1.0
+    for bit in range(len(bits)):
+        if doubtful[bit]:
+            factor *= 0.5
+        elif touch[bit] == bits[bit]:
+            factor *= 1 - wrong
+        else:
+            factor *= wrong
+    return factor
+
+
+@compiled
+def _beyond_factor(clearance: float, beyond: bool, cap: float, sigma: float) -> float:
+    """Probability that the ground is beyond the sensor's range under one prediction."""
+    return 1.0 if beyond else 0.5 * math.erfc((cap - clearance) / sigma / math.sqrt(2.0))
 
 
 def _make_gains(sources: int) -> Any:
@@ -93,6 +71,14 @@ def _make_gains(sources: int) -> Any:
         if senses[2]:
             anywhere /= cap
         bits = np.empty(sensors, np.bool_)
+        flat, upright = np.zeros(samples), np.zeros(samples)  # 1 / sigma, 0 for what does not count
+        constant = np.full(samples, 1 - outlier)
+        for sample in range(samples):
+            if senses[1]:
+                flat[sample] = 1 / sigma_tilt[sample]
+                constant[sample] *= flat[sample] * flat[sample] / (2 * math.pi)
+            if senses[2]:
+                upright[sample] = 1 / sigma_clearance[sample]
         for program in range(programs):
             total = 0.0
             for draw in range(len(normals)):
@@ -109,24 +95,27 @@ def _make_gains(sources: int) -> Any:
                 everyone, own, members = 0.0, 0.0, 0
                 for other in range(samples):
                     density = anywhere
-                    if not silent[program, other]:
-                        density += (1 - outlier) * _inlier(
-                            touch[program, other],
-                            doubtful[program, other],
-                            tilt[program, other],
-                            clearance[program, other],
-                            beyond[program, other],
-                            sigma_tilt[other],
-                            sigma_clearance[other],
-                            wrong,
-                            cap,
-                            senses,
-                            bits,
-                            one,
-                            two,
-                            height,
-                            far,
-                        )
+                    x = (one - tilt[program, other, 0]) * flat[other]
+                    y = (two - tilt[program, other, 1]) * flat[other]
+                    z = 0.0 if far else (height - clearance[program, other]) * upright[other]
+                    exponent = -0.5 * (x * x + y * y + z * z)
+                    if exponent > _LEAST and not silent[program, other]:
+                        inlier = constant[other] * math.exp(exponent)
+                        if senses[2]:
+                            if far:
+                                inlier *= _beyond_factor(
+                                    clearance[program, other],
+                                    beyond[program, other],
+                                    cap,
+                                    sigma_clearance[other],
+                                )
+                            else:
+                                inlier *= upright[other] / math.sqrt(2 * math.pi)
+                        if senses[0]:
+                            inlier *= _bits_factor(
+                                touch[program, other], doubtful[program, other], bits, wrong
+                            )
+                        density += inlier
                     everyone += density
                     if groups[other] == groups[source]:
                         own += density

@@ -32,17 +32,23 @@ def write_report(store: RunStore, *, plots: bool = True, page: bool = False) -> 
 
     Args:
         store: The run.
-        plots: Whether to draw, which takes longer than all the rest.
-        page: Whether to write ``report.html`` even though the run is not finished.
+        plots: Whether to draw once the run is finished, which takes longer than all the rest.
+        page: Whether to draw, and write ``report.html``, even though the run is not finished.
     """
     result = summarise(store)
-    write_files(store, result, plots=plots, page=page)
+    write_files(store, result, plots=page or (plots and result.complete), page=page)
     return result
 
 
 @interrupts_deferred()
 def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bool = False) -> None:
-    """Writes the derived files for a result that is known already; arguments as above.
+    """Writes the derived files for a result that is known already.
+
+    Args:
+        store: The run.
+        result: What is known of it.
+        plots: Whether to draw.
+        page: Whether to write ``report.html`` even though the run is not finished.
 
     Raises:
         OSError: The directory cannot be written.
