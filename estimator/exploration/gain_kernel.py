@@ -18,6 +18,13 @@ _LEAST: Final = -60.0  # densities with smaller exponents vanish beside an outli
 
 
 @compiled
+def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bits: Flags) -> None:
+    """Touch bits as they may be felt under one prediction; the first number is not theirs."""
+    for bit in range(len(bits)):
+        bits[bit] = touch[bit] != (uniforms[1 + bit] < (0.5 if doubtful[bit] else wrong))
+
+
+@compiled
 def _bits_factor(touch: Flags, doubtful: Flags, bits: Flags, wrong: float) -> float:
     """Probability of touch bits under one prediction."""
     factor = 1.0
@@ -32,9 +39,21 @@ def _bits_factor(touch: Flags, doubtful: Flags, bits: Flags, wrong: float) -> fl
 
 
 @compiled
-def _beyond_factor(clearance: float, beyond: bool, cap: float, sigma: float) -> float:
-    """Probability that the ground is beyond the sensor's range under one prediction."""
+def _clearance_factor(far: bool, clearance: float, beyond: bool, cap: float, sigma: float) -> float:
+    """What stands before the exponential of a clearance's density under one prediction.
+
+    Where the ground is beyond the sensor's range, the probability that it is.
+    """
+    if not far:
+        return 1 / (math.sqrt(2 * math.pi) * sigma)
     return 1.0 if beyond else 0.5 * math.erfc((cap - clearance) / sigma / math.sqrt(2.0))
+
+
+@compiled
+def _take_reciprocals(sigma: Array, counts: bool, result: Array) -> None:
+    """1 / sigma, or 0 for what does not count."""
+    for sample in range(len(sigma)):
+        result[sample] = 1 / sigma[sample] if counts else 0.0
 
 
 def _make_gains(sources: int) -> Any:
@@ -71,14 +90,9 @@ def _make_gains(sources: int) -> Any:
         if senses[2]:
             anywhere /= cap
         bits = np.empty(sensors, np.bool_)
-        flat, upright = np.zeros(samples), np.zeros(samples)  # 1 / sigma, 0 for what does not count
-        constant = np.full(samples, 1 - outlier)
-        for sample in range(samples):
-            if senses[1]:
-                flat[sample] = 1 / sigma_tilt[sample]
-                constant[sample] *= flat[sample] * flat[sample] / (2 * math.pi)
-            if senses[2]:
-                upright[sample] = 1 / sigma_clearance[sample]
+        flat, upright = np.empty(samples), np.empty(samples)
+        _take_reciprocals(sigma_tilt, senses[1], flat)
+        _take_reciprocals(sigma_clearance, senses[2], upright)
         for program in range(programs):
             total = 0.0
             for draw in range(len(normals)):
@@ -89,9 +103,9 @@ def _make_gains(sources: int) -> Any:
                 two = tilt[program, source, 1] + sigma_tilt[source] * normals[draw, 1]
                 height = clearance[program, source] + sigma_clearance[source] * normals[draw, 2]
                 far = beyond[program, source] or height >= cap
-                for bit in range(sensors):
-                    chance = 0.5 if doubtful[program, source, bit] else wrong
-                    bits[bit] = touch[program, source, bit] != (uniforms[draw, 1 + bit] < chance)
+                _draw_bits(
+                    touch[program, source], doubtful[program, source], wrong, uniforms[draw], bits
+                )
                 everyone, own, members = 0.0, 0.0, 0
                 for other in range(samples):
                     density = anywhere
@@ -100,17 +114,17 @@ def _make_gains(sources: int) -> Any:
                     z = 0.0 if far else (height - clearance[program, other]) * upright[other]
                     exponent = -0.5 * (x * x + y * y + z * z)
                     if exponent > _LEAST and not silent[program, other]:
-                        inlier = constant[other] * math.exp(exponent)
+                        inlier = (1 - outlier) * math.exp(exponent)
+                        if senses[1]:
+                            inlier *= flat[other] * flat[other] / (2 * math.pi)
                         if senses[2]:
-                            if far:
-                                inlier *= _beyond_factor(
-                                    clearance[program, other],
-                                    beyond[program, other],
-                                    cap,
-                                    sigma_clearance[other],
-                                )
-                            else:
-                                inlier *= upright[other] / math.sqrt(2 * math.pi)
+                            inlier *= _clearance_factor(
+                                far,
+                                clearance[program, other],
+                                beyond[program, other],
+                                cap,
+                                sigma_clearance[other],
+                            )
                         if senses[0]:
                             inlier *= _bits_factor(
                                 touch[program, other], doubtful[program, other], bits, wrong

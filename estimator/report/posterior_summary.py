@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -23,6 +24,8 @@ SURE_ENOUGH: Final = 10.0
 _RIVALS: Final = 5
 _INTERVAL: Final = (0.05, 0.5, 0.95)
 _LEARNT: Final = 0.7  # of the prior's interval
+_TOGETHER: Final = 0.5  # of either length's interval
+_VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
 
 
 class _Record(BaseModel):
@@ -71,6 +74,18 @@ class Interval(_Record):
     high: float
 
 
+class SumOfLengths(_Record):
+    """The lengths of two legs together, which are known where neither is, as of parts in line.
+
+    Attributes:
+        legs: Which, in motor order, from 0.
+        length_m: Of both, m.
+    """
+
+    legs: tuple[int, int]
+    length_m: Interval
+
+
 class FoundAlong(_Record):
     """A nuisance parameter.
 
@@ -114,6 +129,7 @@ class PosteriorSummary(_Record):
         probability: Stated probability of the attachments; ``None``: it is not known.
         attachments: What the problem leaves open, as the best body has it.
         lengths_m: Of each leg, m, in motor order.
+        sums: Of two legs, where the readings tell these but not the single lengths.
         nuisances: What else was only roughly known.
         rivals: Other sets of attachments, the most probable first. Those that no sensor can tell
             from the best body's are what no movement can decide.
@@ -136,6 +152,7 @@ class PosteriorSummary(_Record):
     probability: float | None
     attachments: tuple[Attachment, ...]
     lengths_m: tuple[Interval, ...]
+    sums: tuple[SumOfLengths, ...] = ()
     nuisances: tuple[FoundAlong, ...] = ()
     rivals: tuple[Rival, ...]
     equivalent: tuple[str, ...] = ()
@@ -168,6 +185,7 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         probability=_probability(genome, belief),
         attachments=_attachments(genome, belief, genes, weights),
         lengths_m=length_intervals(bodies, weights),
+        sums=sums_of_lengths(leg_lengths(bodies), weights),
         nuisances=_nuisances(genome, genes, weights),
         rivals=_rivals(genome, belief),
         equivalent=_equivalent(genome, belief, problem, store.settings.modalities),
@@ -297,6 +315,27 @@ def _equivalent(
 def length_intervals(bodies: Sequence[Morphology], weights: Array) -> tuple[Interval, ...]:
     """Length of each leg, m, in motor order, over weighted samples."""
     return tuple(_interval(column, weights) for column in leg_lengths(bodies).T)
+
+
+def sums_of_lengths(lengths: Array, weights: Array) -> tuple[SumOfLengths, ...]:
+    """The pairs of legs whose sum is known much better than either length.
+
+    Args:
+        lengths: Of the legs of each sample, m, shape (n, legs).
+        weights: Of the samples, shape (n,).
+    """
+    widths = [_width(_interval(column, weights)) for column in lengths.T]
+    sums = []
+    for one, other in combinations(range(lengths.shape[1]), 2):
+        vaguest = min(widths[one], widths[other])
+        together = _interval(lengths[:, one] + lengths[:, other], weights)
+        if vaguest > _VAGUE and _width(together) < _TOGETHER * vaguest:
+            sums.append(SumOfLengths(legs=(one, other), length_m=together))
+    return tuple(sums)
+
+
+def _width(interval: Interval) -> float:
+    return interval.high - interval.low
 
 
 def _nuisances(genome: Genome, genes: Array, weights: Array) -> tuple[FoundAlong, ...]:

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from estimator.report.plain_table import plain_table
-from estimator.report.posterior_summary import Interval, PosteriorSummary
+from estimator.report.posterior_summary import Interval, PosteriorSummary, SumOfLengths
 from estimator.report.result import Result
 
 WHAT_TO_CHECK: Final = (
@@ -43,6 +43,8 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
             leg.joint, leg.mount, _mm(length.median), _between(length, 1000), leg.touched_in_words
         )
     console.print(table)
+    for known in posterior.sums:
+        console.print(Text(sum_of_lengths(result, known)))
     _print_nuisances(console, posterior)
     _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
@@ -127,6 +129,15 @@ def sureness(posterior: PosteriorSummary) -> str:
     )
     premise = ", if the robot is built as the problem says" if posterior.untested else ""
     return f"The probability of these attachments together {sure}{premise}."
+
+
+def sum_of_lengths(result: Result, known: SumOfLengths) -> str:
+    """A sentence: two legs of which only the sum is known."""
+    one, other = (result.legs[leg].joint for leg in known.legs)
+    return (
+        f"Of {one} and {other} the sum is known: {_mm(known.length_m.median)} mm "
+        f"({_between(known.length_m, 1000)})."
+    )
 
 
 def percent(share: float) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+import numpy as np
+import pytest
 from rich.console import Console
 
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.posterior_summary import verdict_on_fit
+from estimator.report.posterior_summary import sums_of_lengths, verdict_on_fit
 from estimator.report.result import summarise
 from estimator.report.terminal_tables import print_result
 from estimator.storage.beliefs import BelievedMode, NextMovement
@@ -56,6 +58,36 @@ def test_what_the_movements_have_not_tested_is_said_in_terminal_and_page(tmp_pat
     assert f"not tested: {'; '.join(others[:3])}; and 2 more." in text.getvalue()
     assert ", if the robot is built as the problem says." in page
     assert f"not tested: {'; '.join(others)}." in page
+
+
+def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) -> None:
+    """Where one grows as the other shrinks; the third is known by itself."""
+    first, second, *others = TRUE_LENGTHS
+    lengths = [(first + away, second - away, *others) for away in (-0.03, -0.01, 0.01, 0.03)]
+    with make_posterior_run(tmp_path, lengths) as run:
+        result = summarise(run)
+        page = run_page(run, PageSources.of(run, result))
+    assert result.posterior is not None
+    (known,) = result.posterior.sums
+    assert known.legs == (0, 1)
+    assert known.length_m.median == pytest.approx(first + second)
+    one, other = (leg.joint for leg in result.legs[:2])
+    total = 1000 * (first + second)
+    sentence = f"Of {one} and {other} the sum is known: {total:.1f} mm ({total:.1f}–{total:.1f})."
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result)
+    assert sentence in text.getvalue()
+    assert sentence in page
+
+
+def test_sums_are_told_only_where_they_are_known_better() -> None:
+    rng = np.random.default_rng(0)
+    apart = rng.uniform(0.1, 0.2, (256, 2))
+    shares = np.full(256, 1 / 256)
+    assert sums_of_lengths(apart, shares) == ()
+    narrow = 0.15 + 0.1 * (apart[:, :1] - 0.15) * [1, -1]  # each to ±5 mm already
+    assert sums_of_lengths(narrow, shares) == ()
+    assert len(sums_of_lengths(0.15 + (apart[:, :1] - 0.15) * [1, -1], shares)) == 1
 
 
 def test_what_no_movement_could_tell_is_said(tmp_path: Path) -> None:
