@@ -34,6 +34,8 @@ TOO_NOISY: Final = 2.0
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
+_ONE: Final = np.ones(1)
+_AS_ANNOUNCED: Final = np.zeros((1, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,14 +99,37 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
 
 
-def left_unexplained(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> int:
-    """How many interactions a body, shape (size,), leaves unexplained."""
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """How well one body explains the readings.
+
+    Attributes:
+        unexplained: How many interactions it leaves unexplained.
+        poor: Whether it strays from the others by more than the announced noise makes likely.
+    """
+
+    unexplained: int
+    poor: bool
+
+
+def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Fit:
+    """How well a body, shape (size,), explains the readings."""
     one = point[None]
     likelihood = Likelihood(data, noise)
-    outliers = likelihood.inlier_share(likelihood.misfits_of(predictor, one))[0] < 0.5
-    if not outliers.any():
-        return 0
-    return int(np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH)))
+    misfits = likelihood.misfits_of(predictor, one)
+    outliers = likelihood.inlier_share(misfits)[0] < 0.5
+    short = (likelihood.best(_ONE, _AS_ANNOUNCED) - likelihood.of(misfits, _ONE, _AS_ANNOUNCED))[0]
+    # of n deviations, half the sum of squares: n / 2 on average
+    half = 0.5 * sum(float(data.felt[name].known.count[~outliers].sum()) for name in SCALED)
+    unexplained = (
+        np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH))
+        if outliers.any()
+        else 0
+    )
+    return Fit(
+        unexplained=int(unexplained),
+        poor=bool(short[~outliers].sum() > half + _STRIKING * math.sqrt(half)),
+    )
 
 
 def deviations(

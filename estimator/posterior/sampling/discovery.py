@@ -8,7 +8,7 @@ leaves the posterior invariant, and nothing of it needs to: it only says where t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,7 +17,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
-from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Attachments, Predictor
 from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.population import EVERY, Population
 from estimator.posterior.sampling.rows import other_rows
@@ -35,6 +35,7 @@ _SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 6  # so often in one round
+_REMEMBERED: Final = 64
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 
@@ -62,6 +63,7 @@ class Discovery:
 
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
+        met: The best points that it met, shape (n, size): it begins with them when it observes.
     """
 
     def __init__(
@@ -75,16 +77,18 @@ class Discovery:
         self.population = population
         self.predictor = predictor
         self.rng = rng
+        self.met = np.empty((0, predictor.unknowns.size))
         self._climbs = climbs
 
     def observe(self, data: SensorData, noise: Noise) -> None:
-        """Begins anew, from where the chains are.
+        """Begins anew, from where the chains are and what they have met.
 
         Args:
             data: What the robot felt in all interactions.
             noise: How far readings stray.
         """
         predictor, likelihood = self.predictor, Likelihood(data, noise)
+        self._data, self._noise = data, noise
         self.population.observe(data, noise, surely=True)
         self._lengths = Lengths(predictor, data, likelihood)
         self._neighbours = (
@@ -92,6 +96,9 @@ class Discovery:
         )
         self._several = len(data) >= _SEVERAL
         self._visited = _Visited(predictor)
+        fits = self._lengths.fits(self.met) if len(self.met) else np.zeros(0)
+        self._before = Bodies(values=self.met, fits=fits)
+        self._visited.add(self.met, self._before.fits)
 
     def search(self, steps: int) -> Bodies:
         """One round.
@@ -110,20 +117,46 @@ class Discovery:
             for _ in range(_CLIMBS if self._several else 0):
                 if not visited.climb(self._neighbours):
                     break
-            return visited.best()
-        visited.polish(self._lengths, _POLISHED)
-        for nats in _SWEPT:
-            if not visited.sweep(self._lengths, self.rng, nats):
-                break
-        return visited.best()
+        else:
+            visited.polish(self._lengths, _POLISHED)
+            for nats in _SWEPT:
+                if not visited.sweep(self._lengths, self.rng, nats):
+                    break
+        bodies = self.best()
+        self.met = bodies.values[:_REMEMBERED]
+        return bodies
 
     def best(self) -> Bodies:
         """All sets of attachments that were met so far."""
-        return self._visited.best()
+        everything = _Visited(self.predictor)
+        for bodies in (self._before, self._visited.best()):
+            everything.add(bodies.values, bodies.fits)
+        return everything.best()
 
-    def start_anew(self, *, all_levels: bool) -> None:
-        """Draws the chains of all levels from the prior, or those of the hotter half."""
-        self.population.restart(0 if all_levels else self.population.levels // 2)
+    def start_half_anew(self) -> None:
+        """Draws the chains of the hotter half of the levels from the prior."""
+        self.population.restart(self.population.levels // 2)
+
+    def start_anew(self, steps: int) -> None:
+        """Draws all chains from the prior and lets them take in one interaction after the other.
+
+        In random order, since one of them may mislead; and whatever was met before is left out of
+        the search, though it still counts. Chains that are shown all readings at once find the
+        body of a hard run a third as often at the same cost.
+
+        Args:
+            steps: With each number of interactions but the last.
+        """
+        data, noise, population = self._data, self._noise, self.population
+        order = self.rng.permutation(len(data))
+        for count in range(1, len(data)):
+            population.observe(data[order[:count]], noise, surely=True)
+            if count == 1:
+                population.restart(0)
+            for _ in range(steps):
+                population.step()
+        population.observe(data, noise, surely=True)
+        self._before, self._visited = self.best(), _Visited(self.predictor)
 
 
 class _Visited:
@@ -142,8 +175,9 @@ class _Visited:
 
     def best(self) -> Bodies:
         kept = sorted(self._points.values(), key=lambda item: -item[0])
+        size = self._unknowns.size
         return Bodies(
-            values=np.array([value for _, value in kept]),
+            values=np.array([value for _, value in kept]).reshape(len(kept), size),
             fits=np.array([fit for fit, _ in kept]),
         )
 
@@ -202,17 +236,18 @@ class _Visited:
 
 
 def share_seen(
-    keys: Sequence[Attachments],
-    shares: Array,
-    discovered: Sequence[Bodies],
-    unknowns: Unknowns,
+    keys: Sequence[Attachments], shares: Array, met: Sequence[Collection[Attachments]]
 ) -> float:
     """How much of the posterior the populations have met, by what they met in common.
 
     As in counting animals by catching them twice: of what one population met, the share that the
-    others met too is their chance of meeting anything.
+    others met too is their chance of meeting anything. So no population may learn from another.
+
+    Args:
+        keys: Sets of attachments.
+        shares: Of the posterior, shape (n,).
+        met: What each population has met.
     """
-    met = [set(unknowns.keys(one.values)) for one in discovered]
     missed = 1.0
     for index, own in enumerate(met):
         others = set().union(*(one for place, one in enumerate(met) if place != index))

@@ -10,6 +10,7 @@ integrated by a Gauss-Hermite rule.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -71,25 +72,46 @@ class EvidenceEstimator:
         self._likelihood = likelihood
         self._lengths = Lengths(predictor, data, likelihood)
         self._draws = draws
+        self._fits: dict[bytes, float] = {}
         self._half_volumes: dict[bytes, float] = {}
 
-    def guess(self, values: Array, fits: Array) -> Array:
-        """Laplace's approximation, to tell which modes are worth more; shape (n,).
-
-        Points that were asked for before cost nothing.
+    def fits(self, values: Array) -> Array:
+        """Log-likelihoods with the noise factors integrated out, shape (n,).
 
         Args:
-            values: The best point of each mode, shape (n, size).
-            fits: Their log-likelihoods.
+            values: Points, shape (n, size). Those that were asked for before cost nothing.
         """
-        known, points = self._half_volumes, [value.tobytes() for value in values]
+        return self._looked_up(self._fits, values, self._fits_of)
+
+    def guess(self, values: Array) -> Array:
+        """Laplace's approximation of the evidence, to tell which modes are worth more; shape (n,).
+
+        Args:
+            values: The best point of each mode, shape (n, size); see ``fits``.
+        """
+        half_volumes = self._looked_up(self._half_volumes, values, self._half_volumes_of)
+        guesses: Array = self.fits(values) + np.minimum(0.0, half_volumes)
+        return guesses
+
+    def _looked_up(
+        self, known: dict[bytes, float], values: Array, compute: Callable[[Array], Array]
+    ) -> Array:
+        points = [value.tobytes() for value in values]
         fresh = [row for row, point in enumerate(points) if point not in known]
         if fresh:
-            precision = self._lengths.slopes(values[fresh]).precision
-            volume = precision.shape[-1] * math.log(2 * math.pi) - np.linalg.slogdet(precision)[1]
-            known.update(zip((points[row] for row in fresh), (0.5 * volume).tolist(), strict=True))
-        guesses: Array = fits + np.minimum(0.0, [known[point] for point in points])
-        return guesses
+            numbers = compute(values[fresh]).tolist()
+            known.update(zip((points[row] for row in fresh), numbers, strict=True))
+        return np.array([known[point] for point in points])
+
+    def _fits_of(self, values: Array) -> Array:
+        misfits = self._likelihood.misfits_of(self._predictor, values)
+        parts = [misfits[start : start + _AT_ONCE] for start in range(0, len(misfits), _AT_ONCE)]
+        return np.concatenate([logsumexp(self._by_factors(part), axis=1) for part in parts])
+
+    def _half_volumes_of(self, values: Array) -> Array:
+        precision = self._lengths.slopes(values).precision
+        volume = precision.shape[-1] * math.log(2 * math.pi) - np.linalg.slogdet(precision)[1]
+        return np.asarray(0.5 * volume)
 
     def of(self, point: Array, others: Array, rng: np.random.Generator) -> ModeEvidence:
         """The evidence of one mode.
@@ -148,17 +170,21 @@ class EvidenceEstimator:
         rows = np.flatnonzero(inside)
         points = self._points(point, lengths[rows])
         misfits = self._likelihood.misfits_of(self._predictor, points)
-        nodes = len(_FACTORS)
         for start in range(0, len(rows), _AT_ONCE):
             part = slice(start, start + _AT_ONCE)
-            several = np.repeat(misfits[part], nodes, axis=0)
-            factors = np.tile(_FACTORS, (len(rows[part]), 1))
-            terms = self._likelihood.of(several, np.ones(len(several)), factors).sum(axis=1)
-            terms = terms.reshape(-1, nodes) + _FACTOR_WEIGHTS
+            terms = self._by_factors(misfits[part])
             fits[rows[part]] = logsumexp(terms, axis=1)
             chosen = np.argmax(terms + rng.gumbel(size=terms.shape), axis=1)
             scales[rows[part]] = _FACTORS[chosen]
         return fits, scales
+
+    def _by_factors(self, misfits: Array) -> Array:
+        """Logarithms whose exponentials add up to the integral over noise factors, (n, nodes)."""
+        count, nodes = len(misfits), len(_FACTORS)
+        several, factors = np.repeat(misfits, nodes, axis=0), np.tile(_FACTORS, (count, 1))
+        terms = self._likelihood.of(several, np.ones(len(several)), factors).sum(axis=1)
+        by_factors: Array = terms.reshape(count, nodes) + _FACTOR_WEIGHTS
+        return by_factors
 
     def _points(self, point: Array, lengths: Array) -> Array:
         values = np.tile(point, (len(lengths), 1))

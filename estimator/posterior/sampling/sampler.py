@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -14,7 +14,7 @@ from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
-from estimator.posterior.checks.verdict import left_unexplained
+from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import best_of_each
 from estimator.posterior.model.special import softmax
@@ -35,11 +35,12 @@ _AGREED: Final = 0.8  # share of the posterior that both have met
 _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
-_MORE: Final = 4  # rounds, once they turned out not to,
-_LONGER: Final = 4  # each of so many times the steps
+_MORE: Final = 4  # rounds, once they turned out not to
 _ENOUGH: Final = 2  # rounds, where chains have wandered before, and
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
 _ACCIDENT_IN: Final = 5  # interactions, of which one may be left unexplained
+_FEW: Final = 50  # sets of attachments that all populations can have met
+_AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -109,6 +110,7 @@ class Sampler:
             self._searches.append(Discovery(population, predictor, of_search, climbs=self._wanders))
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set()
+        self._cleared: set[Attachments] = set()  # nothing better was found
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -117,7 +119,9 @@ class Sampler:
             "populations": [search.population.state() for search in self._searches],
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
+            "met": [search.met.tolist() for search in self._searches],
             "known": sorted(self._known),
+            "cleared": sorted(self._cleared),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -135,13 +139,15 @@ class Sampler:
             raise SearchStateError(
                 "the run was made with another version of the sampler: start a new run"
             )
-        for search, population, rng in zip(
-            self._searches, state["populations"], state["searching"], strict=True
+        for search, population, rng, met in zip(
+            self._searches, state["populations"], state["searching"], state["met"], strict=True
         ):
+            search.met = np.array(met, dtype=float).reshape(len(met), self.predictor.unknowns.size)
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
+        self._cleared = {tuple(key) for key in state["cleared"]}
 
     @property
     def requested(self) -> int:
@@ -193,7 +199,7 @@ class Sampler:
             bodies = [search.best() for search in self._searches]
             best = max(bodies, key=lambda one: one.fits[0])
             told = len(data) >= self._telling or wandering.seen >= _ALIKE
-            left = left_unexplained(best.values[0], self.predictor, data, self._noise)
+            left = fit_of(best.values[0], self.predictor, data, self._noise).unexplained
             if not told and left <= ACCIDENTS:
                 return wandering
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
@@ -206,40 +212,51 @@ class Sampler:
         nothing that matters and was not known before.
         The rounds that it may take grow with the interactions, since few readings leave many
         bodies; where chains have wandered before, few are left to do.
-        Where populations that ought to agree do not, or nothing explains the readings, all chains
-        start anew and have longer: what one pose that ended elsewhere has led them to may be far
-        from the truth.
+        Where populations that ought to agree do not, or the readings are not explained well, all
+        chains start anew: what one pose that ended elsewhere has led them to may be far from the
+        truth. For the sake of one body this is done once.
         """
         effort, late = self._effort, len(data) >= self._telling
-        steps, number, lost = effort.steps, 0, False
+        number, anew = 0, 0
         predictor, unknowns = self.predictor, self.predictor.unknowns
         estimator = self._estimator(data)
         while True:
-            self._searches = self._workers.map(partial(_searched, steps), self._searches)
+            search = partial(_searched, effort.steps, number > 0, anew > 0)
+            self._searches = self._workers.map(search, self._searches)
             bodies = [search.best() for search in self._searches]
             points, fits = _union(bodies, unknowns)
             points = points[fits > fits[0] - _CONSIDERED]
-            guesses = estimator.guess(points, fits[: len(points)])
+            guesses = estimator.guess(points)
             shares, keys = softmax(guesses), unknowns.keys(points)
-            seen = share_seen(keys, shares, bodies, unknowns)
+            met = [_met(one, points, estimator, unknowns) for one in bodies]
+            seen = share_seen(keys, shares, met)
             fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
             known.update(keys)
-            left = left_unexplained(points[0], predictor, data, self._noise)
-            explained = left <= ACCIDENTS
-            credible = left <= min(ACCIDENTS, len(data) // _ACCIDENT_IN)
+            leader = int(np.argmax(guesses))
+            fit = fit_of(points[leader], predictor, data, self._noise)
+            explained = fit.unexplained <= ACCIDENTS
+            credible = fit.unexplained <= min(ACCIDENTS, len(data) // _ACCIDENT_IN)
             number += 1
             agreed = explained and seen >= _AGREED
-            lost = lost or (number > 1 and late and not self._wanders and not agreed)
+            doubtful = (fit.poor or fit.unexplained > 0) and keys[leader] not in self._cleared
+            few = np.sum(shares**2) > 1 / _FEW
+            ought = late and few and not self._wanders  # to agree
+            if ought and (doubtful or (number > 1 and not agreed)):
+                anew += 1
             rounds = min(effort.rounds, len(data)) if credible else effort.rounds
             if (
-                (credible and seen >= _AGREED and fresh <= _NEGLIGIBLE)
+                (
+                    credible
+                    and agreed
+                    and fresh <= _NEGLIGIBLE
+                    and not (ought and doubtful and anew <= _MORE)
+                )
                 or (explained and not late and self._wanders)
-                or number >= (_ENOUGH if self._wanders else rounds + (_MORE if lost else 0))
+                or number >= (_ENOUGH if self._wanders else rounds + (_MORE if anew else 0))
             ):
-                return _Discovered(bodies, points, fits[0], guesses, credible)
-            steps = effort.steps * (_LONGER if lost else 1)
-            for search in self._searches:
-                search.start_anew(all_levels=lost)
+                if anew > _MORE:
+                    self._cleared.add(keys[leader])
+                return _Discovered(bodies, points, fits[0], guesses, met, credible)
 
     def _weighed(self, discovered: _Discovered, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""
@@ -251,9 +268,12 @@ class Sampler:
             self._rng,
         )
         chains = sampled(modes, predictor, data, self._noise, self._rng, count=effort.samples)
-        for search in self._searches:
-            rows = self._rng.choice(effort.samples, effort.width)
-            search.population.replace_coldest(chains.values[rows], chains.scales[rows])
+        whose = predictor.unknowns.keys(chains.values)
+        for search, met in zip(self._searches, discovered.met, strict=True):
+            own = [row for row, key in enumerate(whose) if self._wanders or key in met]
+            if own:
+                rows = self._rng.choice(own, effort.width)
+                search.population.replace_coldest(chains.values[rows], chains.scales[rows])
         keys = predictor.unknowns.keys(modes.points)
         self._known = set(keys)
         named = [
@@ -262,7 +282,7 @@ class Sampler:
                 keys, modes.shares, modes.points, modes.evidences, strict=True
             )
         ]
-        seen = share_seen(keys, modes.shares, discovered.bodies, predictor.unknowns)
+        seen = share_seen(keys, modes.shares, discovered.met)
         return Posterior(
             values=chains.values,
             scales=chains.scales,
@@ -313,6 +333,7 @@ class _Discovered:
         points: The best of each set of attachments that may matter, best first, shape (n, size).
         best: Log-likelihood of the first.
         guesses: Of their evidences, shape (n,).
+        met: Which of their attachments each population has met, and explained as well.
         credible: Whether so few interactions are left unexplained that something can be certain.
     """
 
@@ -320,13 +341,47 @@ class _Discovered:
     points: Array
     best: float
     guesses: Array
+    met: Sequence[Collection[Attachments]]
     credible: bool
 
 
-def _searched(steps: int, search: Discovery) -> Discovery:
-    """The search after one more round."""
+def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discovery:
+    """The search after one more round.
+
+    Args:
+        steps: Of its chains.
+        again: Whether it is not the first.
+        anew: Whether all chains begin anew.
+        search: Up to now.
+    """
+    if anew:
+        search.start_anew(steps)
+    elif again:
+        search.start_half_anew()
     search.search(steps)
     return search
+
+
+def _met(
+    bodies: Bodies, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
+) -> set[Attachments]:
+    """Which sets of attachments a population has met with lengths about as good as are known.
+
+    Args:
+        bodies: All that it met.
+        points: The best of each set that may matter, by any population.
+        estimator: Knows how well points fit.
+        unknowns: Of the problem.
+    """
+    keys = unknowns.keys(bodies.values)
+    if not unknowns.choices.size:
+        return set(keys)  # all have the same
+    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
+    rows = [row for row, key in enumerate(keys) if key in best]
+    fits = estimator.fits(bodies.values[rows])
+    return {
+        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
+    }
 
 
 def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:

@@ -61,8 +61,7 @@ def wandered(
         seen=share_seen(
             [mode.attachments for mode in modes],
             np.array([mode.probability for mode in modes]),
-            [Bodies(values=own, fits=fits) for own, _, fits in by_population],
-            unknowns,
+            [set(unknowns.keys(own)) for own, _, _ in by_population],
         ),
     )
     return [search for search, _ in moved], posterior

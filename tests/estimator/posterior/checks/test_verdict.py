@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.posterior.checks.verdict import deviations, judge, left_unexplained
+from estimator.posterior.checks.verdict import deviations, fit_of, judge
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
@@ -27,7 +27,7 @@ def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     verdict = judge(certain(), predictor, data, NOISE)
     assert verdict.explained
-    assert left_unexplained(POINT, predictor, data, NOISE) == 0
+    assert fit_of(POINT, predictor, data, NOISE).unexplained == 0
 
 
 def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
@@ -42,7 +42,7 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
         (1, ("tilt",)),
         (4, ("tilt",)),
     ]
-    assert left_unexplained(POINT, predictor, data, NOISE) == 2
+    assert fit_of(POINT, predictor, data, NOISE).unexplained == 2
 
 
 def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
