@@ -17,7 +17,8 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
-from estimator.posterior.model.unknowns import Attachments, Predictor
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.population import EVERY, Population
 from estimator.posterior.sampling.rows import other_rows
@@ -36,6 +37,7 @@ _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 6  # so often in one round
 _REMEMBERED: Final = 64
+_AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 
@@ -233,6 +235,28 @@ class _Visited:
         better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)
+
+
+def met_by(
+    bodies: Bodies, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
+) -> set[Attachments]:
+    """Which sets of attachments a population has met with lengths about as good as are known.
+
+    Args:
+        bodies: All that it met.
+        points: The best of each set that may matter, by any population.
+        estimator: Knows how well points fit.
+        unknowns: Of the problem.
+    """
+    keys = unknowns.keys(bodies.values)
+    if not unknowns.choices.size:
+        return set(keys)  # all have the same
+    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
+    rows = [row for row, key in enumerate(keys) if key in best]
+    fits = estimator.fits(bodies.values[rows])
+    return {
+        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
+    }
 
 
 def share_seen(

@@ -20,7 +20,7 @@ from estimator.posterior.model.slopes import best_of_each
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
+from estimator.posterior.sampling.discovery import Bodies, Discovery, met_by, share_seen
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.wandering import wandered
@@ -40,7 +40,6 @@ _ENOUGH: Final = 2  # rounds, where chains have wandered before, and
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
 _ACCIDENT_IN: Final = 5  # interactions, of which one may be left unexplained
 _FEW: Final = 50  # sets of attachments that all populations can have met
-_AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -228,7 +227,7 @@ class Sampler:
             points = points[fits > fits[0] - _CONSIDERED]
             guesses = estimator.guess(points)
             shares, keys = softmax(guesses), unknowns.keys(points)
-            met = [_met(one, points, estimator, unknowns) for one in bodies]
+            met = [met_by(one, points, estimator, unknowns) for one in bodies]
             seen = share_seen(keys, shares, met)
             fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
             known.update(keys)
@@ -360,28 +359,6 @@ def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discove
         search.start_half_anew()
     search.search(steps)
     return search
-
-
-def _met(
-    bodies: Bodies, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
-) -> set[Attachments]:
-    """Which sets of attachments a population has met with lengths about as good as are known.
-
-    Args:
-        bodies: All that it met.
-        points: The best of each set that may matter, by any population.
-        estimator: Knows how well points fit.
-        unknowns: Of the problem.
-    """
-    keys = unknowns.keys(bodies.values)
-    if not unknowns.choices.size:
-        return set(keys)  # all have the same
-    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
-    rows = [row for row, key in enumerate(keys) if key in best]
-    fits = estimator.fits(bodies.values[rows])
-    return {
-        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
-    }
 
 
 def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:

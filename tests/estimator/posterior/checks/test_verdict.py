@@ -45,6 +45,16 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
     assert fit_of(POINT, predictor, data, NOISE).unexplained == 2
 
 
+def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    assert not fit_of(POINT, predictor, data, NOISE).poor
+    for turn, sign in enumerate((1, -1, 1, -1)):
+        data.felt["tilt"].values[turn] += sign * 2.5 * NOISE.tilt
+    fit = fit_of(POINT, predictor, data, NOISE)
+    assert fit.poor
+    assert fit.unexplained == 0
+
+
 def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     data.felt["tilt"].values[2] += 0.3
