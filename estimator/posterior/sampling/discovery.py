@@ -37,6 +37,7 @@ _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 6  # so often in one round
 _REMEMBERED: Final = 64
+_ALIKE: Final = 16  # chains of each population, as further centres of a mode
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
@@ -52,6 +53,14 @@ class Bodies:
 
     values: Array
     fits: Array
+
+    @classmethod
+    def joined(cls, several: Sequence[Bodies], unknowns: Unknowns) -> Bodies:
+        """The best of all, by set of attachments."""
+        values = np.concatenate([one.values for one in several])
+        fits = np.concatenate([one.fits for one in several])
+        order = best_of_each(unknowns.keys(values), fits)
+        return cls(values=values[order], fits=fits[order])
 
 
 class Discovery:
@@ -130,10 +139,7 @@ class Discovery:
 
     def best(self) -> Bodies:
         """All sets of attachments that were met so far."""
-        everything = _Visited(self.predictor)
-        for bodies in (self._before, self._visited.best()):
-            everything.add(bodies.values, bodies.fits)
-        return everything.best()
+        return Bodies.joined([self._before, self._visited.best()], self.predictor.unknowns)
 
     def start_half_anew(self) -> None:
         """Draws the chains of the hotter half of the levels from the prior."""
@@ -235,6 +241,25 @@ class _Visited:
         better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)
+
+
+def chains_like(point: Array, searches: Sequence[Discovery], least: float) -> Array:
+    """Some of the coldest chains with a point's attachments, shape (n, size).
+
+    Args:
+        point: Shape (size,).
+        searches: Whose chains.
+        least: Log-likelihood that they must have.
+    """
+    unknowns = searches[0].predictor.unknowns
+    key = unknowns.attachments(point[None])
+    chains = []
+    for population in (search.population for search in searches):
+        cold = population.values[: 2 * population.width]
+        alike = np.all(unknowns.attachments(cold) == key, axis=1)
+        alike &= population.posterior_fits(2) > least
+        chains.append(cold[alike][:_ALIKE])
+    return np.concatenate(chains)
 
 
 def met_by(

@@ -16,11 +16,16 @@ from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.slopes import best_of_each
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.discovery import Bodies, Discovery, met_by, share_seen
+from estimator.posterior.sampling.discovery import (
+    Bodies,
+    Discovery,
+    chains_like,
+    met_by,
+    share_seen,
+)
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.wandering import wandered
@@ -30,7 +35,6 @@ from estimator.storage.beliefs import ACCIDENTS
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
 _CONSIDERED: Final = 16.0  # nats below the best fit, which may be a mere spike
-_NEIGHBOURS: Final = 16  # of each population, as further centres of a mode
 _AGREED: Final = 0.8  # share of the posterior that both have met
 _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
@@ -223,8 +227,9 @@ class Sampler:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
             self._searches = self._workers.map(search, self._searches)
             bodies = [search.best() for search in self._searches]
-            points, fits = _union(bodies, unknowns)
-            points = points[fits > fits[0] - _CONSIDERED]
+            together = Bodies.joined(bodies, unknowns)
+            highest = together.fits[0]
+            points = together.values[together.fits > highest - _CONSIDERED]
             guesses = estimator.guess(points)
             shares, keys = softmax(guesses), unknowns.keys(points)
             met = [met_by(one, points, estimator, unknowns) for one in bodies]
@@ -255,7 +260,7 @@ class Sampler:
             ):
                 if anew > _MORE:
                     self._cleared.add(keys[leader])
-                return _Discovered(bodies, points, fits[0], guesses, met, credible)
+                return _Discovered(points, highest, guesses, met, credible)
 
     def _weighed(self, discovered: _Discovered, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""
@@ -300,7 +305,7 @@ class Sampler:
     ) -> list[ModeEvidence]:
         seeds = self._rng.integers(2**32, size=len(points)).tolist()
         tasks = [
-            (point, self._neighbours(point, best), seed)
+            (point, chains_like(point, self._searches, best - _CONSIDERED), seed)
             for point, seed in zip(points, seeds, strict=True)
         ]
         evidences = []
@@ -310,25 +315,12 @@ class Sampler:
             self.predictor.steps_elsewhere += steps
         return evidences
 
-    def _neighbours(self, point: Array, best: float) -> Array:
-        """Chains with a point's attachments that fit nearly as well as the best body."""
-        unknowns = self.predictor.unknowns
-        key = unknowns.attachments(point[None])
-        chains = []
-        for population in (search.population for search in self._searches):
-            cold = population.values[: 2 * population.width]
-            alike = np.all(unknowns.attachments(cold) == key, axis=1)
-            alike &= population.posterior_fits(2) > best - _CONSIDERED
-            chains.append(cold[alike][:_NEIGHBOURS])
-        return np.concatenate(chains)
-
 
 @dataclass(frozen=True)
 class _Discovered:
     """What the search has met.
 
     Attributes:
-        bodies: By each population.
         points: The best of each set of attachments that may matter, best first, shape (n, size).
         best: Log-likelihood of the first.
         guesses: Of their evidences, shape (n,).
@@ -336,7 +328,6 @@ class _Discovered:
         credible: Whether so few interactions are left unexplained that something can be certain.
     """
 
-    bodies: Sequence[Bodies]
     points: Array
     best: float
     guesses: Array
@@ -359,10 +350,3 @@ def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discove
         search.start_half_anew()
     search.search(steps)
     return search
-
-
-def _union(discovered: Sequence[Bodies], unknowns: Unknowns) -> tuple[Array, Array]:
-    values = np.concatenate([one.values for one in discovered])
-    fits = np.concatenate([one.fits for one in discovered])
-    order = best_of_each(unknowns.keys(values), fits)
-    return values[order], fits[order]
