@@ -38,7 +38,7 @@ def information_gained(
 
     def fits(posterior: Posterior, rows: Columns) -> Array:
         misfits = likelihood.misfits_of(predictor, posterior.values[rows])
-        return likelihood.of(misfits, np.ones(len(rows)), posterior.scales[rows])[:, 0]
+        return likelihood.of(misfits, scales=posterior.scales[rows])[:, 0]
 
     others = fits(before, systematic(before.weights, SAMPLES - 1, 0.5))
     own = fits(after, np.arange(len(after.values)))

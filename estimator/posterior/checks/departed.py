@@ -107,4 +107,4 @@ def _fitted(
     points = np.vstack([starts, polished])
     best = points[[np.argmax(lengths.fits(points))]]
     misfits = likelihood.misfits_of(predictor, best)
-    return best[0], likelihood.of(misfits, np.ones(1), np.zeros((1, 2)))[0]
+    return best[0], likelihood.of(misfits)[0]

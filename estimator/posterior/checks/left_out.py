@@ -108,8 +108,7 @@ def _log_density_at(lengths: Lengths, best: Array) -> float:
 
 def _fits(likelihood: Likelihood, predictor: Predictor, points: Array) -> Array:
     """Log-likelihoods of n points in k interactions, shape (n, k)."""
-    misfits = likelihood.misfits_of(predictor, points)
-    return likelihood.of(misfits, np.ones(len(points)), np.zeros((len(points), 2)))
+    return likelihood.of(likelihood.misfits_of(predictor, points))
 
 
 def _simulated(
@@ -118,9 +117,7 @@ def _simulated(
     """Log-likelihoods of n bodies in one interaction by the simulator, shape (n,)."""
     readings = reference.read([(body, one.programs[0]) for body in bodies])
     misfits = one.misfits(readings, np.zeros(len(bodies), dtype=np.intp))
-    fits: Array = Likelihood(one, noise).of(
-        misfits[:, None], np.ones(len(bodies)), np.zeros((len(bodies), 2))
-    )[:, 0]
+    fits: Array = Likelihood(one, noise).of(misfits[:, None])[:, 0]
     return fits
 
 

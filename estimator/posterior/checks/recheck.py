@@ -79,16 +79,15 @@ def recheck(
         owners += [index] * max(1, len(chosen))
     points, factors, owner = np.concatenate(values), np.concatenate(scales), np.array(owners)
     likelihood = Likelihood(data, noise)
-    width = np.ones(len(points))
     known = likelihood.misfits_of(predictor, points)
-    by_statics = likelihood.of(known, width, factors).sum(axis=1)
+    by_statics = likelihood.of(known, scales=factors).sum(axis=1)
     turns = np.tile(np.arange(len(data)), len(points))
     bodies = unknowns.decode_all(points)
     pairs = [(body, program) for body in bodies for program in data.programs]
     misfits = data.misfits(reference.read(pairs), turns)
     misfits = misfits.reshape(known.shape)
     misfits = np.where(_forks(predictor, points, data, noise)[..., None], known, misfits)
-    simulated = likelihood.of(misfits, width, factors).sum(axis=1)
+    simulated = likelihood.of(misfits, scales=factors).sum(axis=1)
     ratios = simulated - by_statics
     logs = np.log([mode.probability for mode in modes])
     logs += [

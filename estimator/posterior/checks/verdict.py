@@ -34,8 +34,6 @@ TOO_NOISY: Final = 2.0
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
-_ONE: Final = np.ones(1)
-_AS_ANNOUNCED: Final = np.zeros((1, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +116,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     likelihood = Likelihood(data, noise)
     misfits = likelihood.misfits_of(predictor, one)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
-    short = (likelihood.best(_ONE, _AS_ANNOUNCED) - likelihood.of(misfits, _ONE, _AS_ANNOUNCED))[0]
+    short = (likelihood.best() - likelihood.of(misfits))[0]
     # of n deviations, half the sum of squares: n / 2 on average
     half = 0.5 * sum(float(data.felt[name].known.count[~outliers].sum()) for name in SCALED)
     unexplained = (

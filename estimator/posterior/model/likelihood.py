@@ -256,31 +256,31 @@ class Likelihood:
         return predictor.read_all(values, self._data.programs, LEANS[numbers])
 
     def _unexplained(self, misfits: Array, turns: Columns) -> Columns:
-        ones = np.ones(len(misfits))
-        inlier, outlier = self.terms(
-            misfits[:, None], ones, np.zeros((len(misfits), 2)), turns[:, None]
-        )
+        inlier, outlier = self.terms(misfits[:, None], turns=turns[:, None])
         return np.flatnonzero(inlier[:, 0] < outlier[:, 0])
 
     def inlier_share(
         self, misfits: Array, width: float = 1.0, scales: Array | None = None
     ) -> Array:
         """Probability that each interaction is no outlier, shape (n, k)."""
-        count = len(misfits)
-        factors = np.zeros((count, 2)) if scales is None else scales
-        inlier, outlier = self.terms(misfits, np.full(count, width), factors)
+        inlier, outlier = self.terms(misfits, width, scales)
         return expit(inlier - outlier)
 
     def of(
-        self, misfits: Array, width: Array, scales: Array, turns: Columns | None = None
+        self,
+        misfits: Array,
+        width: Array | float = 1.0,
+        scales: Array | None = None,
+        turns: Columns | None = None,
     ) -> Array:
         """Log-likelihood of each body in each interaction.
 
         Args:
             misfits: Shape (n, k, MISFITS).
-            width: Factor on all standard deviations, shape (n,): a level of the search.
+            width: Factor on all standard deviations, shape (n,) or one for all: a level of the
+                search.
             scales: Logarithms of the factors on the noise of the modalities ``SCALED``, shape
-                (n, 2).
+                (n, 2); as announced by default.
             turns: Which interactions the columns are, where not all in order, shape (n, k).
 
         Returns:
@@ -289,23 +289,27 @@ class Likelihood:
         inlier, outlier = self.terms(misfits, width, scales, turns)
         return np.logaddexp(inlier, outlier)
 
-    def best(self, width: Array, scales: Array) -> Array:
+    def best(self, width: Array | float = 1.0, scales: Array | None = None) -> Array:
         """What no body exceeds, shape (n, k); see ``of``."""
-        misfits = np.zeros((len(width), len(self._data), MISFITS))
+        misfits = np.zeros((np.size(width), len(self._data), MISFITS))
         for name, density in DENSITIES.items():
             misfits[..., _COLUMNS[name]] = density.least_misfit(self._known[name])
         return self.of(misfits, width, scales)
 
     def terms(
-        self, misfits: Array, width: Array, scales: Array, turns: Columns | None = None
+        self,
+        misfits: Array,
+        width: Array | float = 1.0,
+        scales: Array | None = None,
+        turns: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Logarithms of the mixture's two terms, each of shape (n, k)."""
         outlier = self._outlier if turns is None else self._outlier[turns]
-        wide = np.asarray(width)[:, None]
+        wide = np.reshape(width, (-1, 1))
         inlier: Array = np.full(misfits.shape[:2], math.log1p(-self._noise.outlier))
         for name, density in DENSITIES.items():
             noise = density.widened(self._noise.of(name), wide)
-            if density.scaled:
+            if density.scaled and scales is not None:
                 column = SCALED.index(name)
                 noise = noise * np.exp(scales[:, column : column + 1])
             known = self._known[name] if turns is None else self._known[name][turns]

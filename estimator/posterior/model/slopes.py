@@ -140,8 +140,7 @@ class Lengths:
         return self._predictor.read_all(values, self._data.programs, leans)
 
     def _of(self, misfits: Array, width: float) -> Array:
-        widths, scales = np.full(len(misfits), width), np.zeros((len(misfits), 2))
-        fits: Array = self._likelihood.of(misfits, widths, scales).sum(axis=1)
+        fits: Array = self._likelihood.of(misfits, width).sum(axis=1)
         return fits
 
 

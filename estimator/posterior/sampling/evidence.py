@@ -182,7 +182,7 @@ class EvidenceEstimator:
         """Logarithms whose exponentials add up to the integral over noise factors, (n, nodes)."""
         count, nodes = len(misfits), len(_FACTORS)
         several, factors = np.repeat(misfits, nodes, axis=0), np.tile(_FACTORS, (count, 1))
-        terms = self._likelihood.of(several, np.ones(len(several)), factors).sum(axis=1)
+        terms = self._likelihood.of(several, scales=factors).sum(axis=1)
         by_factors: Array = terms.reshape(count, nodes) + _FACTOR_WEIGHTS
         return by_factors
 

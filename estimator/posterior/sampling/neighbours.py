@@ -133,6 +133,5 @@ class Neighbours:
         misfits = self._likelihood.misfits_at(
             self._predictor, bodies, rows, each, ways=np.zeros(len(rows))
         )
-        wide, scales = np.full(len(rows), _WIDTH), np.zeros((len(rows), 2))
-        fits = self._likelihood.of(misfits[:, None], wide, scales, each[:, None])
+        fits = self._likelihood.of(misfits[:, None], _WIDTH, turns=each[:, None])
         return fits.reshape(len(points), len(turns))

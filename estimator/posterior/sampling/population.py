@@ -133,8 +133,7 @@ class Population:
     def posterior_fits(self, levels: int) -> Array:
         """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,)."""
         rows = slice(0, levels * self.width)
-        level = np.ones(len(self.values[rows]))
-        fits: Array = self._likelihood.of(self._misfits[rows], level, self.scales[rows]).sum(axis=1)
+        fits: Array = self._likelihood.of(self._misfits[rows], scales=self.scales[rows]).sum(axis=1)
         return fits
 
     def state(self) -> Mapping[str, Any]:

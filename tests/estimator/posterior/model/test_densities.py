@@ -39,7 +39,7 @@ def test_the_mixture_is_the_sum_of_the_densities() -> None:
     for name in MODALITIES:
         data = SensorData.of([seen], [name], 0.2)
         misfits = data.misfits(readings, turn)[None]
-        alone, _ = Likelihood(data, NOISE).terms(misfits, np.ones(1), np.zeros((1, 2)))
+        alone, _ = Likelihood(data, NOISE).terms(misfits)
         inlier += alone[0, 0] - np.log1p(-NOISE.outlier)
     data = SensorData.of([seen], tuple(MODALITIES), 0.2)
     together, _ = Likelihood(data, NOISE).terms(

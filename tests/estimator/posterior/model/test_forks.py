@@ -63,8 +63,8 @@ def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
         likelihood = Likelihood(SensorData.of([felt], MODALITIES, CAP), NOISE)
         misfits = likelihood.misfits_of(predictor, point)
         assert (misfits[0, 0, ASTRAY] > 0) == (row == other)
-        fits.append(likelihood.of(misfits, np.ones(1), np.zeros((1, 2)))[0, 0])
+        fits.append(likelihood.of(misfits)[0, 0])
         surely = likelihood.misfits_of(predictor, point, surely=True)
-        alone = likelihood.of(surely, np.ones(1), np.zeros((1, 2)))[0, 0]
+        alone = likelihood.of(surely)[0, 0]
         assert (fits[-1] > alone + 5) == (row == other)
     assert fits[1] - fits[0] == pytest.approx(math.log(0.5), abs=1e-3)

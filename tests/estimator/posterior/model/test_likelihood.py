@@ -27,7 +27,7 @@ def densities(observations: list[Observation], readings: Readings, width: float 
     data = SensorData.of(observations, ("touch", "tilt", "clearance"), CAP)
     turns = np.arange(len(observations))
     misfits = data.misfits(readings[np.zeros(len(turns), dtype=np.intp)], turns)[None]
-    fits = Likelihood(data, NOISE).of(misfits, np.array([width]), np.zeros((1, 2)))
+    fits = Likelihood(data, NOISE).of(misfits, width)
     values: Array = np.exp(fits[0])
     return values
 
@@ -73,7 +73,7 @@ def test_a_pose_that_the_model_cannot_foretell_leaves_only_the_outlier() -> None
     )
     misfits = np.zeros((1, 1, MISFITS))
     misfits[..., SILENT] = 1
-    found = Likelihood(data, NOISE).of(misfits, np.ones(1), np.zeros((1, 2)))
+    found = Likelihood(data, NOISE).of(misfits)
     anywhere = NOISE.outlier * 0.25 / math.pi**2 * 0.9 / CAP
     assert math.exp(found[0, 0]) == pytest.approx(anywhere)
 
@@ -85,7 +85,7 @@ def test_modalities_that_do_not_count_change_nothing() -> None:
     for seen in (near, far):
         data = SensorData.of([seen], ("tilt",), CAP)
         misfits = data.misfits(one_reading(), np.zeros(1, dtype=np.intp))[None]
-        fits.append(Likelihood(data, NOISE).of(misfits, np.ones(1), np.zeros((1, 2)))[0, 0])
+        fits.append(Likelihood(data, NOISE).of(misfits)[0, 0])
     assert fits[0] == fits[1]
 
 
@@ -111,7 +111,7 @@ def test_no_body_fits_better_than_the_best_that_any_could() -> None:
     likelihood, turns = Likelihood(data, NOISE), np.arange(2)
     for reading, alike in ((one_reading(), 0), (one_reading(saturated=True), 1)):
         misfits = data.misfits(reading[np.zeros(2, dtype=np.intp)], turns)[None]
-        found = likelihood.of(misfits, np.ones(1), np.zeros((1, 2)))[0]
-        best = likelihood.best(np.ones(1), np.zeros((1, 2)))[0]
+        found = likelihood.of(misfits)[0]
+        best = likelihood.best()[0]
         assert found[alike] == pytest.approx(best[alike])
         assert np.all(found <= best)
