@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from estimator.body.limbs import driven_limbs
+from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.problem.genome import Genome
 from estimator.report.canvas import new_axes
 from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
@@ -39,7 +39,9 @@ def plot_interval_lengths(
     label(axes, "leg length (cm), 90 % interval")
     axes.set_xlabel("interaction")
     intervals = [
-        length_intervals(genome.decode_all(np.array(belief.genes)), np.array(belief.weights))
+        length_intervals(
+            leg_lengths(genome.decode_all(np.array(belief.genes))), np.array(belief.weights)
+        )
         for belief in beliefs
     ]
     last = genome.decode(np.array(beliefs[-1].best))

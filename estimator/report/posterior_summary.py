@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import leg_lengths
-from estimator.body.morphology import Array, Morphology
+from estimator.body.morphology import Array
 from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -176,7 +176,7 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
     contradictions = problem.contradictions(store.capabilities)
     weights = np.array(belief.weights)
     genes = np.array(belief.genes)
-    bodies = genome.decode_all(genes)
+    lengths = leg_lengths(genome.decode_all(genes))
     scales = np.exp(np.array(belief.scales))
     return PosteriorSummary(
         explained=belief.explained and not contradictions,
@@ -184,8 +184,8 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         unexplained=tuple(item.interaction + 1 for item in belief.unexplained),
         probability=_probability(genome, belief),
         attachments=_attachments(genome, belief, genes, weights),
-        lengths_m=length_intervals(bodies, weights),
-        sums=sums_of_lengths(leg_lengths(bodies), weights),
+        lengths_m=length_intervals(lengths, weights),
+        sums=sums_of_lengths(lengths, weights),
         nuisances=_nuisances(genome, genes, weights),
         rivals=_rivals(genome, belief),
         equivalent=_equivalent(genome, belief, problem, store.settings.modalities),
@@ -312,17 +312,20 @@ def _equivalent(
     return tuple(told)
 
 
-def length_intervals(bodies: Sequence[Morphology], weights: Array) -> tuple[Interval, ...]:
-    """Length of each leg, m, in motor order, over weighted samples."""
-    return tuple(_interval(column, weights) for column in leg_lengths(bodies).T)
+def length_intervals(lengths: Array, weights: Array) -> tuple[Interval, ...]:
+    """Length of each leg, m, in motor order.
+
+    Args:
+        lengths: Of the legs of each sample, m, shape (n, legs).
+        weights: Of the samples, shape (n,).
+    """
+    return tuple(_interval(column, weights) for column in lengths.T)
 
 
 def sums_of_lengths(lengths: Array, weights: Array) -> tuple[SumOfLengths, ...]:
     """The pairs of legs whose sum is known much better than either length.
 
-    Args:
-        lengths: Of the legs of each sample, m, shape (n, legs).
-        weights: Of the samples, shape (n,).
+    Arguments are those of ``length_intervals``.
     """
     widths = [_width(_interval(column, weights)) for column in lengths.T]
     sums = []

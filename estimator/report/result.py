@@ -200,7 +200,7 @@ def summarise(store: RunStore) -> Result:
     if beliefs:
         counters = beliefs[-1][1]
     population = FinalPopulation.of(store)
-    bodies = [store.genome.decode(population.genes[index]) for index in population.order]
+    bodies = store.genome.decode_all(population.genes[population.order]) if len(population) else []
     end = store.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
@@ -271,7 +271,7 @@ def _legs(
 ) -> tuple[LegFound, ...]:
     if not bodies:
         return ()
-    lengths = leg_lengths(bodies)
+    lengths = leg_lengths(bodies if converges else bodies[:1])
     low, high = lengths.min(axis=0), lengths.max(axis=0)
     return tuple(
         LegFound(
