@@ -34,6 +34,7 @@ TOO_NOISY: Final = 2.0
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
+_USUAL: Final = 1.0  # standard deviations of half a sum of squares above its mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +104,8 @@ class Fit:
 
     Attributes:
         unexplained: How many interactions it leaves unexplained.
-        poor: Whether it strays from the others by more than the announced noise makes likely.
+        poor: Whether it strays from the others by more than most bodies do that are the robot's,
+            under the announced noise.
     """
 
     unexplained: int
@@ -126,7 +128,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     )
     return Fit(
         unexplained=int(unexplained),
-        poor=bool(short[~outliers].sum() > half + _STRIKING * math.sqrt(half)),
+        poor=bool(short[~outliers].sum() > half + _USUAL * math.sqrt(half)),
     )
 
 
