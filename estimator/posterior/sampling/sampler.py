@@ -42,7 +42,7 @@ _TELLING: Final = 4  # interactions at least, until the populations ought to agr
 _MORE: Final = 4  # rounds, once they turned out not to
 _ENOUGH: Final = 2  # rounds, where chains have wandered before, and
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
-_ACCIDENT_IN: Final = 5  # interactions, of which one may be left unexplained
+_ENOUGH_TO_ERR: Final = 5  # interactions, of which one may be left unexplained
 _FEW: Final = 50  # sets of attachments that all populations can have met
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
@@ -239,13 +239,14 @@ class Sampler:
             leader = int(np.argmax(guesses))
             fit = fit_of(points[leader], predictor, data, self._noise)
             explained = fit.unexplained <= ACCIDENTS
-            credible = fit.unexplained <= min(ACCIDENTS, len(data) // _ACCIDENT_IN)
+            enough = len(data) >= _ENOUGH_TO_ERR
+            credible = fit.unexplained <= ACCIDENTS if enough else not (fit.unexplained or fit.poor)
             number += 1
             agreed = explained and seen >= _AGREED
             doubtful = (fit.poor or fit.unexplained > 0) and keys[leader] not in self._cleared
             few = np.sum(shares**2) > 1 / _FEW
-            ought = late and few and not self._wanders  # to agree
-            if ought and (doubtful or (number > 1 and not agreed)):
+            apart = late and number > 1 and not agreed
+            if few and not self._wanders and (doubtful or apart):
                 anew += 1
             rounds = min(effort.rounds, len(data)) if credible else effort.rounds
             if (
@@ -253,7 +254,7 @@ class Sampler:
                     credible
                     and agreed
                     and fresh <= _NEGLIGIBLE
-                    and not (ought and doubtful and anew <= _MORE)
+                    and not (0 < anew <= _MORE and doubtful)
                 )
                 or (explained and not late and self._wanders)
                 or number >= (_ENOUGH if self._wanders else rounds + (_MORE if anew else 0))
@@ -325,7 +326,7 @@ class _Discovered:
         best: Log-likelihood of the first.
         guesses: Of their evidences, shape (n,).
         met: Which of their attachments each population has met, and explained as well.
-        credible: Whether so few interactions are left unexplained that something can be certain.
+        credible: Whether the readings are explained so well that something can be certain.
     """
 
     points: Array
