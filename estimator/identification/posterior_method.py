@@ -18,7 +18,7 @@ from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.belief import believe
-from estimator.posterior.checks.departed import clearly_better, doubts
+from estimator.posterior.checks.departed import clearly_better, doubts, with_consequence
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.model.departures import Doubt, possible_departures
@@ -161,6 +161,15 @@ class PosteriorMethod:
         predictor, noise = self._sampler.predictor, self._noise
         return doubts(posterior, predictor, data, noise, departures, workers=self._workers)
 
+    def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
+        decode_all = self._store.genome.decode_all
+        believed = leg_lengths(decode_all(posterior.values))
+        return tuple(
+            with_consequence(one.departure, leg_lengths(decode_all(one.point[None]))[0], believed)
+            for one in doubted
+            if one.is_left
+        )
+
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
         last = len(observations) - 1
@@ -187,7 +196,7 @@ class PosteriorMethod:
         final = final.model_copy(
             update={
                 "departure": None if better is None else better.name,
-                "untested": tuple(one.departure.name for one in doubted if one.is_left),
+                "untested": self._untested(doubted, posterior),
                 "gained": belief.gained,
                 "simulated": checked.simulated,
                 "effective": checked.effective,

@@ -25,6 +25,7 @@ from estimator.posterior.posterior import Posterior
 _CLEARLY_BETTER: Final = 2.0  # nats, the interaction that speaks most for it left out
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
 _STARTS: Final = 8
+_WORTH_SAYING: Final = 0.005  # m
 
 
 def doubts(
@@ -69,6 +70,23 @@ def doubts(
         Doubt(departure=one, point=point, gains=fits - as_stated) for one, point, fits in fitted
     ]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gains.sum()))
+
+
+def with_consequence(departure: Departure, lengths: Array, believed: Array) -> str:
+    """The name of a departure that is left, and what it would mean for the lengths.
+
+    Args:
+        departure: How a robot may be built otherwise than the problem says.
+        lengths: Of its legs then, m, shape (legs,).
+        believed: Of the legs of samples that are built as it says, m, shape (n, legs).
+    """
+    low, median, high = np.quantile(believed, (0.05, 0.5, 0.95), axis=0)
+    change = np.where((lengths < low) | (lengths > high), lengths - median, 0.0)
+    most = float(change[np.argmax(np.abs(change))]) if change.size else 0.0
+    if abs(most) < _WORTH_SAYING:
+        return departure.name
+    how = "longer" if most > 0 else "shorter"
+    return f"{departure.name} (then legs are up to {1000 * abs(most):.0f} mm {how})"
 
 
 def clearly_better(doubted: Sequence[Doubt]) -> Departure | None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimator.parallel.workers import ThisProcess
-from estimator.posterior.checks.departed import clearly_better, doubts
+from estimator.posterior.checks.departed import clearly_better, doubts, with_consequence
 from estimator.posterior.model.departures import (
     Departure,
     Doubt,
@@ -120,3 +120,15 @@ def test_margins_are_of_the_same_parts_as_readings(predictor: Predictor) -> None
     as_if = predictor.margins(replace(bodies, radius=2.0 * bodies.radius), rows, MOVED)
     assert thick.tolist() == as_if.tolist()
     assert thick.tolist() != predictor.margins(bodies, rows, MOVED).tolist()
+
+
+def test_a_departure_is_named_with_what_it_means_for_lengths_outside_their_intervals() -> None:
+    spread = np.array([[-0.003], [0.0], [0.003]])
+    believed = np.array([0.2, 0.1]) + spread * [1.0, 20.0]  # the second is hardly known
+    for lengths, said in (
+        ([0.212, 0.1], "thick parts (then legs are up to 12 mm longer)"),
+        ([0.188, 0.12], "thick parts (then legs are up to 12 mm shorter)"),
+        ([0.201, 0.12], "thick parts"),
+        ([0.204, 0.1], "thick parts"),  # not worth saying
+    ):
+        assert with_consequence(THICK, np.array(lengths), believed) == said
