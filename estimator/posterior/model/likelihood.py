@@ -227,6 +227,8 @@ class Likelihood:
             Shape (m, MISFITS).
         """
         data = self._data
+        if not rows.size:
+            return np.empty((0, MISFITS))
         if ways is not None:
             leans = LEANS[ways.astype(np.intp)]
             readings = predictor.read(bodies, rows, data.programs[turns], leans, quickly=True)

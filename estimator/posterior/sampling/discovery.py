@@ -107,8 +107,7 @@ class Discovery:
         )
         self._several = len(data) >= _SEVERAL
         self._visited = _Visited(predictor)
-        fits = self._lengths.fits(self.met) if len(self.met) else np.zeros(0)
-        self._before = Bodies(values=self.met, fits=fits)
+        self._before = Bodies(values=self.met, fits=self._lengths.fits(self.met))
         self._visited.add(self.met, self._before.fits)
 
     def search(self, steps: int) -> Bodies:

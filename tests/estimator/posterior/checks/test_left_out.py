@@ -4,10 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from estimator.body.morphology import Part
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.checks import left_out
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
@@ -68,3 +70,11 @@ def test_lengths_that_only_statics_rules_out_are_believed_too(predictor: Predict
 def test_where_the_simulator_agrees_with_statics_nothing_changes(predictor: Predictor) -> None:
     same = looked_at(predictor, StaticsPhysics())
     assert np.array_equal(same.values, sampled().values)
+
+
+def test_where_all_draws_lie_outside_the_problems_ranges_nothing_changes(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(left_out, "_WIDE", 1e9)
+    posterior = looked_at(predictor, Elsewhere())
+    assert np.array_equal(posterior.values, sampled().values)
