@@ -9,6 +9,7 @@ from estimator.parallel.workers import ThisProcess, Workers
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -120,3 +121,17 @@ def draw(
 
 def programs(count: int, seed: int = 0) -> Array:
     return np.radians(np.random.default_rng(seed).uniform(-30, 30, (count, 4)))
+
+
+def equally_likely(
+    values: Array, best: Array, scales: tuple[float, float] = (0.0, 0.0)
+) -> Posterior:
+    """A posterior that is sure of one set of attachments, with these samples, shape (n, size)."""
+    count = len(values)
+    return Posterior(
+        values=values,
+        scales=np.tile(scales, (count, 1)),
+        weights=np.full(count, 1 / count),
+        modes=(Mode((), 1.0, best, float(count)),),
+        seen=1.0,
+    )

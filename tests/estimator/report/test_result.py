@@ -6,8 +6,10 @@ import pytest
 from estimator.readings.observation import Observation
 from estimator.report.result import Result, summarise
 from estimator.report.run_files import write_report
+from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import JOINTS, PROBLEM
+from tests.estimator.report.made_runs import made_run
 
 
 def test_a_run_in_numbers(tmp_path: Path) -> None:
@@ -77,6 +79,18 @@ def test_before_the_first_generation_there_is_a_result_without_models(tmp_path: 
         result = write_report(store)
     assert (result.sensor_error, result.legs, result.best_models) == (None, (), ())
     assert not (store.directory / "plots").exists()
+
+
+def test_plots_are_drawn_once_a_run_is_finished_or_when_its_page_is_asked_for(
+    tmp_path: Path,
+) -> None:
+    for name, complete in (("half", False), ("whole", True)):
+        place = made_run(tmp_path / name, "parametric", "posterior", complete=complete)
+        with RunStore.open(place, to_write=False) as store:
+            assert write_report(store).complete is complete
+            assert (place / "plots").exists() is complete
+            write_report(store, page=True)
+        assert (place / "plots" / "lengths.png").exists()
 
 
 def test_result_json_has_no_infinity_in_it(tmp_path: Path) -> None:

@@ -81,6 +81,15 @@ def test_a_key_that_the_robot_does_not_know(
         assert client.status().state == "idle"
 
 
+def test_an_impatient_client_is_told_the_same(
+    serve: Serve, robot: FakeRobot, keyring: Keyring
+) -> None:
+    """A busy robot's refusal takes longer than such a client waits for an answer."""
+    server = serve(robot, keys=keyring.robot)
+    with pytest.raises(RobotUnreachableError, match="does not know this key"):
+        RobotClient(server.endpoint, keys=keyring.stranger("mallory"), timeout=1e-4)
+
+
 def test_a_robot_with_another_key_than_expected(
     serve: Serve, robot: FakeRobot, keyring: Keyring, tmp_path: Path
 ) -> None:

@@ -19,7 +19,7 @@ from estimator.posterior.model.departures import (
 from estimator.posterior.model.likelihood import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
+from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(32, seed=5)
@@ -36,13 +36,7 @@ LOOKED_AT = (THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD)
 def around(point: np.ndarray) -> Posterior:
     values = np.tile(point, (12, 1))
     values[:, [2, 6]] = np.random.default_rng(1).uniform(0.3, 0.7, (12, 2))
-    return Posterior(
-        values=values,
-        scales=np.zeros((12, 2)),
-        weights=np.full(12, 1 / 12),
-        modes=(Mode((), 1.0, point, 12.0),),
-        seen=1.0,
-    )
+    return equally_likely(values, point)
 
 
 def doubted(predictor: Predictor, data: SensorData, *others: Departure) -> tuple[Doubt, ...]:

@@ -12,8 +12,8 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks import left_out
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Mode, Posterior
-from tests.estimator.two_unknown_rows import NOISE, draw
+from estimator.posterior.posterior import Posterior
+from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely
 
 FELT_LIKE = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = np.radians([30.0, -25.0, 20.0, -15.0])
@@ -43,13 +43,7 @@ def _with(parts: tuple[Part, ...], lengths: tuple[float, float]) -> tuple[Part, 
 def sampled() -> Posterior:
     values = np.tile(FELT_LIKE, (64, 1))
     values[:, [2, 6]] += np.random.default_rng(1).normal(0, 0.005, (64, 2))
-    return Posterior(
-        values=values,
-        scales=np.zeros((64, 2)),
-        weights=np.full(64, 1 / 64),
-        modes=(Mode((), 1.0, FELT_LIKE, 64.0),),
-        seen=1.0,
-    )
+    return equally_likely(values, FELT_LIKE)
 
 
 def looked_at(predictor: Predictor, reference: StaticsPhysics) -> Posterior:

@@ -5,22 +5,15 @@ import pytest
 
 from estimator.posterior.checks.verdict import deviations, fit_of, judge
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Mode, Posterior
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
+from estimator.posterior.posterior import Posterior
+from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(6, seed=4)
 
 
 def certain(scale: float = 0.0) -> Posterior:
-    values = np.tile(POINT, (30, 1))
-    return Posterior(
-        values=values,
-        scales=np.full((30, 2), scale),
-        weights=np.full(30, 1 / 30),
-        modes=(Mode((), 1.0, POINT, 30.0),),
-        seen=1.0,
-    )
+    return equally_likely(np.tile(POINT, (30, 1)), POINT, (scale, scale))
 
 
 def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:

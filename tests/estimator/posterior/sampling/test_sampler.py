@@ -1,16 +1,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from contextlib import closing
+from typing import Any
 
 import numpy as np
 import pytest
 
 from estimator.errors import SearchStateError
-from estimator.parallel.workers import LocalWorkers
+from estimator.parallel.workers import LocalWorkers, ThisProcess
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling.discovery import Discovery
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
@@ -81,6 +84,31 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
     data.felt["tilt"].values[1] += 0.6
     assert make_sampler(predictor).learn(data).seen == 0.0
+
+
+class Watched(ThisProcess):
+    """Remembers the searches that it has moved."""
+
+    def map(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        results = super().map(function, tasks)
+        if isinstance(results[0], Discovery):
+            self.searches = results
+        return results
+
+
+def test_no_population_goes_on_from_what_only_another_has_met(predictor: Predictor) -> None:
+    """Else both would agree on what one of them has looked for."""
+    watched, unknowns = Watched(), predictor.unknowns
+    effort = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=64)
+    posterior = make_sampler(predictor, effort=effort, workers=watched).learn(
+        draw(predictor, POINT, programs(1), np.random.default_rng(2))
+    )
+    believed = set(unknowns.keys(posterior.values))
+    for search in watched.searches:
+        met = set(unknowns.keys(search.best().values))
+        assert believed - met  # some only the other has met
+        cold = search.population.values[: search.population.width]
+        assert set(unknowns.keys(cold)) <= met
 
 
 def test_where_there_are_many_modes_those_that_are_drawn_stand_for_all() -> None:
