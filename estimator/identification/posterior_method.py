@@ -21,6 +21,7 @@ from estimator.posterior.belief import believe
 from estimator.posterior.checks.departed import clearly_better, doubts, with_consequence
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
+from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt, possible_departures
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.unknowns import Unknowns
@@ -163,7 +164,8 @@ class PosteriorMethod:
 
     def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
         decode_all = self._store.genome.decode_all
-        believed = leg_lengths(decode_all(posterior.values))
+        rows = systematic(posterior.weights, len(posterior.values), 0.5)
+        believed = leg_lengths(decode_all(posterior.values[rows]))
         return tuple(
             with_consequence(one.departure, leg_lengths(decode_all(one.point[None]))[0], believed)
             for one in doubted

@@ -36,7 +36,7 @@ _SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 6  # so often in one round
-_REMEMBERED: Final = 64
+_REMEMBERED: Final = 64  # of the best points, for the next interaction
 _ALIKE: Final = 16  # chains of each population, as further centres of a mode
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
@@ -107,8 +107,8 @@ class Discovery:
         )
         self._several = len(data) >= _SEVERAL
         self._visited = _Visited(predictor)
-        self._before = Bodies(values=self.met, fits=self._lengths.fits(self.met))
-        self._visited.add(self.met, self._before.fits)
+        self._visited.add(self.met, self._lengths.fits(self.met))
+        self._before = self._visited.best()
 
     def search(self, steps: int) -> Bodies:
         """One round.
@@ -156,10 +156,9 @@ class Discovery:
         """
         data, noise, population = self._data, self._noise, self.population
         order = self.rng.permutation(len(data))
+        population.restart(0)
         for count in range(1, len(data)):
             population.observe(data[order[:count]], noise, surely=True)
-            if count == 1:
-                population.restart(0)
             for _ in range(steps):
                 population.step()
         population.observe(data, noise, surely=True)
