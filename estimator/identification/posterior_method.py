@@ -24,7 +24,7 @@ from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt, possible_departures
 from estimator.posterior.model.likelihood import Noise, SensorData
-from estimator.posterior.model.unknowns import Unknowns
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.observation import Observation
@@ -80,6 +80,7 @@ class PosteriorMethod:
         self._counters = beliefs[-1][1] if beliefs else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
+        self._doubted: tuple[Doubt, ...] | None = None  # not looked for yet
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -108,6 +109,10 @@ class PosteriorMethod:
             self._same_as,
             before=before,
         )
+        self._doubted = self._doubts_once_sure(belief, data, self._sampler.predictor)
+        better = clearly_better(self._doubted)
+        if better is not None:
+            belief = belief.model_copy(update={"departure": better.name})
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -119,19 +124,16 @@ class PosteriorMethod:
     def models(self) -> Models:
         """The samples, with doubts once attachments are sure, or lengths where those are known."""
         posterior, beliefs = self._posterior, self._store.beliefs()
-        left: tuple[Doubt, ...] = ()
-        if (
-            beliefs
-            and self._attachments_known(beliefs[-1][0], SURE)
-            and (self._sampler.predictor.unknowns.bits or self._lengths_known(beliefs[-1][0]))
-        ):
+        if self._doubted is None and beliefs:  # resumed: what it costs was counted before
             data = self._data(self._store.observations())
-            left = tuple(doubt for doubt in self._doubts(posterior, data) if doubt.is_left)
+            with closing(self._make_physics()) as physics:
+                elsewhere = Predictor(self._sampler.predictor.unknowns, physics)
+                self._doubted = self._doubts_once_sure(beliefs[-1][0], data, elsewhere)
         return Models(
             genes=posterior.values,
             weights=posterior.weights,
             scales=posterior.scales,
-            doubts=left,
+            doubts=tuple(doubt for doubt in self._doubted or () if doubt.is_left),
         )
 
     def is_sure(self, number: int) -> bool:
@@ -157,9 +159,19 @@ class PosteriorMethod:
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
 
-    def _doubts(self, posterior: Posterior, data: SensorData) -> tuple[Doubt, ...]:
-        departures = possible_departures(self._store.problem)
-        predictor, noise = self._sampler.predictor, self._noise
+    def _doubts_once_sure(
+        self, belief: Belief, data: SensorData, predictor: Predictor
+    ) -> tuple[Doubt, ...]:
+        if not self._attachments_known(belief.model_copy(update={"departure": None}), SURE):
+            return ()
+        if not predictor.unknowns.bits and not self._lengths_known(belief):
+            return ()
+        return self._doubts(self._posterior, data, predictor)
+
+    def _doubts(
+        self, posterior: Posterior, data: SensorData, predictor: Predictor
+    ) -> tuple[Doubt, ...]:
+        departures, noise = possible_departures(self._store.problem), self._noise
         return doubts(posterior, predictor, data, noise, departures, workers=self._workers)
 
     def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
@@ -192,7 +204,7 @@ class PosteriorMethod:
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
             simulations, steps = reference.simulations, reference.steps
-        doubted = self._doubts(checked.posterior, data)
+        doubted = self._doubts(checked.posterior, data, self._sampler.predictor)
         final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
         better = clearly_better(doubted) if final.probability >= SURE else None
         final = final.model_copy(
@@ -272,4 +284,5 @@ def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
 
 
 def _how_sure(belief: Belief) -> str:
-    return f"best body's attachments {100 * belief.probability:.0f} % sure"
+    premise = "" if belief.explained else ", but no body explains the readings"
+    return f"best body's attachments {100 * belief.probability:.0f} % sure{premise}"

@@ -98,6 +98,8 @@ def _movements(view: RunView) -> str:
             if (gained := steps[number].gained_bits) is not None:
                 told.append(f"{gained:.1f} bits gained")
             told.append(f"then {100 * steps[number].probability:.0f} % sure")
+            if not steps[number].explained:
+                told.append("but not explained")
         small = f'<br><span style="opacity:0.7">{", ".join(told)}</span>' if told else ""
         rows.append((f"{number + 1}", escape(item.reason or _angles(item)) + small))
     return _table(("", "movement"), rows[::-1]) if rows else ""

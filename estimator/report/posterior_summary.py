@@ -111,12 +111,14 @@ class Step(_Record):
         expected_bits: Information that it was expected to give.
         gained_bits: Information that it gave.
         probability: Stated of the attachments afterwards.
+        explained: Whether some body of the problem explained the readings so far.
     """
 
     reason: str
     expected_bits: float | None
     gained_bits: float | None
     probability: float
+    explained: bool
 
 
 class PosteriorSummary(_Record):
@@ -198,6 +200,7 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
                 expected_bits=interaction.bits,
                 gained_bits=one.gained,
                 probability=one.probability,
+                explained=one.explained and not contradictions,
             )
             for interaction, (one, _) in zip(store.interactions(), beliefs, strict=False)
         ),

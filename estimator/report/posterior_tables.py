@@ -116,7 +116,8 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
         bits = (
             "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
         )
-        table.add_row(str(number), *bits, percent(step.probability), Text(step.reason))
+        sure = percent(step.probability) + ("" if step.explained else ", not explained")
+        table.add_row(str(number), *bits, sure, Text(step.reason))
     console.print(table)
 
 

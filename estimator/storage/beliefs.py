@@ -98,8 +98,8 @@ class Belief(_Record):
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
-        departure: At the end of a run that is sure of the attachments, how a body departs from the
-            problem that explains the readings clearly better; ``None``: none does.
+        departure: Once attachments are sure, how a body departs from the problem that explains the
+            readings clearly better; ``None``: none does.
         untested: At the end of a run, how else the robot may depart from the problem: such bodies
             explain the readings as well, and other movements would tell.
         simulated: How many samples the reference back-end simulated; 0: it was not asked.

@@ -14,6 +14,7 @@ from estimator.identification import posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
+from estimator.posterior.model.departures import Thickness
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
@@ -62,7 +63,8 @@ def outcome(result: Result) -> dict[str, object]:
 
 def whole(folder: Path, interrupt_after: int | None = None) -> Result:
     run = folder / "run"
-    with serving(ModelRobot()) as uri:
+    with serving(ModelRobot()) as uri, pytest.MonkeyPatch.context() as patched:
+        patched.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known, and doubted
         asked, listener = order(folder, uri), Interrupting(interrupt_after)
         if interrupt_after is None:
             return identify(run, asked, IN_THIS_PROCESS, listener, report=write_report)
@@ -157,6 +159,26 @@ def test_a_run_that_is_sure_at_once_puts_it_to_the_test(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )
     assert result.interactions == 2
+
+
+def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
+    otherwise = Thickness(name="thick parts", factor=2.0)
+    monkeypatch.setattr(posterior_method, "clearly_better", lambda doubted: doubted and otherwise)
+    with serving(ModelRobot()) as uri:
+        asked = replace(order(tmp_path, uri), interactions=3, sure=0.9)
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
+        )
+    assert result.interactions == 3  # it goes on, though attachments and lengths are sure
+    assert result.posterior is not None
+    assert [step.probability > posterior_method.SURE for step in result.posterior.steps] == [
+        True
+    ] * 3
+    assert not any(step.explained for step in result.posterior.steps)
+    assert "as well as one with thick parts" in result.posterior.verdict
 
 
 @pytest.mark.parametrize(
