@@ -14,6 +14,7 @@ from estimator.body.mounts import heading
 from estimator.errors import MorphologyError
 
 Integers: TypeAlias = NDArray[np.int64]
+Flags: TypeAlias = NDArray[np.bool_]
 
 _Entry = TypeVar("_Entry")
 
@@ -21,6 +22,7 @@ _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 5, "part_mounts": 3, "hinges": 3}  # columns
 _MEASURES = {"length", "radius", "zero", "base", *_TABLES}
+_FLAGS = {"limp"}
 _LARGEST = 1e6
 """Of any extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
 
@@ -41,6 +43,8 @@ class Bodies:
         length: m.
         radius: m.
         zero: Angle of the hinge where the motor stands at 0, rad.
+        limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
+            sensor feels the ground in every pose, whatever a back-end says.
         base: Shape (n, 10): extent of the main body along x, y and z, m, its mass, kg, the density
             of the parts, kg/m³, the main body's centre of mass, m, and how its accelerometer is
             turned, rad.
@@ -62,6 +66,7 @@ class Bodies:
     length: Array
     radius: Array
     zero: Array
+    limp: Flags
     base: Array
     base_mounts: Array
     part_mounts: Array
@@ -71,7 +76,9 @@ class Bodies:
         rows, columns = self.parent.shape
         for item in fields(self):
             array = getattr(self, item.name)
-            kind = np.dtype(float if item.name in _MEASURES else np.int64)
+            kind = np.dtype(
+                float if item.name in _MEASURES else bool if item.name in _FLAGS else np.int64
+            )
             own = {"count": (rows,), "base": (rows, 10)}.get(item.name, (rows, columns))
             shape = (len(array), _TABLES[item.name]) if item.name in _TABLES else own
             if array.shape != shape or array.dtype != kind:
@@ -103,7 +110,7 @@ class Bodies:
     def __len__(self) -> int:
         return len(self.count)
 
-    def __getitem__(self, rows: slice | NDArray[np.intp] | NDArray[np.bool_]) -> Bodies:
+    def __getitem__(self, rows: slice | NDArray[np.intp] | Flags) -> Bodies:
         """Some of the bodies."""
         chosen = object.__new__(Bodies)  # rows of checked arrays need no new check
         for item in fields(self):
@@ -113,7 +120,7 @@ class Bodies:
             object.__setattr__(chosen, item.name, array)
         return chosen
 
-    def changed(self, **arrays: Array | Integers) -> Bodies:
+    def changed(self, **arrays: Array | Integers | Flags) -> Bodies:
         """The same bodies but for some arrays, by name, which are known to be possible."""
         changed = object.__new__(Bodies)
         for item in fields(self):
@@ -183,6 +190,7 @@ class Bodies:
             length=length,
             radius=radius,
             zero=zero,
+            limp=np.zeros(shape, dtype=bool),
             base=base,
             base_mounts=base_mounts.array(),
             part_mounts=part_mounts.array(),
@@ -212,7 +220,7 @@ class _Rows:
         return np.array(self._rows, dtype=float).reshape(-1, self._columns)
 
 
-def _check(values: Array | Integers, possible: NDArray[np.bool_], name: str) -> None:
+def _check(values: Array | Integers, possible: Flags, name: str) -> None:
     if not possible.all():
         where = np.argwhere(~possible)[0]
         of_parts = len(where) > 1 and "or" not in name.split()

@@ -15,8 +15,8 @@ from estimator.body.morphology import Array
 from estimator.exploration.few_limbs import LimbGenes, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
-from estimator.physics.base import Flags, Readings
-from estimator.posterior.model.departures import Doubt, lying_down
+from estimator.physics.base import Readings
+from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.model.unknowns import Columns, Predictor
 
@@ -56,13 +56,11 @@ class _Hypotheses:
         bodies: n of them.
         scales: Logarithms of their noise factors, shape (n, 2).
         groups: Bodies of one group are the same, shape (n,).
-        lying: Touch sensors that feel the ground whatever the pose, shape (n, sensors).
     """
 
     bodies: Bodies
     scales: Array
     groups: NDArray[np.int64]
-    lying: Flags
 
     def __len__(self) -> int:
         return len(self.groups)
@@ -140,7 +138,6 @@ class Chooser:
             bodies=bodies,
             scales=samples.scales,
             groups=np.arange(len(bodies)),
-            lying=np.zeros((len(bodies), bodies.sensors), dtype=bool),
         )
 
     def _with_doubts(
@@ -152,10 +149,8 @@ class Chooser:
         order = rng.permutation(count + len(others))
         mixed = [doubts[index] for index in others.tolist()]
         built = [self._built(doubt) for doubt in mixed]
-        lying = [doubt.departure.lying(one) for doubt, one in zip(mixed, built, strict=True)]
         return _Hypotheses(
             bodies=Bodies.joined([models.bodies, *built])[order],
-            lying=np.vstack([models.lying, *lying])[order],
             scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],
             groups=np.concatenate([models.groups, count + others])[order],
         )
@@ -171,8 +166,7 @@ class Chooser:
         tested = []
         for doubt in doubts:
             bodies = self._built(doubt)[np.zeros(len(models), dtype=np.intp)]
-            lying = doubt.departure.lying(bodies)
-            felt = self._read(replace(models, bodies=bodies, lying=lying), program, LEANS[0])
+            felt = self._read(replace(models, bodies=bodies), program, LEANS[0])
             if np.mean(self._gain.apart(expected, felt)) > 0.5:
                 tested.append(doubt)
         return tuple(tested)
@@ -197,8 +191,7 @@ class Chooser:
         count = len(known)
         rows = np.tile(np.arange(count), len(programs))
         repeated = np.repeat(programs, count, axis=0)
-        readings = self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
-        return lying_down(readings, known.lying[rows])
+        return self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
 
     def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns

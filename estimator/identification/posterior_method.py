@@ -63,7 +63,6 @@ class PosteriorMethod:
         self._store = store
         self._listener = listener
         self._make_physics = make_physics
-        self._workers = workers
         self._open_reference = open_reference
         self._noise = Noise.announced(store.capabilities)
         effort = Effort()
@@ -172,7 +171,7 @@ class PosteriorMethod:
         self, posterior: Posterior, data: SensorData, predictor: Predictor
     ) -> tuple[Doubt, ...]:
         departures, noise = possible_departures(self._store.problem), self._noise
-        return doubts(posterior, predictor, data, noise, departures, workers=self._workers)
+        return doubts(posterior, predictor, data, noise, departures)
 
     def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
         decode_all = self._store.genome.decode_all

@@ -9,16 +9,14 @@ explains them as well is a doubt, which a movement may settle.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.parallel.workers import Workers
 from estimator.posterior.model.departures import Departure, Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 
@@ -34,10 +32,8 @@ def doubts(
     data: SensorData,
     noise: Noise,
     departures: Sequence[Departure],
-    *,
-    workers: Workers,
 ) -> tuple[Doubt, ...]:
-    """Fits a body of each departure to the readings, from the best body and some samples.
+    """Fits a body of each departure to the readings, from the best body and one of the samples.
 
     Args:
         posterior: Of the problem's bodies.
@@ -45,29 +41,23 @@ def doubts(
         data: What the robot felt.
         noise: How far readings stray.
         departures: Which to look at; those that leave the best body as it is are left out.
-        workers: Fit them.
     """
     every = max(1, len(posterior.values) // _STARTS)
     best = posterior.modes[0].point
     starts = np.vstack([best, posterior.values[::every][:_STARTS]])
     bodies = predictor.unknowns.bodies(best[None])
     looked_at = [one for one in departures if one.changes(bodies)]
-    fitted = []
-    fitting = _Fitting(starts[:2], predictor, data, noise)
-    for one, (fit, simulations, steps) in zip(
-        looked_at, workers.map(fitting.with_cost, looked_at), strict=True
-    ):
-        fitted.append((one, *fit))
-        predictor.simulations_elsewhere += simulations
-        predictor.steps_elsewhere += steps
+    count = len(looked_at)
+    numbered = np.column_stack([np.tile(starts[:2], (count, 1)), np.repeat(np.arange(count), 2)])
+    points, fits = _fitted(numbered, predictor.departing(looked_at), data, noise, each=True)
     # another of the problem's bodies may explain what the most probable one does not, and lengths
     # that a departure brings to light may suit it as well
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
-    lengths = [point for _, point, fits in sorted(fitted, key=lambda item: -item[2].sum())]
-    candidates = np.vstack([starts, *others, *lengths[:_STARTS]])
+    candidates = np.vstack([starts, *others, points[:_STARTS, :-1]])
     _, as_stated = _fitted(candidates, predictor, data, noise)
     doubted = [
-        Doubt(departure=one, point=point, gains=fits - as_stated) for one, point, fits in fitted
+        Doubt(departure=looked_at[int(point[-1])], point=point[:-1], gains=gains)
+        for point, gains in zip(points, fits - as_stated, strict=True)
     ]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gains.sum()))
 
@@ -98,31 +88,21 @@ def clearly_better(doubted: Sequence[Doubt]) -> Departure | None:
     return best.departure if best is not None and best.gains.sum() > _BETTER_BY_FAR else None
 
 
-@dataclass(frozen=True)
-class _Fitting:
-    """Fits lengths, from some points."""
-
-    starts: Array
-    predictor: Predictor
-    data: SensorData
-    noise: Noise
-
-    def with_cost(self, departure: Departure) -> tuple[tuple[Array, Array], int, int]:
-        """Those of bodies that depart so, and the simulations and time steps that it took."""
-        departing = self.predictor.departing(departure)
-        simulations, steps = departing.simulations, departing.steps
-        fit = _fitted(self.starts, departing, self.data, self.noise)
-        return fit, departing.simulations - simulations, departing.steps - steps
-
-
 def _fitted(
-    starts: Array, predictor: Predictor, data: SensorData, noise: Noise
+    starts: Array, predictor: Predictor, data: SensorData, noise: Noise, *, each: bool = False
 ) -> tuple[Array, Array]:
-    """The point that fits best, shape (size,), and its log-likelihoods, shape (k,)."""
+    """The point that fits best, shape (1, size), and its log-likelihoods, shape (1, k).
+
+    Args:
+        starts: Shape (n, size).
+        predictor: Of their readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+        each: The same for each departure, of which their last column holds the index; best first.
+    """
     likelihood = Likelihood(data, noise)
     lengths = Lengths(predictor, data, likelihood)
-    polished, _ = lengths.polished(starts)
-    points = np.vstack([starts, polished])
-    best = points[[np.argmax(lengths.fits(points))]]
-    misfits = likelihood.misfits_of(predictor, best)
-    return best[0], likelihood.of(misfits)[0]
+    points = np.vstack([starts, lengths.polished(starts)[0]])
+    which = [(value,) if each else () for value in points[:, -1].tolist()]
+    best = points[best_of_each(which, lengths.fits(points))]
+    return best, likelihood.of(likelihood.misfits_of(predictor, best))

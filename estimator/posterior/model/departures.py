@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array
-from estimator.physics.base import Flags, Readings
 from estimator.problem.problem import Problem
 
 _THICKNESSES: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)  # of all parts
@@ -46,10 +45,6 @@ class Departure(ABC):
         """Whether that makes another body of the first of them."""
         return True
 
-    def lying(self, bodies: Bodies) -> Flags:
-        """Touch sensors whose part lies on the ground in every pose, shape (n, sensors)."""
-        return np.zeros((len(bodies), bodies.sensors), dtype=bool)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Thickness(Departure):
@@ -68,7 +63,7 @@ class Thickness(Departure):
         radius = bodies.radius.copy()
         columns = slice(None) if self.parts is None else list(self.parts)
         radius[:, columns] *= self.factor
-        return replace(bodies, radius=radius)
+        return bodies.changed(radius=radius)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +85,7 @@ class TurnedHinge(Departure):
         hinge = bodies.hinge.copy()
         hinge[:, self.part] += len(bodies.hinges)
         turned = bodies.hinges @ _rotation(self.about, self.angle).T
-        return replace(bodies, hinge=hinge, hinges=np.vstack([bodies.hinges, turned]))
+        return bodies.changed(hinge=hinge, hinges=np.vstack([bodies.hinges, turned]))
 
     def changes(self, bodies: Bodies) -> bool:
         """Not where the hinge's axis is that about which it is turned."""
@@ -118,8 +113,7 @@ class TurnedMount(Departure):
         on_base = bodies.parent[:, self.part] == BASE
         mount = bodies.mount.copy()
         mount[:, self.part] += np.where(on_base, *map(len, tables))
-        return replace(
-            bodies,
+        return bodies.changed(
             mount=mount,
             base_mounts=np.vstack([tables[0], turned[0]]),
             part_mounts=np.vstack([tables[1], turned[1]]),
@@ -139,17 +133,7 @@ class Limp(Departure):
     part: int
 
     def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with what hangs too short to reach the ground."""
-        return replace(bodies, length=np.where(self._hanging(bodies), _STUB, 1.0) * bodies.length)
-
-    def lying(self, bodies: Bodies) -> Flags:
-        """Those of the parts that hang."""
-        lying = super().lying(bodies)
-        rows, columns = np.nonzero(self._hanging(bodies) & (bodies.sensor >= 0))
-        lying[rows, bodies.sensor[rows, columns]] = True
-        return lying
-
-    def _hanging(self, bodies: Bodies) -> Flags:
+        """The same bodies with what hangs too short to hold anything up."""
         hanging = np.zeros(bodies.parent.shape, dtype=bool)
         hanging[:, self.part] = True
         rows = np.arange(len(bodies))
@@ -158,7 +142,9 @@ class Limp(Departure):
         ):  # a carrier comes before its parts
             carrier = bodies.parent[:, column]
             hanging[:, column] |= (carrier != BASE) & hanging[rows, carrier]
-        return hanging
+        return bodies.changed(
+            length=np.where(hanging, _STUB, 1.0) * bodies.length, limp=bodies.limp | hanging
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,20 +209,6 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
                 )
             )
     return tuple(listed)
-
-
-def lying_down(readings: Readings, lying: Flags) -> Readings:
-    """The readings of n bodies, some of whose sensors feel the ground whatever the pose.
-
-    Args:
-        readings: As if they did not.
-        lying: Which do, shape (n, sensors).
-    """
-    return replace(
-        readings,
-        touch=readings.touch | lying,
-        touch_doubtful=readings.touch_doubtful & ~lying,
-    )
 
 
 def _rotation(about: int, angle: float) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,7 +12,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
-from estimator.posterior.model.departures import Departure, lying_down
+from estimator.posterior.model.departures import Departure
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
@@ -78,6 +80,10 @@ class Unknowns:
         """The bodies of n points, shape (n, size)."""
         return self._genome.bodies(values)
 
+    def departing(self, departures: Sequence[Departure]) -> Departing:
+        """The same cube for bodies that depart from the problem."""
+        return Departing(self._genome, departures)
+
     def decode_all(self, values: Array) -> list[Morphology]:
         """The same, as objects."""
         return self._genome.decode_all(values)
@@ -95,13 +101,33 @@ class Unknowns:
         return [tuple(row) for row in self.attachments(values).tolist()]
 
 
+class Departing(Unknowns):
+    """The cube of one problem with one column more: by which departure a body was built.
+
+    Args:
+        genome: The code between genes and bodies.
+        departures: Of which the last column of a point holds the index.
+    """
+
+    def __init__(self, genome: Genome, departures: Sequence[Departure]):
+        super().__init__(genome)
+        self.size += 1
+        self._departures = tuple(departures)
+
+    def bodies(self, values: Array) -> Bodies:
+        """The bodies of n points, each built by its departure."""
+        bodies, which = super().bodies(values[:, :-1]), values[:, -1].astype(np.intp)
+        groups = [np.flatnonzero(which == number) for number in np.unique(which)]
+        built = [self._departures[which[rows[0]]].of(bodies[rows]) for rows in groups]
+        return Bodies.joined(built)[np.argsort(np.concatenate(groups))]
+
+
 class Predictor:
     """Predicts what points of the cube feel in some motor programs.
 
     Args:
         unknowns: The cube.
         physics: Computes it; its own, so that populations can work side by side.
-        departure: How the bodies are built otherwise than the problem says.
 
     Attributes:
         unknowns: As above.
@@ -110,23 +136,16 @@ class Predictor:
         steps_elsewhere: Time steps of these.
     """
 
-    def __init__(
-        self,
-        unknowns: Unknowns,
-        physics: ArrayMarginPhysics,
-        *,
-        departure: Departure | None = None,
-    ) -> None:
+    def __init__(self, unknowns: Unknowns, physics: ArrayMarginPhysics) -> None:
         self.unknowns = unknowns
         self.spared = 0
         self.simulations_elsewhere = 0
         self.steps_elsewhere = 0
         self._physics = physics
-        self._departure = departure
 
-    def departing(self, departure: Departure) -> Predictor:
-        """The same for bodies that depart so from the problem; physics is shared."""
-        return Predictor(self.unknowns, self._physics, departure=departure)
+    def departing(self, departures: Sequence[Departure]) -> Predictor:
+        """The same for bodies that depart from the problem; physics is shared."""
+        return Predictor(self.unknowns.departing(departures), self._physics)
 
     @property
     def simulations(self) -> int:
@@ -156,15 +175,13 @@ class Predictor:
             leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
             quickly: Likewise.
         """
-        chosen = self._chosen(bodies, rows)
+        chosen = bodies[rows]
         readings = self._physics.read_bodies(chosen, programs, leans, quickly=quickly)
-        if self._departure is None:
-            return readings
-        return lying_down(readings, self._departure.lying(chosen))
+        return lying_down(readings, chosen) if chosen.limp.any() else readings
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""
-        return self._physics.path_margins_of_bodies(self._chosen(bodies, rows), programs)
+        return self._physics.path_margins_of_bodies(bodies[rows], programs)
 
     def read_all(self, values: Array, programs: Array, leans: Array | None = None) -> Readings:
         """What each of n points feels in each of k programs: n · k rows, programs fastest.
@@ -178,9 +195,17 @@ class Predictor:
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
         return self.read(self.unknowns.bodies(values), rows, each, leans)
 
-    def _chosen(self, bodies: Bodies, rows: Columns) -> Bodies:
-        chosen = bodies[rows]
-        return chosen if self._departure is None else self._departure.of(chosen)
+
+def lying_down(readings: Readings, bodies: Bodies) -> Readings:
+    """The readings of n bodies; limp parts lie on the ground, and their sensors feel it."""
+    lying = np.zeros(readings.touch.shape, dtype=bool)
+    rows, columns = np.nonzero(bodies.limp & (bodies.sensor >= 0))
+    lying[rows, bodies.sensor[rows, columns]] = True
+    return replace(
+        readings,
+        touch=readings.touch | lying,
+        touch_doubtful=readings.touch_doubtful & ~lying,
+    )
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

@@ -56,9 +56,9 @@ def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
     choice = chooser(predictor).choose(models, np.random.default_rng(1))
     assert choice.tests == (doubt,)
     assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
-    stated, departing = (
-        one.read_all(RIGHT[None], choice.program[None])
-        for one in (predictor, predictor.departing(departure))
+    stated = predictor.read_all(RIGHT[None], choice.program[None])
+    departing = predictor.departing([departure]).read_all(
+        np.append(RIGHT, 0)[None], choice.program[None]
     )
     assert apart(stated, departing, NOISE).all()
 

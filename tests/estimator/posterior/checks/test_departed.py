@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.parallel.workers import ThisProcess
 from estimator.posterior.checks.departed import clearly_better, doubts, with_consequence
 from estimator.posterior.model.departures import (
     Departure,
@@ -41,18 +40,23 @@ def around(point: np.ndarray) -> Posterior:
 
 def doubted(predictor: Predictor, data: SensorData, *others: Departure) -> tuple[Doubt, ...]:
     departures = (*LOOKED_AT, *others)
-    return doubts(around(POINT), predictor, data, NOISE, departures, workers=ThisProcess())
+    return doubts(around(POINT), predictor, data, NOISE, departures)
 
 
 def felt_by(predictor: Predictor) -> SensorData:
     return draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
 
 
+def felt_by_one_with(departure: Departure, predictor: Predictor) -> SensorData:
+    departing, point = predictor.departing([departure]), np.append(POINT, 0)
+    return draw(departing, point, MOVED, np.random.default_rng(11), outlier=0.0)
+
+
 @pytest.mark.parametrize("true", LOOKED_AT)
 def test_a_robot_that_departs_from_the_problem_is_noticed(
     predictor: Predictor, true: Departure
 ) -> None:
-    better = clearly_better(doubted(predictor, felt_by(predictor.departing(true))))
+    better = clearly_better(doubted(predictor, felt_by_one_with(true, predictor)))
     assert better == true
 
 
@@ -69,10 +73,7 @@ def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor
     alone = around(POINT)
     both = replace(alone, modes=(*alone.modes, Mode((1,), 0.3, rival, 12.0)))
     gains = [
-        max(
-            doubt.gains.sum()
-            for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT, workers=ThisProcess())
-        )
+        max(doubt.gains.sum() for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT))
         for one in (alone, both)
     ]
     assert gains[0] > -5.0
@@ -101,19 +102,11 @@ def test_one_movement_that_only_a_departure_explains_is_no_accident(predictor: P
 
 
 def test_one_movement_that_ended_elsewhere_says_nothing(predictor: Predictor) -> None:
-    data, thick = felt_by(predictor), felt_by(predictor.departing(THICK))
+    data, thick = felt_by(predictor), felt_by_one_with(THICK, predictor)
     felt = {name: replace(one, values=one.values.copy()) for name, one in data.felt.items()}
     for name, one in felt.items():
         one.values[3] = thick.felt[name].values[3]
     assert clearly_better(doubted(predictor, replace(data, felt=felt))) is None
-
-
-def test_margins_are_of_the_same_parts_as_readings(predictor: Predictor) -> None:
-    bodies, rows = predictor.unknowns.bodies(POINT[None]), np.zeros(len(MOVED), dtype=np.intp)
-    thick = predictor.departing(THICK).margins(bodies, rows, MOVED)
-    as_if = predictor.margins(replace(bodies, radius=2.0 * bodies.radius), rows, MOVED)
-    assert thick.tolist() == as_if.tolist()
-    assert thick.tolist() != predictor.margins(bodies, rows, MOVED).tolist()
 
 
 def test_a_departure_is_named_with_what_it_means_for_lengths_outside_their_intervals() -> None:

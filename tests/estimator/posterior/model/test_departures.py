@@ -3,14 +3,21 @@ from __future__ import annotations
 import numpy as np
 
 from estimator.body.arrays import Bodies
-from estimator.posterior.model.departures import Limp, lying_down, possible_departures
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.departures import (
+    Limp,
+    Thickness,
+    TurnedMount,
+    possible_departures,
+)
+from estimator.posterior.model.unknowns import Predictor, lying_down
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import programs
 
 ON_LEG_1 = np.array([0.1, 0.4, 0.5, 0.6, 0.6, 0.4, 0.5])
 BESIDE_IT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 LIMP = Limp(name="the servo of leg 1 dead", part=0)
+THICK = Thickness(name="thick parts", factor=2.0)
+ASIDE = TurnedMount(name="a leg that points aside", part=0, angle=0.5)
 
 
 def both(predictor: Predictor) -> Bodies:
@@ -21,24 +28,39 @@ def both(predictor: Predictor) -> Bodies:
 
 def test_what_a_limp_part_carries_hangs_with_it(predictor: Predictor) -> None:
     bodies = both(predictor)
-    assert LIMP.lying(bodies).tolist() == [[True, True, False, False], [True, False, False, False]]
     limp = LIMP.of(bodies)
+    assert limp.limp.tolist() == [[True, True, False, False], [True, False, False, False]]
     shorter = limp.length < 0.1 * bodies.length
-    assert shorter.tolist() == LIMP.lying(bodies).tolist()
+    assert shorter.tolist() == limp.limp.tolist()
     assert np.array_equal(limp.radius, bodies.radius)
 
 
 def test_its_foot_feels_the_ground_in_every_pose(predictor: Predictor) -> None:
     values, moved = np.vstack([ON_LEG_1, BESIDE_IT]), programs(16, seed=3)
-    felt = predictor.departing(LIMP).read_all(values, moved)
+    numbered = np.column_stack([values, np.zeros(2)])
+    felt = predictor.departing([LIMP]).read_all(numbered, moved)
     assert felt.touch[:, 0].all()
     assert not felt.touch_doubtful[:, 0].any()
     assert not felt.touch[:, 2].all()
     sound = predictor.read_all(values, moved)
     assert not sound.touch[:, 0].all()
-    assert np.array_equal(
-        lying_down(sound, np.zeros_like(sound.touch)).touch, sound.touch
-    )  # nothing lies
+    lying = lying_down(sound, predictor.unknowns.bodies(np.repeat(values, 16, axis=0)))
+    assert np.array_equal(lying.touch, sound.touch)  # nothing lies
+
+
+def test_bodies_are_built_each_by_its_own_departure(predictor: Predictor) -> None:
+    ways, values = (LIMP, THICK, ASIDE), np.vstack([ON_LEG_1, BESIDE_IT] * 3)
+    which = np.array([2, 0, 1, 1, 0, 2])
+    built = predictor.unknowns.departing(ways).bodies(np.column_stack([values, which]))
+    moved = programs(6, seed=4)
+    for row, number in enumerate(which.tolist()):
+        alone = ways[number].of(predictor.unknowns.bodies(values[[row]]))
+        rows = np.zeros(6, dtype=np.intp)
+        felt, expected = (
+            predictor.read(bodies, rows, moved) for bodies in (built[row : row + 1], alone)
+        )
+        assert np.array_equal(felt.tilt, expected.tilt)
+        assert np.array_equal(felt.touch, expected.touch)
 
 
 def test_every_part_with_a_servo_may_have_a_dead_one() -> None:
