@@ -118,7 +118,9 @@ def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
 def test_what_is_left_open_comes_with_the_movement_that_would_decide(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(posterior_method, "clearly_better", lambda doubted: doubted[0].departure)
+    monkeypatch.setattr(
+        posterior_method, "clearly_better", lambda doubted: doubted and doubted[0].departure
+    )
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=1)
         path = tmp_path / "legs.toml"
