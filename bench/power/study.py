@@ -74,9 +74,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(name="paper, MuJoCo", seeds=ten, method="paper", robot=in_mujoco, interactions=9),
         ),
         "prior bodies": (
-            Trial(
-                name="topological", seeds=seeds[:20], robot=Robot(body=from_prior("topological"))
-            ),
+            Trial(name="topological", seeds=seeds, robot=Robot(body=from_prior("topological"))),
         ),
         "eight parts": (
             Trial(

@@ -60,7 +60,7 @@ def _success(reached: Sequence[tuple[Figures, Step]]) -> str:
     sure = [
         good
         for good, (_, step) in zip(right, reached, strict=True)
-        if (step.probability or 0.0) >= SURE
+        if step.explained and (step.probability or 0.0) >= SURE
     ]
     states = any(step.probability is not None for _, step in reached)
     errors = np.abs([error for _, step in reached for error in step.leg_errors_mm])
@@ -90,7 +90,12 @@ def run_table(runs: Runs) -> str:
         for one in figures:
             marks = "".join("■" if step.cells == one.cells else "□" for step in one.steps)
             stated = ", ".join(
-                "–" if step.probability is None else f"{step.probability:.2f}" for step in one.steps
+                "–"
+                if step.probability is None
+                else f"{step.probability:.2f}"
+                if step.explained
+                else f"({step.probability:.2f})"
+                for step in one.steps
             )
             errors = " ".join(f"{error:+.1f}" for error in _last_errors(one))
             lines.append(
@@ -129,11 +134,13 @@ def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
         if group != KNOWN_ATTACHMENTS
         for one in figures
         for step in one.steps
-        if step.probability is not None
+        if step.probability is not None and step.explained
     ]
     lines = [
         "\n## Do statements come true?\n",
-        "All interactions of all runs above where attachments were open, but for the faults.\n",
+        "All interactions of all runs above where attachments were open, but for the faults, and "
+        "for those after which\na run said that no body explains the readings: there, what is stated "
+        "stands in parentheses.\n",
         "| stated | how often | mean statement | came true |",
         "|---|---|---|---|",
         *_bins(steps),

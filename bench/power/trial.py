@@ -65,6 +65,7 @@ class Step(BaseModel):
 
     Attributes:
         probability: Stated of the attachments; ``None`` where the method states none.
+        explained: Whether the run stood by it, and did not say that no body explains the readings.
         cells: Configurations that are right, up to what no sensor can tell.
         leg_errors_mm: Estimated minus true.
         inside: Whether each leg's 90 % interval holds its true length.
@@ -75,6 +76,7 @@ class Step(BaseModel):
     model_config = ConfigDict(frozen=True)
 
     probability: float | None
+    explained: bool
     cells: int
     leg_errors_mm: tuple[float, ...]
     inside: tuple[bool, ...] = ()
@@ -220,6 +222,7 @@ class _Belief:
 
     best: Array
     probability: float | None = None
+    explained: bool = True
     genes: Array | None = None
     weights: Array | None = None
 
@@ -260,6 +263,7 @@ def held_against(
             steps.append(
                 Step(
                     probability=1.0 if sure and belief.genes is not None else belief.probability,
+                    explained=belief.explained,
                     cells=sum(cell.right_up_to_equivalence for cell in cells),
                     leg_errors_mm=tuple(1000 * (leg_lengths([body])[0] - legs)),
                     cpu_seconds=seconds,
@@ -274,6 +278,7 @@ def _beliefs(store: RunStore) -> Iterator[_Belief]:
         yield _Belief(
             np.array(belief.best),
             belief.probability,
+            belief.explained,
             np.array(belief.genes),
             np.array(belief.weights),
         )

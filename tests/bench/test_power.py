@@ -15,9 +15,12 @@ from bench.prior_bodies import drawn_body
 from sim_robot.world.body import load_body
 
 
-def figures(seed: int, cells: int, probability: float, error: float = 1.0) -> Figures:
+def figures(
+    seed: int, cells: int, probability: float, error: float = 1.0, *, explained: bool = True
+) -> Figures:
     step = Step(
         probability=probability,
+        explained=explained,
         cells=cells,
         leg_errors_mm=(error, -1.0),
         inside=(False, True),
@@ -93,3 +96,12 @@ def test_the_page_holds_every_run() -> None:
     assert "| one method | 1 | 12 of 12 | 0.99 | +1 -1 | no | Some body explains it. |" in text
     assert "| 0.99–1 | 1 | 0.99 | 1 |" in text  # lengths alone state nothing
     assert "4 of 8 hold the true length" in text
+
+
+def test_what_a_run_does_not_stand_by_is_no_statement() -> None:
+    trial = Trial(name="one method", seeds=(1, 2))
+    runs = [figures(1, 12, 0.99), figures(2, 11, 0.97, explained=False)]
+    text = page({"whole body": [(trial, runs)]})
+    assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 |" in text
+    assert "| one method | 2 | □ | (0.97) | +1.0 -1.0 |" in text
+    assert "| 0.95–0.99 |" not in text
