@@ -139,8 +139,8 @@ def _calibration(done: Mapping[str, Sequence[Figures]]) -> str:
     lines = [
         "\n## Do statements come true?\n",
         "All interactions of all runs above where attachments were open, but for the faults, and "
-        "for those after\nwhich a run said that no body explains the readings: what is stated there "
-        "stands in parentheses.\n",
+        "for those after\nwhich a run said that no body explains the readings: what is stated "
+        "there stands in parentheses.\n",
         "| stated | how often | mean statement | came true |",
         "|---|---|---|---|",
         *_bins(steps),

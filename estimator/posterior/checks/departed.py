@@ -20,7 +20,7 @@ from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 
-_CLEARLY_BETTER: Final = 2.0  # nats, the interaction that speaks most for it left out
+_CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it left out
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
 _STARTS: Final = 8
 _WORTH_SAYING: Final = 0.005  # m

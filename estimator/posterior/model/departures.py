@@ -21,8 +21,16 @@ from estimator.problem.problem import Problem
 _THICKNESSES: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)  # of all parts
 _ONE_THICKNESS: Final = (0.5, 1.5, 2.5)
 _TURNS: Final = (-30, -15, 15, 30)  # degrees
+_OFFSETS: Final = (-12, -6, -3, 3, 6, 12)  # degrees
+_HEAVIER: Final = (0.5, 2.0, 4.0)
+_OFF_CENTRE: Final = (-0.25, -0.1, 0.1, 0.25)  # of the main body's extent
+_ASKEW: Final = (-6, -2, 2, 6)  # degrees
+_WAYS: Final = ("forward/back", "left/right")
 _DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
 _STUB: Final = 0.02  # of a part's length
+_DENSITY: Final = 4  # column of ``Bodies.base``
+_CENTRE: Final = 5  # and the two after it
+_ACCELEROMETER: Final = 8  # and the one after it
 _SAME_WAY: Final = 0.99  # cosine of the angle between axes
 _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
@@ -91,6 +99,80 @@ class TurnedHinge(Departure):
         """Not where the hinge's axis is that about which it is turned."""
         axis = bodies.hinges[bodies.hinge[0, self.part]]
         return bool(abs(axis[self.about]) < _SAME_WAY)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffZero(Departure):
+    """A hinge that stands elsewhere than its servo believes: a horn put on askew.
+
+    Attributes:
+        part: Its index.
+        angle: Of the hinge where the servo is at 0, rad.
+    """
+
+    part: int
+    angle: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such a hinge."""
+        zero = bodies.zero.copy()
+        zero[:, self.part] += self.angle
+        return bodies.changed(zero=zero)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Heavier(Departure):
+    """Parts of another mass for their size, or a main body that is the lighter.
+
+    Attributes:
+        factor: On the density of the parts.
+    """
+
+    factor: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such parts."""
+        base = bodies.base.copy()
+        base[:, _DENSITY] *= self.factor
+        return bodies.changed(base=base)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OffCentre(Departure):
+    """A main body whose mass is elsewhere than in its middle: a battery at one end.
+
+    Attributes:
+        axis: 0: forward, 1: leftward.
+        share: How far, of the main body's extent along that axis.
+    """
+
+    axis: int
+    share: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such a main body."""
+        base = bodies.base.copy()
+        base[:, _CENTRE + self.axis] += self.share * base[:, self.axis]
+        return bodies.changed(base=base)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TurnedAccelerometer(Departure):
+    """An accelerometer that was put on askew.
+
+    Attributes:
+        about: 0: the forward axis, which is felt left and right; 1: the leftward axis.
+        angle: rad.
+    """
+
+    about: int
+    angle: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such an accelerometer."""
+        base = bodies.base.copy()
+        base[:, _ACCELEROMETER + self.about] += self.angle
+        return bodies.changed(base=base)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,9 +259,40 @@ class Doubt:
 
 
 def possible_departures(problem: Problem) -> tuple[Departure, ...]:
-    """What is looked at: other thickness, dead servos, hinges and mounts turned by up to 30°."""
+    """Everything that is looked at.
+
+    Parts of another thickness or mass, a main body that is heavier at one end, an accelerometer
+    that was put on askew, servos that are dead or off their zero, hinges and mounts turned by up
+    to 30°.
+    """
     listed: list[Departure] = [
-        Thickness(name=f"parts {factor:g} times as thick", factor=factor) for factor in _THICKNESSES
+        *(
+            Thickness(name=f"parts {factor:g} times as thick", factor=factor)
+            for factor in _THICKNESSES
+        ),
+        *(
+            Heavier(name=f"parts {factor:g} times as heavy for their size", factor=factor)
+            for factor in _HEAVIER
+        ),
+        *(
+            OffCentre(
+                name=f"the main body's centre of mass {100 * share:+g} % of its extent off "
+                f"{_WAYS[axis]}",
+                axis=axis,
+                share=share,
+            )
+            for axis in (0, 1)
+            for share in _OFF_CENTRE
+        ),
+        *(
+            TurnedAccelerometer(
+                name=f"the accelerometer turned by {degrees}° {_WAYS[1 - about]}",
+                about=about,
+                angle=math.radians(degrees),
+            )
+            for about in (0, 1)
+            for degrees in _ASKEW
+        ),
     ]
     for index, part in enumerate(problem.parts):
         listed += [
@@ -188,6 +301,14 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
         ]
         if part.motor is not None:
             listed.append(Limp(name=f"the servo of {part.name} dead", part=index))
+            listed += [
+                OffZero(
+                    name=f"the zero of {part.name}'s servo off by {degrees}°",
+                    part=index,
+                    angle=math.radians(degrees),
+                )
+                for degrees in _OFFSETS
+            ]
         for degrees in _TURNS:
             angle = math.radians(degrees)
             if part.motor is not None:

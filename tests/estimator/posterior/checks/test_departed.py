@@ -10,8 +10,12 @@ from estimator.posterior.checks.departed import clearly_better, doubts, with_con
 from estimator.posterior.model.departures import (
     Departure,
     Doubt,
+    Heavier,
     Limp,
+    OffCentre,
+    OffZero,
     Thickness,
+    TurnedAccelerometer,
     TurnedHinge,
     TurnedMount,
 )
@@ -29,7 +33,14 @@ ASKEW = TurnedHinge(name="a turned hinge", part=0, about=0, angle=math.radians(3
 ROUND = TurnedHinge(name="a hinge turned about its axis", part=0, about=1, angle=1.0)
 ASIDE = TurnedMount(name="a leg that points aside", part=0, angle=math.radians(30))
 DEAD = Limp(name="a dead servo", part=0)
-LOOKED_AT = (THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD)
+OFF_ZERO = OffZero(name="a servo off its zero", part=0, angle=math.radians(12))
+HEAVY = Heavier(name="heavy parts", factor=4.0)
+OFF_CENTRE = OffCentre(name="a battery at one end", axis=0, share=0.25)
+TURNED = TurnedAccelerometer(name="an accelerometer askew", about=0, angle=math.radians(6))
+LOOKED_AT = (
+    *(THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD),
+    *(OFF_ZERO, HEAVY, OFF_CENTRE, TURNED),
+)
 
 
 def around(point: np.ndarray) -> Posterior:
