@@ -10,9 +10,11 @@ import pytest
 
 from estimator.errors import SearchStateError
 from estimator.parallel.workers import LocalWorkers, ThisProcess
+from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling import sampler
 from estimator.posterior.sampling.discovery import Discovery
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
@@ -21,6 +23,7 @@ from tests.estimator.posterior.sampling.enumeration import distance, enumerated
 from tests.estimator.two_unknown_rows import draw, make_sampler, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
+QUICK = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=64)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
@@ -99,8 +102,7 @@ class Watched(ThisProcess):
 def test_no_population_goes_on_from_what_only_another_has_met(predictor: Predictor) -> None:
     """Else both would agree on what one of them has looked for."""
     watched, unknowns = Watched(), predictor.unknowns
-    effort = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=64)
-    posterior = make_sampler(predictor, effort=effort, workers=watched).learn(
+    posterior = make_sampler(predictor, effort=QUICK, workers=watched).learn(
         draw(predictor, POINT, programs(1), np.random.default_rng(2))
     )
     believed = set(unknowns.keys(posterior.values))
@@ -130,3 +132,14 @@ def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) 
     del state["known"]
     with pytest.raises(SearchStateError, match="another version of the sampler: start a new run"):
         make_sampler(predictor).restore(state)
+
+
+def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
+    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
+    monkeypatch.setattr(sampler, "fit_of", lambda *body: Fit(unexplained=0, poor=True))
+    believing = make_sampler(predictor, effort=QUICK)
+    assert believing.learn(data[:4]).seen == 0.0
+    assert believing.learn(data).seen > 0.0
