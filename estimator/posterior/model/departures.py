@@ -25,7 +25,8 @@ _OFFSETS: Final = (-12, -6, -3, 3, 6, 12)  # degrees
 _HEAVIER: Final = (0.5, 2.0, 4.0)
 _OFF_CENTRE: Final = (-0.25, -0.1, 0.1, 0.25)  # of the main body's extent
 _ASKEW: Final = (-6, -2, 2, 6)  # degrees
-_WAYS: Final = ("forward/back", "left/right")
+_TOWARDS: Final = (("backward", "forward"), ("to the right", "to the left"))
+_TILTS: Final = ("left/right", "forward/back")
 _DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
 _STUB: Final = 0.02  # of a part's length
 _DENSITY: Final = 4  # column of ``Bodies.base``
@@ -122,7 +123,7 @@ class OffZero(Departure):
 
 @dataclass(frozen=True, kw_only=True)
 class Heavier(Departure):
-    """Parts of another mass for their size, or a main body that is the lighter.
+    """Parts of another mass for their size.
 
     Attributes:
         factor: On the density of the parts.
@@ -276,8 +277,8 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
         ),
         *(
             OffCentre(
-                name=f"the main body's centre of mass {100 * share:+g} % of its extent off "
-                f"{_WAYS[axis]}",
+                name=f"the main body's centre of mass {100 * abs(share):g} % of its extent "
+                f"{_TOWARDS[axis][share > 0]}",
                 axis=axis,
                 share=share,
             )
@@ -286,7 +287,7 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
         ),
         *(
             TurnedAccelerometer(
-                name=f"the accelerometer turned by {degrees}° {_WAYS[1 - about]}",
+                name=f"the accelerometer turned by {degrees}° {_TILTS[about]}",
                 about=about,
                 angle=math.radians(degrees),
             )
