@@ -74,16 +74,23 @@ class Lengths:
     def polished(self, values: Array, most: int | None = None) -> tuple[Array, Array]:
         """Points with better lengths, and their log-likelihoods.
 
+        Each goes on from where wide noise has led it, and from where it is: where wide noise leads
+        astray what already fitted would be lost.
+
         Args:
             values: Shape (n, size).
             most: So many of them at most, those that fit best while the noise is wide.
         """
+        led = values
         for width in _WIDE:
-            values, fits = self._narrower(values, width)
-        values = values[np.argsort(-fits, kind="stable")[:most]]
+            led, fits = self._narrower(led, width)
+        kept = np.argsort(-fits, kind="stable")[:most]
+        both = np.concatenate([led[kept], values[kept]])
         for width in _NARROW:
-            values, _ = self._narrower(values, width)
-        return values, self.fits(values)
+            both, _ = self._narrower(both, width)
+        ways, fits = both.reshape(2, len(kept), -1), self.fits(both).reshape(2, -1)
+        better = np.argmax(fits, axis=0), np.arange(len(kept))
+        return ways[better], fits[better]
 
     def _narrower(self, values: Array, width: float) -> tuple[Array, Array]:
         """One step, where it leads to something better; and how well that fits under the width."""

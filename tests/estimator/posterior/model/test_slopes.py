@@ -1,0 +1,48 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.model.likelihood import LEANS, Likelihood, SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from tests.estimator.conftest import BODY
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
+
+MOVED = [
+    *((30, 23, -20, 27), (-30, -27, -30, -30), (-30, 16, 3, -4), (-16, 22, -30, 8)),
+    *((24, -29, -29, -21), (-7, -16, 7, -27), (-29, 1, -4, 20)),
+]
+SIDES = [0, 2, 2, 2, 0, 0, 0]  # to which it fell: at three of the forks not as statics has it
+FOUR_LEGS = [
+    *(0.939, 0.162, 0.446, 0.533, 0.334, 0.352, 0.453, 0.415),
+    *(0.023, 0.623, 0.494, 0.612, 0.122, 0.825, 0.41, 0.363),
+]
+
+
+def test_lengths_that_fit_already_are_not_led_astray() -> None:
+    """Wide noise knows of no forks, and leads to lengths from which there is no way back."""
+    genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
+    predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(3)
+    point, moved = np.array([FOUR_LEGS]), np.radians(MOVED)
+    felt = predictor.read_all(point, moved, LEANS[SIDES])
+    tilt = felt.tilt + rng.normal(0, NOISE.tilt, felt.tilt.shape)
+    clearance = felt.clearance + rng.normal(0, NOISE.clearance, len(moved))
+    observations = [
+        Observation(
+            angles=tuple(moved[row].tolist()),
+            touch=tuple(map(bool, felt.touch[row])),
+            tilt=(float(tilt[row, 0]), float(tilt[row, 1])),
+            clearance=float(clearance[row]),
+        )
+        for row in range(len(moved))
+    ]
+    data = SensorData.of(observations, MODALITIES, CAP)
+    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    (before,), (after,) = lengths.fits(point), lengths.polished(point)[1]
+    assert after >= before
