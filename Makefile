@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-newest demo test test-newest check format bench compare-engines reproduce parametric power self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo test test-newest check format bench compare-engines reproduce parametric power self-calibration soak three screenshots latency leaps calibration faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -29,18 +29,12 @@ test: $(READY) ## Run all tests, TEST_JOBS=3 side by side: many wait for process
 
 NEWEST ?= python3.13
 NEWEST_VENV ?= .venv-newest
-NEWEST_READY := $(NEWEST_VENV)/.installed
-test-newest: $(NEWEST_READY) ## Run the tests marked every_python on the newest Python, NEWEST=python3.13
-	$(NEWEST_VENV)/bin/python -m pytest -m every_python \
-		$$(grep -rl --include='*.py' 'mark.every_python' tests)
-
-install-newest: $(NEWEST_READY)
-
-$(NEWEST_READY): pyproject.toml constraints.txt
+test-newest: ## Run the tests that are marked every_python on the newest Python, NEWEST=python3.13
 	$(NEWEST) -m venv $(NEWEST_VENV)
 	$(NEWEST_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --no-compile \
 		-c constraints.txt --editable '.[sim,estimator]' hypothesis psutil pytest pytest-timeout
-	@touch $@
+	$(NEWEST_VENV)/bin/python -m pytest -m every_python \
+		$$(grep -rl --include='*.py' 'mark.every_python' tests)
 
 check: $(READY) ## Lint, format, types and import arrows
 	$(BIN)/ruff check .
