@@ -119,7 +119,9 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        posterior_method, "clearly_better", lambda doubted: doubted and doubted[0].departure
+        posterior_method,
+        "clearly_better",
+        lambda doubted: doubted[0].departure if doubted else None,
     )
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=1)
@@ -168,7 +170,9 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
 ) -> None:
     monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
     otherwise = Thickness(name="thick parts", factor=2.0)
-    monkeypatch.setattr(posterior_method, "clearly_better", lambda doubted: doubted and otherwise)
+    monkeypatch.setattr(
+        posterior_method, "clearly_better", lambda doubted: otherwise if doubted else None
+    )
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=3, sure=0.9)
         result = identify(
