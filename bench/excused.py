@@ -19,9 +19,9 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.identification.subjective_error import interaction_errors
-from estimator.physics.base import Flags
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 

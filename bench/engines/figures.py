@@ -11,8 +11,9 @@ from scipy.stats import binomtest
 
 from bench.engines.runs import CEILINGS, RIVALS
 from bench.engines.simulate import Simulated
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 
 CLOSE: Final = 0.5
 """Poses whose tilts differ by less are the same, degrees."""

@@ -9,8 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 
 _SOURCES: Final = stamp(Path(__file__).parent)

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import Noise, apart
 
 

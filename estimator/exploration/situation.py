@@ -9,9 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
+from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
 from estimator.problem.genome import Genome

@@ -13,10 +13,11 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Objective
 from estimator.identification.subjective_error import interaction_errors, largest
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 from estimator.plugins import Registry
 from estimator.posterior.model.likelihood import Noise
 from estimator.readings.modalities.registry import MODALITIES

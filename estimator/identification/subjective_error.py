@@ -16,8 +16,9 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import ObservedReadings
 

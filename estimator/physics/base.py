@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.accelerometer import up_as_felt
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
 from protocol.system.closable import Closable
@@ -34,7 +34,6 @@ from protocol.wire.readings import (
 
 GRAVITY: Final = 9.81  # m/s²
 
-Flags: TypeAlias = NDArray[np.bool_]
 Pair: TypeAlias = tuple[Morphology, Array]
 """A body and a motor program: the angle of each motor, rad."""
 

@@ -22,11 +22,11 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import BASE, Array, Morphology, Part, rotation
 from estimator.body.mounts import heading
 from estimator.errors import MorphologyError
-from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
+from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.readings.modalities.registry import MODALITIES
 
 PROGRAMS: Final = 500

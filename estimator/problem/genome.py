@@ -13,10 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
-from estimator.body.arrays import Bodies, Integers
+from estimator.body.arrays import Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
-from estimator.physics.base import Flags
 from estimator.problem.free_mounts import spread
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.nuisances import Nuisances

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.body import accelerometer
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.physics.kernel.contact import depth
 from estimator.physics.kernel.links import STEPS, Slew, Trees, assemble, work_space

@@ -16,8 +16,9 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 from estimator.posterior.model.special import log_ndtr
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation

@@ -21,9 +21,9 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 from estimator.posterior.model.densities import (
     DENSITIES,
     MODEL_CLEARANCE,

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
-from estimator.physics.base import ArrayMarginPhysics, Flags, Readings
+from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.posterior.model.departures import Departure
 from estimator.problem.genome import Genome
 

@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.errors import ReadingsError
 from estimator.readings.observation import Observation, ObservedReadings
 from protocol.wire.capabilities import Sensor
 
-Flags: TypeAlias = NDArray[np.bool_]
 Value: TypeAlias = float | bool | None
 """One number of a reading; ``None`` where it was not taken."""
 

@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.readings.modalities.base import (
     ROUNDING,
-    Flags,
     Modality,
     PredictedReadings,
     Value,

@@ -8,9 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, ReadingsError
-from estimator.readings.modalities.base import Flags, Modality, PredictedReadings, Value
+from estimator.readings.modalities.base import Modality, PredictedReadings, Value
 from estimator.readings.observation import Observation, ObservedReadings
 from protocol.wire.capabilities import Sensor
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array, Base
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
-from estimator.physics.base import Flags
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 

@@ -3,10 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Objective
 from estimator.identification.objectives import OBJECTIVES, LargestError, RobustMeanError
-from estimator.physics.base import Flags, Readings
+from estimator.physics.base import Readings
 from estimator.readings.observation import Observation
 from tests.estimator.model_robot import make_capabilities
 
