@@ -8,7 +8,7 @@ leaves the posterior invariant, and nothing of it needs to: it only says where t
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -18,7 +18,6 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.population import EVERY, Population
 from estimator.posterior.sampling.rows import other_rows
@@ -38,7 +37,6 @@ _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 6  # so often in one round
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
 _ALIKE: Final = 16  # chains of each population, as further centres of a mode
-_AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
 
 
@@ -258,49 +256,3 @@ def chains_like(point: Array, searches: Sequence[Discovery], least: float) -> Ar
         alike &= population.posterior_fits(2) > least
         chains.append(cold[alike][:_ALIKE])
     return np.concatenate(chains)
-
-
-def met_by(
-    bodies: Bodies, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
-) -> set[Attachments]:
-    """Which sets of attachments a population has met with lengths about as good as are known.
-
-    Args:
-        bodies: All that it met.
-        points: The best of each set that may matter, by any population.
-        estimator: Knows how well points fit.
-        unknowns: Of the problem.
-    """
-    keys = unknowns.keys(bodies.values)
-    if not unknowns.choices.size:
-        return set(keys)  # all have the same
-    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
-    rows = [row for row, key in enumerate(keys) if key in best]
-    fits = estimator.fits(bodies.values[rows])
-    return {
-        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
-    }
-
-
-def share_seen(
-    keys: Sequence[Attachments], shares: Array, met: Sequence[Collection[Attachments]]
-) -> float:
-    """How much of the posterior the populations have met, by what they met in common.
-
-    As in counting animals by catching them twice: of what one population met, the share that the
-    others met too is their chance of meeting anything. So no population may learn from another.
-
-    Args:
-        keys: Sets of attachments.
-        shares: Of the posterior, shape (n,).
-        met: What each population has met.
-    """
-    missed = 1.0
-    for index, own in enumerate(met):
-        others = set().union(*(one for place, one in enumerate(met) if place != index))
-        theirs = sum(share for key, share in zip(keys, shares, strict=True) if key in others)
-        both = sum(
-            share for key, share in zip(keys, shares, strict=True) if key in others and key in own
-        )
-        missed *= 1 - both / theirs if theirs > 0 else 1.0
-    return 1.0 - missed

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -16,16 +16,10 @@ from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.discovery import (
-    Bodies,
-    Discovery,
-    chains_like,
-    met_by,
-    share_seen,
-)
+from estimator.posterior.sampling.comparison import CONSIDERED, Comparison, share_seen
+from estimator.posterior.sampling.discovery import Discovery, chains_like
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.wandering import wandered
@@ -34,7 +28,6 @@ from estimator.storage.beliefs import ACCIDENTS
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
-_CONSIDERED: Final = 16.0  # nats below the best fit, which may be a mere spike
 _AGREED: Final = 0.8  # share of the posterior that both have met
 _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
@@ -42,8 +35,6 @@ _TELLING: Final = 4  # interactions at least, until the populations ought to agr
 _MORE: Final = 4  # rounds, once they turned out not to
 _ENOUGH: Final = 2  # rounds, where chains have wandered before, and
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
-_ENOUGH_TO_ERR: Final = 5  # interactions, of which one may be left unexplained
-_FEW: Final = 50  # sets of attachments that all populations can have met
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -208,7 +199,7 @@ class Sampler:
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         return self._weighed(self._discovered(data, known), data)
 
-    def _discovered(self, data: SensorData, known: set[Attachments]) -> _Discovered:
+    def _discovered(self, data: SensorData, known: set[Attachments]) -> Comparison:
         """Searches in rounds, each with the hotter half of the chains drawn anew.
 
         They end when the readings are explained, the populations agree, and a round has found
@@ -220,61 +211,46 @@ class Sampler:
         truth. For the sake of one body this is done once.
         """
         effort, late = self._effort, len(data) >= self._telling
-        number, anew = 0, 0
-        predictor, unknowns = self.predictor, self.predictor.unknowns
         estimator = self._estimator(data)
+        number, anew = 0, 0
         while True:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
             self._searches = self._workers.map(search, self._searches)
             bodies = [search.best() for search in self._searches]
-            together = Bodies.joined(bodies, unknowns)
-            highest = together.fits[0]
-            points = together.values[together.fits > highest - _CONSIDERED]
-            guesses = estimator.guess(points)
-            shares, keys = softmax(guesses), unknowns.keys(points)
-            met = [met_by(one, points, estimator, unknowns) for one in bodies]
-            seen = share_seen(keys, shares, met)
-            fresh = sum(shares[row] for row, key in enumerate(keys) if key not in known)
-            known.update(keys)
-            leader = int(np.argmax(guesses))
-            fit = fit_of(points[leader], predictor, data, self._noise)
-            explained = fit.unexplained <= ACCIDENTS
-            enough = len(data) >= _ENOUGH_TO_ERR
-            credible = fit.unexplained <= ACCIDENTS if enough else not (fit.unexplained or fit.poor)
+            comparison = Comparison.of(bodies, self.predictor, estimator, data, self._noise)
+            fresh = comparison.share_beyond(known)
+            known.update(comparison.keys)
             number += 1
-            agreed = explained and seen >= _AGREED
-            doubtful = (fit.poor or fit.unexplained > 0) and keys[leader] not in self._cleared
-            few = np.sum(shares**2) > 1 / _FEW
+            agreed = comparison.explained and comparison.seen >= _AGREED
+            doubtful = comparison.doubtful and comparison.leader not in self._cleared
             apart = late and number > 1 and not agreed
-            if few and not self._wanders and (doubtful or apart):
+            if comparison.few and not self._wanders and (doubtful or apart):
                 anew += 1
-            rounds = min(effort.rounds, len(data)) if credible else effort.rounds
-            if (
-                (
-                    credible
-                    and agreed
-                    and fresh <= _NEGLIGIBLE
-                    and not (0 < anew <= _MORE and doubtful)
-                )
-                or (explained and not late and self._wanders)
-                or number >= (_ENOUGH if self._wanders else rounds + (_MORE if anew else 0))
-            ):
+            settled = comparison.credible and agreed and fresh <= _NEGLIGIBLE
+            if self._wanders:
+                settled |= comparison.explained and not late
+                rounds = _ENOUGH
+            else:
+                settled &= not (0 < anew <= _MORE and doubtful)
+                rounds = min(effort.rounds, len(data)) if comparison.credible else effort.rounds
+                rounds += _MORE if anew else 0
+            if settled or number >= rounds:
                 if anew > _MORE:
-                    self._cleared.add(keys[leader])
-                return _Discovered(points, highest, guesses, met, credible)
+                    self._cleared.update(comparison.leaders)
+                return comparison
 
-    def _weighed(self, discovered: _Discovered, data: SensorData) -> Posterior:
+    def _weighed(self, comparison: Comparison, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""
         predictor, effort = self.predictor, self._effort
         modes = weighed(
-            discovered.points,
-            discovered.guesses,
-            partial(self._evidences, self._estimator(data), discovered.best),
+            comparison.points,
+            comparison.guesses,
+            partial(self._evidences, self._estimator(data), comparison.best),
             self._rng,
         )
         chains = sampled(modes, predictor, data, self._noise, self._rng, count=effort.samples)
         whose = predictor.unknowns.keys(chains.values)
-        for search, met in zip(self._searches, discovered.met, strict=True):
+        for search, met in zip(self._searches, comparison.met, strict=True):
             own = [row for row, key in enumerate(whose) if self._wanders or key in met]
             if own:
                 rows = self._rng.choice(own, effort.width)
@@ -287,13 +263,13 @@ class Sampler:
                 keys, modes.shares, modes.points, modes.evidences, strict=True
             )
         ]
-        seen = share_seen(keys, modes.shares, discovered.met)
+        seen = share_seen(keys, modes.shares, comparison.met)
         return Posterior(
             values=chains.values,
             scales=chains.scales,
             weights=np.full(len(chains.values), 1 / len(chains.values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            seen=seen if discovered.credible else 0.0,
+            seen=seen if comparison.credible else 0.0,
         )
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:
@@ -306,7 +282,7 @@ class Sampler:
     ) -> list[ModeEvidence]:
         seeds = self._rng.integers(2**32, size=len(points)).tolist()
         tasks = [
-            (point, chains_like(point, self._searches, best - _CONSIDERED), seed)
+            (point, chains_like(point, self._searches, best - CONSIDERED), seed)
             for point, seed in zip(points, seeds, strict=True)
         ]
         evidences = []
@@ -315,25 +291,6 @@ class Sampler:
             self.predictor.simulations_elsewhere += simulations
             self.predictor.steps_elsewhere += steps
         return evidences
-
-
-@dataclass(frozen=True)
-class _Discovered:
-    """What the search has met.
-
-    Attributes:
-        points: The best of each set of attachments that may matter, best first, shape (n, size).
-        best: Log-likelihood of the first.
-        guesses: Of their evidences, shape (n,).
-        met: Which of their attachments each population has met, and explained as well.
-        credible: Whether the readings are explained so well that something can be certain.
-    """
-
-    points: Array
-    best: float
-    guesses: Array
-    met: Sequence[Collection[Attachments]]
-    credible: bool
 
 
 def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discovery:

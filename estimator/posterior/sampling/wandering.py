@@ -17,7 +17,8 @@ from estimator.body.morphology import Array
 from estimator.parallel.workers import Workers
 from estimator.posterior.model.special import softmax
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.discovery import Bodies, Discovery, share_seen
+from estimator.posterior.sampling.comparison import share_seen
+from estimator.posterior.sampling.discovery import Bodies, Discovery
 from estimator.posterior.sampling.population import EVERY, Population
 
 _LOST: Final = 12.0  # nats below the best

@@ -1,0 +1,173 @@
+"""What the populations have met, compared: whether they agree, and whether it can be all.
+
+They are independent, so what both have met tells how much neither has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.checks.verdict import Fit, fit_of
+from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.special import softmax
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.sampling.discovery import Bodies
+from estimator.posterior.sampling.evidence import EvidenceEstimator
+from estimator.storage.beliefs import ACCIDENTS
+
+CONSIDERED: Final = 16.0
+"""Nats below the best fit, which may be a mere spike."""
+
+_AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
+_AS_PROBABLE: Final = 3.0  # nats
+_ENOUGH_TO_ERR: Final = 5  # interactions, of which one may be left unexplained
+_FEW: Final = 50  # sets of attachments that all populations can have met
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What the populations have met, side by side.
+
+    Attributes:
+        points: The best of each set of attachments that may matter, best first, shape (n, size).
+        keys: Their attachments.
+        best: Log-likelihood of the first.
+        guesses: Of their evidences, shape (n,).
+        met: Which of their attachments each population has met, and explained as well.
+        fit: How well the leader, which is the most probable by those guesses, explains the
+            readings.
+        may_err: Whether there are so many readings that one may be left unexplained.
+    """
+
+    points: Array
+    keys: list[Attachments]
+    best: float
+    guesses: Array
+    met: Sequence[Collection[Attachments]]
+    fit: Fit
+    may_err: bool
+
+    @classmethod
+    def of(
+        cls,
+        bodies: Sequence[Bodies],
+        predictor: Predictor,
+        estimator: EvidenceEstimator,
+        data: SensorData,
+        noise: Noise,
+    ) -> Self:
+        """Compares.
+
+        Args:
+            bodies: What each population has met.
+            predictor: Computes readings.
+            estimator: Guesses evidences.
+            data: What the robot felt.
+            noise: How far readings stray.
+        """
+        unknowns = predictor.unknowns
+        together = Bodies.joined(bodies, unknowns)
+        best = float(together.fits[0])
+        points = together.values[together.fits > best - CONSIDERED]
+        guesses = estimator.guess(points)
+        return cls(
+            points=points,
+            keys=unknowns.keys(points),
+            best=best,
+            guesses=guesses,
+            met=[met_by(one, points, estimator, unknowns) for one in bodies],
+            fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
+            may_err=len(data) >= _ENOUGH_TO_ERR,
+        )
+
+    @property
+    def leader(self) -> Attachments:
+        """The most probable attachments."""
+        return self.keys[int(np.argmax(self.guesses))]
+
+    @property
+    def leaders(self) -> list[Attachments]:
+        """Attachments about as probable as the leader's, as those that feel alike are."""
+        rows = np.flatnonzero(self.guesses > self.guesses.max() - _AS_PROBABLE)
+        return [self.keys[row] for row in rows]
+
+    @property
+    def explained(self) -> bool:
+        """Whether the leader leaves no more unexplained than happens by accident."""
+        return self.fit.unexplained <= ACCIDENTS
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a better body may be there to be found."""
+        return self.fit.poor or self.fit.unexplained > 0
+
+    @property
+    def credible(self) -> bool:
+        """Whether the readings are explained so well that something can be certain."""
+        return self.explained if self.may_err else not self.doubtful
+
+    @property
+    def few(self) -> bool:
+        """Whether all that matters is so little that every population can have met it."""
+        return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
+
+    @property
+    def seen(self) -> float:
+        """How much of the posterior the populations have met."""
+        return share_seen(self.keys, softmax(self.guesses), self.met)
+
+    def share_beyond(self, known: Collection[Attachments]) -> float:
+        """The share of the posterior that attachments have which were not known before."""
+        shares = softmax(self.guesses)
+        return float(sum(shares[row] for row, key in enumerate(self.keys) if key not in known))
+
+
+def met_by(
+    bodies: Bodies, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
+) -> set[Attachments]:
+    """Which sets of attachments a population has met with lengths about as good as are known.
+
+    Args:
+        bodies: All that it met.
+        points: The best of each set that may matter, by any population.
+        estimator: Knows how well points fit.
+        unknowns: Of the problem.
+    """
+    keys = unknowns.keys(bodies.values)
+    if not unknowns.choices.size:
+        return set(keys)  # all have the same
+    best = dict(zip(unknowns.keys(points), estimator.fits(points).tolist(), strict=True))
+    rows = [row for row, key in enumerate(keys) if key in best]
+    fits = estimator.fits(bodies.values[rows])
+    return {
+        keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
+    }
+
+
+def share_seen(
+    keys: Sequence[Attachments], shares: Array, met: Sequence[Collection[Attachments]]
+) -> float:
+    """How much of the posterior the populations have met, by what they met in common.
+
+    As in counting animals by catching them twice: of what one population met, the share that the
+    others met too is their chance of meeting anything. So no population may learn from another.
+
+    Args:
+        keys: Sets of attachments.
+        shares: Of the posterior, shape (n,).
+        met: What each population has met.
+    """
+    missed = 1.0
+    for index, own in enumerate(met):
+        others = set().union(*(one for place, one in enumerate(met) if place != index))
+        theirs = sum(share for key, share in zip(keys, shares, strict=True) if key in others)
+        both = sum(
+            share for key, share in zip(keys, shares, strict=True) if key in others and key in own
+        )
+        missed *= 1 - both / theirs if theirs > 0 else 1.0
+    return 1.0 - missed

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.posterior.checks.verdict import Fit
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling.comparison import Comparison, met_by, share_seen
+from estimator.posterior.sampling.discovery import Bodies
+from estimator.posterior.sampling.evidence import EvidenceEstimator
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
+
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+
+
+def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
+    predictor: Predictor,
+) -> None:
+    data = draw(predictor, POINT, programs(4), np.random.default_rng(2))
+    likelihood = Likelihood(data, NOISE)
+    estimator = EvidenceEstimator(predictor, data, likelihood, draws=1)
+    best, fits = Lengths(predictor, data, likelihood).polished(POINT[None])
+    elsewhere = best.copy()
+    elsewhere[:, predictor.unknowns.continuous] = 0.95
+    (key,) = predictor.unknowns.keys(best)
+    for values, met in ((best, {key}), (elsewhere, set())):
+        bodies = Bodies(values=values, fits=fits)
+        assert met_by(bodies, best, estimator, predictor.unknowns) == met
+
+
+def test_what_two_populations_met_tells_how_much_was_missed() -> None:
+    keys, shares = [(0,), (1,), (2,)], np.array([0.5, 0.3, 0.2])
+    assert share_seen(keys, shares, [{(0,), (1,)}, {(0,), (1,)}]) == 1.0
+    assert share_seen(keys, shares, [{(0,)}, {(1,)}]) == 0.0
+    partly = share_seen(keys, shares, [{(0,), (1,)}, {(0,), (2,)}])
+    assert partly == pytest.approx(1 - (1 - 0.5 / 0.7) * (1 - 0.5 / 0.8))
+
+
+def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
+    comparison = Comparison(
+        points=np.zeros((3, 1)),
+        keys=[(0,), (1,), (2,)],
+        best=0.0,
+        guesses=np.array([-1.0, 0.0, -4.0]),
+        met=(),
+        fit=Fit(unexplained=0, poor=True),
+        may_err=True,
+    )
+    assert comparison.leader == (1,)
+    assert comparison.leaders == [(0,), (1,)]
+    assert comparison.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)
