@@ -28,6 +28,8 @@ _VARIANTS: Final = 8
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
 _FINALISTS: Final = 10  # compared by more readings
 _MORE_DRAWS: Final = 800
+_DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
+_KNOWN: Final = 0.01  # m: lengths that are told apart no further while there are doubts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,13 +94,14 @@ class Chooser:
         """The motor program that is expected to tell most.
 
         Args:
-            samples: Equally likely models. All their doubts together are taken to be a third as
-                likely as they.
+            samples: Equally likely models. All their doubts together are taken to be half as
+                likely as they, and the program tells of them rather than more of lengths that are
+                known well.
             rng: The choice's own.
         """
         low, high = self._ends.T
         models = self._models(samples)
-        known = self._with_doubts(models, samples.doubts, rng) if samples.doubts else models
+        known = self._with_doubts(models, samples, rng) if samples.doubts else models
         programs = with_few_limbs(
             rng.uniform(low, high, (_CANDIDATES, len(low))),
             self._limbs,
@@ -141,22 +144,37 @@ class Chooser:
         )
 
     def _with_doubts(
-        self, models: _Hypotheses, doubts: Sequence[Doubt], rng: np.random.Generator
+        self, models: _Hypotheses, samples: Models, rng: np.random.Generator
     ) -> _Hypotheses:
-        """In random order, since few draws go to the first only."""
-        count = len(models)
-        others = np.arange(max(len(doubts), count // 3)) % len(doubts)
+        """In random order, since few draws go to the first only.
+
+        What departs from the problem has no lengths of its own that are known any better, so its
+        bodies are spread as the models are: a movement that other lengths make up for tests
+        nothing.
+        """
+        count, doubts = len(models), samples.doubts
+        others = np.arange(max(len(doubts), int(_DOUBTED * count))) % len(doubts)
+        spread = samples.genes - samples.genes.mean(axis=0)
+        spread = spread[rng.integers(len(spread), size=len(others))]
         order = rng.permutation(count + len(others))
-        mixed = [doubts[index] for index in others.tolist()]
-        built = [self._built(doubt) for doubt in mixed]
+        built = [
+            self._built(doubts[index], away) for index, away in zip(others, spread, strict=True)
+        ]
+        lengths = np.round(models.bodies.length / _KNOWN)
+        _, alike = np.unique(lengths, axis=0, return_inverse=True)
         return _Hypotheses(
             bodies=Bodies.joined([models.bodies, *built])[order],
             scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],
-            groups=np.concatenate([models.groups, count + others])[order],
+            groups=np.concatenate([alike.reshape(-1), count + others])[order],
         )
 
-    def _built(self, doubt: Doubt) -> Bodies:
-        return doubt.departure.of(self._predictor.unknowns.bodies(doubt.point[None]))
+    def _built(self, doubt: Doubt, away: Array | None = None) -> Bodies:
+        """The body of a doubt, or one that is so much longer or shorter, shape (size,)."""
+        unknowns, point = self._predictor.unknowns, doubt.point.copy()
+        if away is not None:
+            columns = unknowns.continuous
+            point[columns] = np.clip(point[columns] + away[columns], 0, 1)
+        return doubt.departure.of(unknowns.bodies(point[None]))
 
     def _tested(
         self, models: _Hypotheses, doubts: Sequence[Doubt], program: Array

@@ -63,6 +63,30 @@ def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
     assert apart(stated, departing, NOISE).all()
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
+    predictor: Predictor, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.tile(RIGHT, (60, 1))
+    lengths = predictor.unknowns.continuous
+    points[:, lengths] += rng.uniform(-0.012, 0.012, (60, lengths.size))  # of the range
+    departure = TurnedHinge(name="a turned hinge", part=0, about=2, angle=np.radians(15))
+    doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
+    models = replace(Models.equally_likely(points), doubts=(doubt,))
+    program = chooser(predictor).choose(models, rng).program[None]
+    stated = predictor.read_all(points, program)
+    departing = predictor.departing([departure]).read_all(
+        np.column_stack([points, np.zeros(60)]), program
+    )
+    strays = np.maximum(
+        np.abs(stated.tilt[:, None] - departing.tilt[None]).max(axis=2) / NOISE.tilt,
+        np.abs(stated.clearance[:, None] - departing.clearance[None]) / NOISE.clearance,
+    )
+    touch = np.any(stated.touch[:, None] != departing.touch[None], axis=2)
+    assert np.all(touch | (strays > 5))  # standard deviations
+
+
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
     points = np.random.default_rng(2).random((50, 7))
     one, two = (
