@@ -131,7 +131,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
     open_legs = np.flatnonzero(anybody[0] != anybody[1])
     lengths = leg_lengths([true_body])[0, open_legs]
     truth = Posterior(
-        values=body[None], scales=robot.scales[None], weights=np.ones(1), modes=(), seen=1.0
+        values=body[None], scales=robot.scales[None], weights=np.ones(1), modes=(), credible=True
     )
     programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
     like = partial(Reference, programs=programs, physics=StaticsPhysics(world))
@@ -164,7 +164,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
         told.append(
             {
                 "right": bool(right),
-                "probability": belief.probability,
+                "probability": belief.probability or 0.0,
                 "ranks": (posterior.weights @ (sampled < lengths)).tolist(),
                 "inside": ((low <= lengths) & (lengths <= high)).tolist(),
                 "widths_mm": (1000 * (high - low)).tolist(),

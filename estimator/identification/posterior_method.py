@@ -151,7 +151,7 @@ class PosteriorMethod:
 
     def _attachments_known(self, belief: Belief, wanted: float) -> bool:
         contradicted = self._store.problem.contradictions(self._store.capabilities)
-        return belief.probability >= wanted and belief.explained and not contradicted
+        return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
 
     def _lengths_known(self, belief: Belief) -> bool:
         lengths = leg_lengths(self._store.genome.decode_all(np.array(belief.genes)))
@@ -205,7 +205,7 @@ class PosteriorMethod:
             simulations, steps = reference.simulations, reference.steps
         doubted = self._doubts(checked.posterior, data, self._sampler.predictor)
         final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
-        better = clearly_better(doubted) if final.probability >= SURE else None
+        better = clearly_better(doubted) if (final.probability or 0.0) >= SURE else None
         final = final.model_copy(
             update={
                 "departure": None if better is None else better.name,
@@ -275,13 +275,15 @@ def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
         scales=np.array(belief.scales),
         weights=np.array(belief.weights),
         modes=tuple(
-            Mode(key, mode.probability, point, mode.effective)
+            Mode(key, mode.probability, point, mode.effective, mode.met)
             for key, mode, point in zip(keys, belief.modes, points, strict=True)
         ),
-        seen=belief.seen,
+        credible=belief.probability is not None,
     )
 
 
 def _how_sure(belief: Belief) -> str:
+    if belief.probability is None:
+        return "how sure the best body's attachments are is not known"
     premise = "" if belief.explained else ", but no body explains the readings"
     return f"best body's attachments {100 * belief.probability:.0f} % sure{premise}"

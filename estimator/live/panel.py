@@ -97,7 +97,8 @@ def _movements(view: RunView) -> str:
         if number < len(steps):
             if (gained := steps[number].gained_bits) is not None:
                 told.append(f"{gained:.1f} bits gained")
-            told.append(f"then {100 * steps[number].probability:.0f} % sure")
+            sure = steps[number].probability
+            told.append("not known how sure" if sure is None else f"then {100 * sure:.0f} % sure")
             if not steps[number].explained:
                 told.append("but not explained")
         small = f'<br><span style="opacity:0.7">{", ".join(told)}</span>' if told else ""

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.posterior import Mode, Posterior, share_met
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
@@ -23,8 +24,9 @@ from estimator.storage.beliefs import (
 LikeLeader = Callable[[Morphology], Callable[[Morphology], bool]]
 """Of a body, the test whether another can be told from it."""
 
-_TOLD: Final = 20  # modes
-_COMPARED: Final = 0.005  # probability of a mode that is compared with the first
+_KEPT: Final = 120  # modes
+_RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
+_COMPARED: Final = 0.002  # probability of a mode that is compared
 
 
 def believe(
@@ -46,9 +48,10 @@ def believe(
         same_as: The test of equivalence.
         before: The posterior before the last interaction, by which its information is measured.
     """
-    modes = posterior.modes[:_TOLD]
-    alike = _like_the_first(modes, predictor, same_as)
-    share = sum(mode.probability for mode, one in zip(modes, alike, strict=True) if one)
+    modes = posterior.modes[:_KEPT]
+    compared = modes if posterior.credible else modes[:_RIVALS]
+    alike = _like_the_first(compared, predictor, same_as)
+    alike += [False] * (len(modes) - len(alike))
     verdict = judge(posterior, predictor, data, noise)
     gained = None
     if before is not None:
@@ -64,11 +67,11 @@ def believe(
                 effective=mode.effective,
                 genes=tuple(mode.point.tolist()),
                 like_the_first=one,
+                met=mode.met,
             )
             for mode, one in zip(modes, alike, strict=True)
         ),
-        probability=min(share, posterior.seen),
-        seen=posterior.seen,
+        probability=_stated(modes, np.array(alike)) if posterior.credible else None,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(
@@ -78,6 +81,20 @@ def believe(
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
     )
+
+
+def _stated(modes: Sequence[Mode], alike: Flags) -> float:
+    """Probability of attachments like the first mode's; no more than the populations have met.
+
+    Which of those that feel alike a population has met makes no difference.
+    """
+    shares = np.array([mode.probability for mode in modes])
+    met = np.array([mode.met for mode in modes])
+    stated = float(shares[alike].sum())
+    vouched_for = share_met(
+        np.append(shares[~alike], stated), np.vstack([met[~alike], met[alike].any(axis=0)])
+    )
+    return min(stated, vouched_for)
 
 
 def _medians(posterior: Posterior, predictor: Predictor) -> Array:

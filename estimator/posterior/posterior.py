@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Attachments
 
@@ -17,12 +21,14 @@ class Mode:
         probability: Share of the posterior.
         point: Its best point of the cube, shape (size,).
         effective: Effective number of draws behind the probability.
+        met: Which populations have met it.
     """
 
     attachments: Attachments
     probability: float
     point: Array
     effective: float
+    met: tuple[bool, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +40,36 @@ class Posterior:
         scales: Logarithms of the noise factors on tilt and clearance, shape (n, 2).
         weights: Of the samples, adding up to 1, shape (n,).
         modes: The most probable first.
-        seen: Estimated share of the posterior that the search has seen: no probability is stated
-            that is larger.
+        credible: Whether the readings are explained so well that something can be probable.
     """
 
     values: Array
     scales: Array
     weights: Array
     modes: tuple[Mode, ...]
-    seen: float
+    credible: bool
+
+
+def share_met(shares: Array, met: Flags) -> float:
+    """How much of the posterior the populations have met, by what they met in common.
+
+    As in counting animals by catching them twice: of what one population met, the share that the
+    others met too is their chance of meeting anything. So no population may learn from another.
+
+    Args:
+        shares: Of the posterior, shape (n,).
+        met: Which of them each population has met, shape (n, populations).
+    """
+    missed = 1.0
+    for population in range(met.shape[1]):
+        others = np.delete(met, population, axis=1).any(axis=1)
+        theirs = shares[others].sum()
+        both = shares[others & met[:, population]].sum()
+        missed *= 1 - both / theirs if theirs > 0 else 1.0
+    return float(1.0 - missed)
+
+
+def met_by_each(keys: Sequence[Attachments], met: Sequence[Collection[Attachments]]) -> Flags:
+    """Which of n sets of attachments each population has met, shape (n, populations)."""
+    flags: Flags = np.array([[key in own for own in met] for key in keys], dtype=bool)
+    return flags.reshape(len(keys), len(met))

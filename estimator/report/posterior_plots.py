@@ -86,7 +86,11 @@ def plot_belief(beliefs: Sequence[Belief], expected: Sequence[float | None]) -> 
     axes.set_xlabel("interaction")
     numbers = np.arange(1, len(beliefs) + 1)
     axes.plot(
-        numbers, [belief.probability for belief in beliefs], "o-", color=leg_colour(0), label="sure"
+        numbers,
+        [np.nan if one.probability is None else one.probability for one in beliefs],
+        "o-",
+        color=leg_colour(0),
+        label="sure",
     )
     axes.set_ylim(0, 1.02)
     axes.set_xticks(numbers)

@@ -110,14 +110,14 @@ class Step(_Record):
         reason: Why its motor program was chosen.
         expected_bits: Information that it was expected to give.
         gained_bits: Information that it gave.
-        probability: Stated of the attachments afterwards.
+        probability: Stated of the attachments afterwards; ``None``: it is not known.
         explained: Whether some body of the problem explained the readings so far.
     """
 
     reason: str
     expected_bits: float | None
     gained_bits: float | None
-    probability: float
+    probability: float | None
     explained: bool
 
 
@@ -253,8 +253,9 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
 def _probability(genome: Genome, belief: Belief) -> float | None:
     if not any(gene.choices > 1 for gene in genome.genes):
         return 1.0
-    known = belief.modes[0].effective >= SURE_ENOUGH or belief.probability < 0.5
-    return belief.probability if known else None
+    stated = belief.probability
+    known = belief.modes[0].effective >= SURE_ENOUGH or (stated or 0.0) < 0.5
+    return stated if known else None
 
 
 def _attachments(

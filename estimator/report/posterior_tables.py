@@ -116,7 +116,8 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
         bits = (
             "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
         )
-        sure = percent(step.probability) + ("" if step.explained else ", not explained")
+        sure = "not known" if step.probability is None else percent(step.probability)
+        sure += "" if step.explained else ", not explained"
         table.add_row(str(number), *bits, sure, Text(step.reason))
     console.print(table)
 
@@ -124,7 +125,7 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
 def sureness(posterior: PosteriorSummary) -> str:
     """A sentence: how probable the best body's attachments are, and on what condition."""
     sure = (
-        "is not known: too few samples stand for it"
+        "is not known: the best body explains the readings poorly, or few samples stand for it"
         if posterior.probability is None
         else f"is {percent(posterior.probability)}"
     )

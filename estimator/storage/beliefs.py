@@ -28,12 +28,14 @@ class BelievedMode(_Record):
         genes: The genome that fits best among those with these attachments.
         like_the_first: Whether no sensor can tell its attachments, given the lengths of the first
             mode's body, from that body's.
+        met: Which populations have met it.
     """
 
     probability: float
     effective: float
     genes: tuple[float, ...]
     like_the_first: bool
+    met: tuple[bool, ...]
 
 
 class Foretold(_Record):
@@ -91,8 +93,8 @@ class Belief(_Record):
         best: Genome of the first mode's attachments with the medians of its samples' lengths.
         modes: Sets of attachments, the most probable first.
         probability: Stated probability that the attachments are those of the first mode or such
-            as no sensor can tell from them; never more than the search can vouch for.
-        seen: Share of the posterior that the populations have met, by what they met in common.
+            as no sensor can tell from them; never more than the search can vouch for. ``None``: it
+            is not known, since the best body explains the readings poorly.
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.
         unexplained: Interactions that the best body leaves unexplained.
@@ -112,8 +114,7 @@ class Belief(_Record):
     weights: tuple[float, ...]
     best: tuple[float, ...]
     modes: tuple[BelievedMode, ...]
-    probability: float
-    seen: float
+    probability: float | None
     gained: float | None = None
     foretold: tuple[Foretold, ...]
     unexplained: tuple[UnexplainedInteraction, ...]

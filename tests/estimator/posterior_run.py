@@ -46,7 +46,9 @@ def make_posterior_run(
         genes = ((np.array(row) - 0.05) / 0.2).tolist()
         bodies.append(tuple(genes if hinge is None else [*genes[:-1], hinge, genes[-1]]))
     best, *samples = bodies
-    first = BelievedMode(probability=0.75, effective=50.0, genes=best, like_the_first=True)
+    first = BelievedMode(
+        probability=0.75, effective=50.0, genes=best, like_the_first=True, met=(True,)
+    )
     belief = Belief(
         genes=tuple(samples),
         scales=((0.0, 0.0),) * len(samples),
@@ -54,7 +56,6 @@ def make_posterior_run(
         best=best,
         modes=(first, *rivals),
         probability=0.75,
-        seen=1.0,
         foretold=(),
         unexplained=(),
         noisy=(),

@@ -132,6 +132,6 @@ def equally_likely(
         values=values,
         scales=np.tile(scales, (count, 1)),
         weights=np.full(count, 1 / count),
-        modes=(Mode((), 1.0, best, float(count)),),
-        seen=1.0,
+        modes=(Mode((), 1.0, best, float(count), (True, True)),),
+        credible=True,
     )

@@ -16,6 +16,7 @@ from estimator.posterior.checks.verdict import Fit, fit_of
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.posterior import met_by_each, share_met
 from estimator.posterior.sampling.discovery import Bodies
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.beliefs import ACCIDENTS
@@ -117,9 +118,9 @@ class Comparison:
         return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
 
     @property
-    def seen(self) -> float:
+    def share_met(self) -> float:
         """How much of the posterior the populations have met."""
-        return share_seen(self.keys, softmax(self.guesses), self.met)
+        return share_met(softmax(self.guesses), met_by_each(self.keys, self.met))
 
     def share_beyond(self, known: Collection[Attachments]) -> float:
         """The share of the posterior that attachments have which were not known before."""
@@ -147,27 +148,3 @@ def met_by(
     return {
         keys[row] for row, fit in zip(rows, fits, strict=True) if fit > best[keys[row]] - _AS_GOOD
     }
-
-
-def share_seen(
-    keys: Sequence[Attachments], shares: Array, met: Sequence[Collection[Attachments]]
-) -> float:
-    """How much of the posterior the populations have met, by what they met in common.
-
-    As in counting animals by catching them twice: of what one population met, the share that the
-    others met too is their chance of meeting anything. So no population may learn from another.
-
-    Args:
-        keys: Sets of attachments.
-        shares: Of the posterior, shape (n,).
-        met: What each population has met.
-    """
-    missed = 1.0
-    for index, own in enumerate(met):
-        others = set().union(*(one for place, one in enumerate(met) if place != index))
-        theirs = sum(share for key, share in zip(keys, shares, strict=True) if key in others)
-        both = sum(
-            share for key, share in zip(keys, shares, strict=True) if key in others and key in own
-        )
-        missed *= 1 - both / theirs if theirs > 0 else 1.0
-    return 1.0 - missed

@@ -17,8 +17,8 @@ from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.comparison import CONSIDERED, Comparison, share_seen
+from estimator.posterior.posterior import Mode, Posterior, met_by_each
+from estimator.posterior.sampling.comparison import CONSIDERED, Comparison
 from estimator.posterior.sampling.discovery import Discovery, chains_like
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.population import Population
@@ -171,7 +171,7 @@ class Sampler:
             scales=np.concatenate([one.scales for one in populations]),
             weights=np.full(len(values), 1 / len(values)),
             modes=(),
-            seen=0.0,
+            credible=False,
         )
 
     def learn(self, data: SensorData) -> Posterior:
@@ -187,12 +187,12 @@ class Sampler:
         for search in self._searches:
             search.observe(data, self._noise)
         if self._wanders:
-            self._searches, wandering = wandered(
+            self._searches, wandering, share = wandered(
                 self._searches, self._workers, steps=self._effort.steps
             )
             bodies = [search.best() for search in self._searches]
             best = max(bodies, key=lambda one: one.fits[0])
-            told = len(data) >= self._telling or wandering.seen >= _ALIKE
+            told = len(data) >= self._telling or share >= _ALIKE
             left = fit_of(best.values[0], self.predictor, data, self._noise).unexplained
             if not told and left <= ACCIDENTS:
                 return wandering
@@ -221,7 +221,7 @@ class Sampler:
             fresh = comparison.share_beyond(known)
             known.update(comparison.keys)
             number += 1
-            agreed = comparison.explained and comparison.seen >= _AGREED
+            agreed = comparison.explained and comparison.share_met >= _AGREED
             doubtful = comparison.doubtful and comparison.leader not in self._cleared
             apart = late and number > 1 and not agreed
             if comparison.few and not self._wanders and (doubtful or apart):
@@ -258,18 +258,22 @@ class Sampler:
         keys = predictor.unknowns.keys(modes.points)
         self._known = set(keys)
         named = [
-            Mode(key, float(share), point, mode.effective)
-            for key, share, point, mode in zip(
-                keys, modes.shares, modes.points, modes.evidences, strict=True
+            Mode(key, float(share), point, mode.effective, tuple(met))
+            for key, share, point, mode, met in zip(
+                keys,
+                modes.shares,
+                modes.points,
+                modes.evidences,
+                met_by_each(keys, comparison.met).tolist(),
+                strict=True,
             )
         ]
-        seen = share_seen(keys, modes.shares, comparison.met)
         return Posterior(
             values=chains.values,
             scales=chains.scales,
             weights=np.full(len(chains.values), 1 / len(chains.values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            seen=seen if comparison.credible else 0.0,
+            credible=comparison.credible,
         )
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:

@@ -16,8 +16,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.parallel.workers import Workers
 from estimator.posterior.model.special import softmax
-from estimator.posterior.posterior import Mode, Posterior
-from estimator.posterior.sampling.comparison import share_seen
+from estimator.posterior.posterior import Mode, Posterior, met_by_each, share_met
 from estimator.posterior.sampling.discovery import Bodies, Discovery
 from estimator.posterior.sampling.population import EVERY, Population
 
@@ -28,7 +27,7 @@ _ROUNDS: Final = 3  # at most, until there are no more of them
 
 def wandered(
     searches: Sequence[Discovery], workers: Workers, *, steps: int
-) -> tuple[list[Discovery], Posterior]:
+) -> tuple[list[Discovery], Posterior, float]:
     """What is believed after the interactions so far.
 
     Args:
@@ -37,7 +36,7 @@ def wandered(
         steps: Of each round, and of sampling after them.
 
     Returns:
-        The searches as they go on, and the posterior.
+        The searches as they go on, the posterior, and how much of it both have met.
     """
     moved = workers.map(partial(_wander, steps), searches)
     by_population = [drawn for _, drawn in moved]
@@ -47,10 +46,11 @@ def wandered(
     best: dict[tuple[int, ...], list[int]] = {}
     for row in np.argsort(-fits, kind="stable").tolist():
         best.setdefault(keys[row], []).append(row)
+    met = met_by_each(list(best), [set(unknowns.keys(own)) for own, _, _ in by_population])
     modes = sorted(
         (
-            Mode(key, len(rows) / len(keys), values[rows[0]], float(len(rows)))
-            for key, rows in best.items()
+            Mode(key, len(rows) / len(keys), values[rows[0]], float(len(rows)), tuple(own))
+            for (key, rows), own in zip(best.items(), met.tolist(), strict=True)
         ),
         key=lambda mode: -mode.probability,
     )
@@ -59,13 +59,12 @@ def wandered(
         scales=scales,
         weights=np.full(len(values), 1 / len(values)),
         modes=tuple(modes),
-        seen=share_seen(
-            [mode.attachments for mode in modes],
-            np.array([mode.probability for mode in modes]),
-            [set(unknowns.keys(own)) for own, _, _ in by_population],
-        ),
+        credible=True,
     )
-    return [search for search, _ in moved], posterior
+    share = share_met(
+        np.array([mode.probability for mode in modes]), np.array([mode.met for mode in modes])
+    )
+    return [search for search, _ in moved], posterior, share
 
 
 def _wander(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:

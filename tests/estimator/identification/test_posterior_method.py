@@ -180,9 +180,7 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
         )
     assert result.interactions == 3  # it goes on, though attachments and lengths are sure
     assert result.posterior is not None
-    assert [step.probability > posterior_method.SURE for step in result.posterior.steps] == [
-        True
-    ] * 3
+    assert [step.probability for step in result.posterior.steps] == [pytest.approx(1.0)] * 3
     assert not any(step.explained for step in result.posterior.steps)
     assert "as well as one with thick parts" in result.posterior.verdict
 

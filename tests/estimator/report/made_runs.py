@@ -119,12 +119,15 @@ def _belief(
         best=tuple(modes[0]),
         modes=tuple(
             BelievedMode(
-                probability=share, effective=50.0, genes=tuple(genes), like_the_first=False
+                probability=share,
+                effective=50.0,
+                genes=tuple(genes),
+                like_the_first=False,
+                met=(True, True),
             )
             for share, genes in zip(shares, modes, strict=True)
         ),
         probability=0.6,
-        seen=1.0,
         gained=1.5,
         foretold=(
             Foretold(

@@ -26,7 +26,6 @@ def test_each_leg_of_a_hexapod_is_drawn(name: str) -> None:
         best=tuple(genes[0].tolist()),
         modes=(),
         probability=1.0,
-        seen=1.0,
         foretold=(),
         unexplained=(),
         noisy=(),

@@ -22,7 +22,9 @@ UP = 2.5 / 6
 
 def rival(hinge: float, *, alike: bool) -> BelievedMode:
     genes = (0.5, 0.5, 0.5, hinge, 0.5)
-    return BelievedMode(probability=0.125, effective=50.0, genes=genes, like_the_first=alike)
+    return BelievedMode(
+        probability=0.125, effective=50.0, genes=genes, like_the_first=alike, met=(True,)
+    )
 
 
 def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None:

@@ -82,7 +82,7 @@ def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor
     rival[5] = 0.1  # yaw instead of up
     data = draw(predictor, rival, MOVED, np.random.default_rng(11), outlier=0.0)
     alone = around(POINT)
-    both = replace(alone, modes=(*alone.modes, Mode((1,), 0.3, rival, 12.0)))
+    both = replace(alone, modes=(*alone.modes, Mode((1,), 0.3, rival, 12.0, (True, True))))
     gains = [
         max(doubt.gains.sum() for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT))
         for one in (alone, both)

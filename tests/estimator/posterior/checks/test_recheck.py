@@ -32,8 +32,11 @@ def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predi
         values=values,
         scales=np.zeros((20, 2)),
         weights=np.full(20, 0.05),
-        modes=(Mode(keys[0], 0.5, RIGHT, 10.0), Mode(keys[1], 0.5, WRONG, 10.0)),
-        seen=1.0,
+        modes=tuple(
+            Mode(key, 0.5, point, 10.0, (True, True))
+            for key, point in zip(keys, (RIGHT, WRONG), strict=True)
+        ),
+        credible=True,
     )
     simulated = recheck(before, predictor, data, NOISE, _Swapped())
     assert simulated.simulated == 16

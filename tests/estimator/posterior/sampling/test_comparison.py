@@ -7,7 +7,7 @@ from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling.comparison import Comparison, met_by, share_seen
+from estimator.posterior.sampling.comparison import Comparison, met_by
 from estimator.posterior.sampling.discovery import Bodies
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
@@ -28,14 +28,6 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
     for values, met in ((best, {key}), (elsewhere, set())):
         bodies = Bodies(values=values, fits=fits)
         assert met_by(bodies, best, estimator, predictor.unknowns) == met
-
-
-def test_what_two_populations_met_tells_how_much_was_missed() -> None:
-    keys, shares = [(0,), (1,), (2,)], np.array([0.5, 0.3, 0.2])
-    assert share_seen(keys, shares, [{(0,), (1,)}, {(0,), (1,)}]) == 1.0
-    assert share_seen(keys, shares, [{(0,)}, {(1,)}]) == 0.0
-    partly = share_seen(keys, shares, [{(0,), (1,)}, {(0,), (2,)}])
-    assert partly == pytest.approx(1 - (1 - 0.5 / 0.7) * (1 - 0.5 / 0.8))
 
 
 def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:

@@ -41,7 +41,7 @@ def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) 
     posterior = make_sampler(predictor).learn(data)
     assert posterior.modes[0].attachments == predictor.unknowns.keys(POINT[None])[0]
     assert posterior.modes[0].probability > 0.9
-    assert posterior.seen > 0.9
+    assert posterior.modes[0].met == (True, True)
     for column in predictor.unknowns.continuous:
         low, high = np.quantile(posterior.values[:, column], (0.005, 0.995))
         assert low - 0.002 < POINT[column] < high + 0.002
@@ -86,7 +86,7 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
 ) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
     data.felt["tilt"].values[1] += 0.6
-    assert make_sampler(predictor).learn(data).seen == 0.0
+    assert not make_sampler(predictor).learn(data).credible
 
 
 class Watched(ThisProcess):
@@ -141,8 +141,8 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
     monkeypatch.setattr(comparison, "fit_of", lambda *body: Fit(unexplained=0, poor=True))
     believing = make_sampler(predictor, effort=QUICK)
-    assert believing.learn(data[:4]).seen == 0.0
-    assert believing.learn(data).seen > 0.0
+    assert not believing.learn(data[:4]).credible
+    assert believing.learn(data).credible
 
 
 def test_a_body_that_fits_poorly_is_searched_for_anew_once(

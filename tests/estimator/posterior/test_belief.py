@@ -1,0 +1,52 @@
+"""What is stated of a posterior: of attachments that feel alike none is the right one alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Morphology
+from estimator.posterior.belief import believe
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.posterior import Mode, Posterior
+from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
+
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+COUNT = 40
+
+
+def posterior(met: Callable[[int], tuple[bool, ...]]) -> Posterior:
+    """Many sets of attachments, each as probable as the others."""
+    alone = equally_likely(np.tile(POINT, (8, 1)), POINT)
+    modes = tuple(Mode((number,), 1 / COUNT, POINT, 50.0, met(number)) for number in range(COUNT))
+    return replace(alone, modes=modes)
+
+
+def stated(predictor: Predictor, one: Posterior, *, alike: bool) -> float | None:
+    def same_as(first: Morphology) -> Callable[[Morphology], bool]:
+        return lambda body: alike
+
+    data = draw(predictor, POINT, programs(3), np.random.default_rng(2))
+    return believe(one, predictor, data, NOISE, same_as).probability
+
+
+def test_all_that_feel_alike_count_together(predictor: Predictor) -> None:
+    everything = posterior(lambda number: (True, True))
+    assert stated(predictor, everything, alike=True) == pytest.approx(1.0)
+    assert stated(predictor, everything, alike=False) == pytest.approx(1 / COUNT)
+
+
+def test_it_makes_no_difference_which_of_them_a_population_has_met(predictor: Predictor) -> None:
+    in_turns = posterior(lambda number: (number % 2 == 0, number % 2 == 1))
+    assert stated(predictor, in_turns, alike=True) == pytest.approx(1.0)
+    assert stated(predictor, in_turns, alike=False) == 0.0
+    by_one = posterior(lambda number: (True, False))
+    assert stated(predictor, by_one, alike=True) == 0.0
+
+
+def test_of_what_explains_the_readings_poorly_nothing_is_stated(predictor: Predictor) -> None:
+    poor = replace(posterior(lambda number: (True, True)), credible=False)
+    assert stated(predictor, poor, alike=True) is None
