@@ -50,10 +50,10 @@ class Simulator:
         assert self._process.stderr is not None
         for line in self._process.stderr:
             self.log.append(line)
-            if found := re.search(r"injected at (\S+)", line):
-                self.control = found[1]
-            if found := re.search(r"serving .*? on (tcp://[^\s,]+)", line):
-                self.uri = found[1]
+            if match := re.search(r"injected at (\S+)", line):
+                self.control = match[1]
+            if match := re.search(r"serving .*? on (tcp://[^\s,]+)", line):
+                self.uri = match[1]
                 # Somebody must read on, or the daemon blocks once the pipe is full.
                 self._reader = threading.Thread(target=self._read_on, daemon=True)
                 self._reader.start()
@@ -120,8 +120,8 @@ def simulator(
     environment: Mapping[str, str] | None = None,
 ) -> Iterator[Simulator]:
     """A ``sim-robotd`` that is gone afterwards; arguments as in ``Simulator``."""
-    found = Simulator(*options, bind=bind, module=module, environment=environment)
+    simulator = Simulator(*options, bind=bind, module=module, environment=environment)
     try:
-        yield found
+        yield simulator
     finally:
-        found.kill()
+        simulator.kill()

@@ -67,10 +67,10 @@ def _heavier(name: str, factor: float, seed: int) -> str:
 def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: str) -> str:
     """A body whose joint has other attributes, by element: its place, or its axis."""
     root = ElementTree.fromstring(urdf)
-    found = root.find(f"joint[@name='{joint}']")
-    assert found is not None
+    wanted = root.find(f"joint[@name='{joint}']")
+    assert wanted is not None
     for tag, attributes in elements.items():
-        element = found.find(tag)
+        element = wanted.find(tag)
         assert element is not None
         element.attrib.update(attributes)
     return ElementTree.tostring(root, encoding="unicode")

@@ -146,9 +146,9 @@ def figures_of(trial: Trial, seed: int, root: Path) -> Figures:
         return Figures.model_validate_json(done.read_text(encoding="utf-8"))
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
-    found = _run(trial, seed, place)
-    replace_text(done, found.model_dump_json(indent=2))
-    return found
+    figures = _run(trial, seed, place)
+    replace_text(done, figures.model_dump_json(indent=2))
+    return figures
 
 
 def is_done(trial: Trial, seed: int, root: Path) -> bool:

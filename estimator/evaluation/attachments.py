@@ -45,7 +45,7 @@ class Configuration(BaseModel):
     Attributes:
         part: Name of the part in the problem.
         trait: ``parent`` (the paper's P), ``mount`` (O) or ``hinge`` (J).
-        found: On the model.
+        modelled: On the model.
         true: On the robot, where the problem can say it.
         searched: Whether there was anything to be found: the problem left it open, and more than
             one choice was possible.
@@ -60,7 +60,7 @@ class Configuration(BaseModel):
 
     part: str
     trait: str
-    found: str
+    modelled: str
     true: str
     searched: bool
     chance: float
@@ -161,7 +161,7 @@ class Comparison:
         return Configuration(
             part=self._problem.parts[row].name,
             trait=trait,
-            found=self._value(self._model, cell),
+            modelled=self._value(self._model, cell),
             true=UNSAYABLE if impossible else true,
             searched=chance < 1 and bool(genes),
             chance=0.0 if impossible else chance,

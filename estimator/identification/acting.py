@@ -33,9 +33,9 @@ def carry_out(
     """
     try:
         if planned.ticket is not None:
-            found = _ask_again(link, number, planned, listener)
-            if found is not None:
-                return found
+            observation = _ask_again(link, number, planned, listener)
+            if observation is not None:
+                return observation
         while True:
             try:
                 ticket = link.ticket()
@@ -62,7 +62,7 @@ def _ask_again(
     assert planned.ticket is not None
     try:
         moving = partial(listener.moving, number)
-        found = link.outcome(planned.program, planned.ticket, moving)
+        observation = link.outcome(planned.program, planned.ticket, moving)
     except RobotRestartedError:
         listener.say(
             f"Interaction {number + 1}: the robot's daemon restarted since it was asked for, so "
@@ -72,8 +72,8 @@ def _ask_again(
     except RobotError as error:
         listener.say(f"Interaction {number + 1} had failed ({error.message}); it is tried again.")
         return None
-    if found is None:
+    if observation is None:
         listener.say(f"Interaction {number + 1} was never carried out; it is performed now.")
     else:
         listener.say(f"Interaction {number + 1} was under way; its outcome was still there.")
-    return found
+    return observation

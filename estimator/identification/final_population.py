@@ -53,16 +53,16 @@ class FinalPopulation:
                 searched=nothing,
                 order=np.empty(0, dtype=np.intp),
             )
-        found = store.finish()
+        finish = store.finish()
         with reading(store.directory):
             genes = np.array(checkpoint.state["population"], dtype=float)
             searched = np.array(latest.errors, dtype=float)
             if genes.shape[:1] != searched.shape:
                 raise ValueError(f"{len(genes)} models have {len(searched)} errors")
             errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
-            if found is not None:
-                errors[list(found.models)] = found.simulated
-                later[list(found.models)] = False
+            if finish is not None:
+                errors[list(finish.models)] = finish.simulated
+                later[list(finish.models)] = False
         return cls(genes=genes, errors=errors, searched=searched, order=np.lexsort((errors, later)))
 
     @classmethod
@@ -91,15 +91,15 @@ def with_last_word(store: RunStore) -> list[Generation]:
     The best model of the last one is the best of the run, with the error that all tables give it.
     """
     generations = store.generations()
-    found = store.finish()
-    if found is None or not found.models:
+    finish = store.finish()
+    if finish is None or not finish.models:
         return generations
     population, last = FinalPopulation.of(store), generations[-1]
     word = replace(
         last,
         number=last.number + 1,
         iteration=last.iteration + 1,
-        errors=found.simulated,
+        errors=finish.simulated,
         best=tuple(population.genes[population.best].tolist()),
     )
     return [*generations, word]

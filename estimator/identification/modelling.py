@@ -73,7 +73,7 @@ class Modeller:
         search.tell(self._errors(children, search.limits, observations))
 
     def _errors(self, genes: Array, limits: Array, observations: Sequence[Observation]) -> Array:
-        found = fit_genes(
+        fitted = fit_genes(
             self._genome,
             genes,
             observations,
@@ -83,6 +83,6 @@ class Modeller:
             limits=limits,
             foresight=self._foresight,
         )
-        self._invalid += found.invalid
-        self._undecided += found.undecided
-        return found.errors
+        self._invalid += fitted.invalid
+        self._undecided += fitted.undecided
+        return fitted.errors

@@ -49,34 +49,34 @@ def finish(
     leaders = leading(genome, population, errors)
     bodies = genome.decode_all(population[leaders])
     simulations, steps = physics.simulations, physics.steps
-    found = fit_bodies(bodies, observations, modalities, physics, objective)
+    fitted = fit_bodies(bodies, observations, modalities, physics, objective)
     return Finish(
         models=tuple(leaders),
         searched=tuple(errors[leaders].tolist()),
-        simulated=tuple(found.errors.tolist()),
+        simulated=tuple(fitted.errors.tolist()),
         simulations=physics.simulations - simulations,
-        invalid=found.invalid,
+        invalid=fitted.invalid,
         steps=physics.steps - steps,
     )
 
 
 def leading(genome: Genome, population: Array, errors: Array) -> list[int]:
     """Indices of the best models, none of which is much like a better one; at most ``LEADERS``."""
-    found: list[int] = []
+    leaders: list[int] = []
     kept: list[Morphology] = []
     for index in np.argsort(errors, kind="stable").tolist():
         body = genome.decode(population[index])
         if np.isfinite(errors[index]) and not any(_alike(body, other) for other in kept):
-            found.append(index)
+            leaders.append(index)
             kept.append(body)
-        if len(found) == LEADERS:
+        if len(leaders) == LEADERS:
             break
-    return found
+    return leaders
 
 
-def pairs_turned(found: Finish) -> tuple[int, int]:
+def pairs_turned(finish: Finish) -> tuple[int, int]:
     """Of how many pairs of leading models the two back-ends disagree which is better; all pairs."""
-    pairs = list(combinations(zip(found.searched, found.simulated, strict=True), 2))
+    pairs = list(combinations(zip(finish.searched, finish.simulated, strict=True), 2))
     turned = sum((one[0] < two[0]) != (one[1] < two[1]) for one, two in pairs)
     return turned, len(pairs)
 

@@ -90,8 +90,8 @@ class GeneColumns:
         places = {(gene.trait, gene.part): column for column, gene in enumerate(genes)}
 
         def of_trait(name: str) -> tuple[Indices, Indices]:
-            found = [(part, at) for (trait, part), at in places.items() if trait == name]
-            parts, columns = np.array(found, dtype=np.intp).reshape(-1, 2).T
+            columns_of_parts = [(part, at) for (trait, part), at in places.items() if trait == name]
+            parts, columns = np.array(columns_of_parts, dtype=np.intp).reshape(-1, 2).T
             return parts, columns
 
         chosen = [column for column, gene in enumerate(genes) if gene.choices]

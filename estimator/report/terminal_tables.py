@@ -174,9 +174,9 @@ def _print_configurations(console: Console, score: Score) -> None:
 
 def _verdict(cell: Configuration) -> Text:
     if cell.right:
-        return Text.assemble(("■", "green"), f" {cell.found}")
+        return Text.assemble(("■", "green"), f" {cell.modelled}")
     mark = ("≈", "yellow") if cell.right_up_to_equivalence else ("□", "red")
-    return Text.assemble(mark, f" {cell.found} ", (f"(true: {cell.true})", "dim"))
+    return Text.assemble(mark, f" {cell.modelled} ", (f"(true: {cell.true})", "dim"))
 
 
 def print_validation(console: Console, validation: Validation) -> None:

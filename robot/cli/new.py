@@ -140,8 +140,8 @@ def _paragraphs(file: str) -> list[str]:
 
 def _table_of(paragraph: str) -> str:
     """The name of the table that a paragraph writes, or nothing."""
-    found = re.search(r"^\[+(\w+)", paragraph, re.MULTILINE)
-    return found[1] if found else ""
+    heading = re.search(r"^\[+(\w+)", paragraph, re.MULTILINE)
+    return heading[1] if heading else ""
 
 
 def _name(paragraph: str) -> str:

@@ -68,7 +68,7 @@ class InstalledDriver:
 
 def installed() -> list[InstalledDriver]:
     """All drivers, ours first; a name that comes twice is offered twice."""
-    found = []
+    drivers = []
     for group, ours in OURS.items():
         points = [metadata.EntryPoint(name, value, group) for name, value in ours.items()]
         for point in [*points, *metadata.entry_points(group=group)]:
@@ -79,8 +79,8 @@ def installed() -> list[InstalledDriver]:
                 metadata.distribution("bodyschema") if point in points else None
             )
             label = f"{brought.name} {brought.version}" if brought else ""
-            found.append(InstalledDriver(table=table, name=name, point=point, distribution=label))
-    return found
+            drivers.append(InstalledDriver(table=table, name=name, point=point, distribution=label))
+    return drivers
 
 
 def driver_class(table: Section, group: str, default: str, *, kind: str = "") -> Any:

@@ -20,18 +20,18 @@ _TURN = math.pi + 0.01
 def faults_of(description: Description, file: str) -> list[BodyError]:
     """All that is wrong with a description, whatever was wrong with its links and joints alone."""
     robot = description.robot
-    found = [*_names(robot)]
+    faults = [*_names(robot)]
     if not description.faults:  # a link or joint that is wrong in itself is no part of the tree
-        found += _tree(robot)
+        faults += _tree(robot)
     for link in robot.links:
-        found += _link(link, root=link.name in _roots(robot))
+        faults += _link(link, root=link.name in _roots(robot))
     moving = [joint for joint in robot.joints if joint.type == "revolute"]
     if not (1 <= len(moving) <= MAX_MOTORS) and not description.faults:
         reason = f"must have 1 to {MAX_MOTORS} revolute joints, not {len(moving)}."
-        found.append(("robot", reason))
+        faults.append(("robot", reason))
     for joint in moving:
-        found += _joint(joint)
-    return [*description.faults, *(BodyError(file, place, reason) for place, reason in found)]
+        faults += _joint(joint)
+    return [*description.faults, *(BodyError(file, place, reason) for place, reason in faults)]
 
 
 def root_of(robot: Robot) -> Link:

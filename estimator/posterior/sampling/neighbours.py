@@ -61,17 +61,17 @@ class Neighbours:
 
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
-        found = []
+        near = []
         for columns in self._unknowns.joined:
             points = self._ranked(self._rows(leader[None], columns))
-            found.append(points[:_KEPT])
+            near.append(points[:_KEPT])
             for newcomers, displaced in self._newcomers(points, leader, columns):
-                found += [
+                near += [
                     self._ranked(self._rows(newcomers, other, kept=(displaced,)))[:_SETTLED]
                     for other in self._unknowns.joined
                     if displaced in other
                 ]
-        points = np.concatenate(found)
+        points = np.concatenate(near)
         fits = self._lengths.fits(points, _WIDTH, surely=True)
         best = best_of_each(self._unknowns.keys(points), fits)[:_POLISHED]
         return self._lengths.polished(points[best])

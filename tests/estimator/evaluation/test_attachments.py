@@ -201,7 +201,7 @@ def test_a_twisted_hinge_is_nobodys_fault_but_wrong(tmp_path: Path) -> None:
     comparison = case.compare(tree(*QUAD))
     cells = comparison.configurations(lambda starts: True)
     assert wrong_up_to_equivalence(cells) == [("leg 1", "hinge")]
-    assert (cells[2].found, cells[2].true) == ("up", "not representable")
+    assert (cells[2].modelled, cells[2].true) == ("up", "not representable")
     assert sum(item.chance for item in cells) == pytest.approx(3.75 - 1 / 6)
     (sentence,) = comparison.not_representable
     assert sentence.startswith("joint_0 has its axis 27 degrees")

@@ -19,7 +19,7 @@ def configuration(
     return Configuration(
         part=part,
         trait=trait,
-        found=found,
+        modelled=found,
         true="left",
         searched=(part, trait) != ("leg 1", "parent"),
         chance=0.25,
