@@ -15,11 +15,17 @@ from estimator.__main__ import main
 from estimator.exploration import choosing, information
 from estimator.identification import posterior_method
 from estimator.posterior.checks import recheck
-from estimator.posterior.sampling import weighing
+from estimator.posterior.model.departures import Departure, possible_departures
+from estimator.posterior.sampling import discovery, weighing
 from estimator.posterior.sampling.sampler import Effort
+from estimator.problem.problem import Problem
 from estimator.report.bodies import camera
 
 _LITTLE: Final = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=16)
+
+
+def _few_departures(problem: Problem) -> tuple[Departure, ...]:
+    return possible_departures(problem)[::8]
 
 
 @contextmanager
@@ -32,6 +38,10 @@ def little_effort() -> Iterator[None]:
         patch.setattr(choosing, "_LIKELY", 20)
         patch.setattr(choosing, "_MORE_DRAWS", 200)
         patch.setattr(recheck, "SAMPLES", 6)
+        patch.setattr(posterior_method, "possible_departures", _few_departures)
+        patch.setattr(discovery, "_POLISHED", 20)
+        patch.setattr(discovery, "_PROMISING", 10)
+        patch.setattr(discovery, "_STARTS", 6)
         patch.setattr(weighing, "_BURN_IN", 10)
         patch.setattr(camera, "_FINER", 1)
         yield
