@@ -47,6 +47,7 @@ class PosteriorMethod:
         store: The run's memory; opened for writing.
         listener: Hears what happens.
         make_physics: Makes the back-end that samples, for each population one.
+        physics: The same, on all cores: for what is done while the workers rest.
         workers: Move the populations' chains.
         open_reference: Makes the back-end that has the last word.
     """
@@ -57,6 +58,7 @@ class PosteriorMethod:
         listener: Listener,
         *,
         make_physics: Callable[[], ArrayMarginPhysics],
+        physics: ArrayMarginPhysics,
         workers: Workers,
         open_reference: Callable[[], Physics],
     ) -> None:
@@ -73,6 +75,7 @@ class PosteriorMethod:
             effort,
             seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
             workers=workers,
+            physics=physics,
         )
         beliefs = store.beliefs()
         self._learnt = len(beliefs)

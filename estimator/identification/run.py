@@ -29,7 +29,7 @@ from estimator.physics.backends import (
     foresight_of,
     maker,
 )
-from estimator.physics.base import ArrayMarginPhysics
+from estimator.physics.base import ArrayMarginPhysics, WorldSettings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.recheck import fine
 from estimator.problem.problem import Problem
@@ -306,16 +306,15 @@ def _work(
         foresight: ArrayMarginPhysics
         if settings.method == "posterior":
             make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
-            opened = stack.enter_context(closing(computers.open_physics(settings.physics, world)))
-            foresight = (
-                cast(ArrayMarginPhysics, opened)
-                if opened.abilities.arrays
-                else stack.enter_context(closing(make_physics()))
+            foresight, physics = (
+                stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
+                for _ in range(2)
             )
             method = PosteriorMethod(
                 store,
                 listener,
                 make_physics=make_physics,
+                physics=physics,
                 workers=stack.enter_context(closing(computers.open_workers())),
                 open_reference=lambda: computers.open_physics(settings.reference, fine(world)),
             )
@@ -335,3 +334,12 @@ def _work(
         )
         identification.run(after_iteration=lambda: report(store))
     return report(store)
+
+
+def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayMarginPhysics:
+    """On all cores of this computer, or on one where a cluster does the work, which takes none."""
+    opened = computers.open_physics(name, world)
+    if opened.abilities.arrays:
+        return cast(ArrayMarginPhysics, opened)
+    opened.close()
+    return cast(ArrayMarginPhysics, maker(name, world)())

@@ -84,8 +84,8 @@ class StaticsPhysics(BackEnd):
             ) from error
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travels to worker processes without its threads, and with its counts."""
-        make = partial(StaticsPhysics, self._settings, jobs=self._jobs, pace=self._pace)
+        """Travels to worker processes with its counts, and works there on one core."""
+        make = partial(StaticsPhysics, self._settings, pace=self._pace)
         return make, (), {"simulations": self.simulations, "steps": self.steps}
 
     def close(self) -> None:

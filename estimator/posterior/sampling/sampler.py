@@ -71,6 +71,8 @@ class Sampler:
         effort: How much to do.
         seeds: One for each population and one for what is done in common.
         workers: Move the populations' chains; results do not depend on how many there are.
+        physics: Computes what is done in common, when workers rest; by default one more of
+            ``make_physics``.
 
     Attributes:
         predictor: Predicts readings.
@@ -85,6 +87,7 @@ class Sampler:
         seeds: Sequence[np.random.SeedSequence],
         *,
         workers: Workers,
+        physics: ArrayMarginPhysics | None = None,
     ) -> None:
         self._noise = noise
         self._effort = effort
@@ -92,7 +95,7 @@ class Sampler:
         known = not unknowns.parents.any()
         self._telling = max(_TELLING, math.ceil(unknowns.bits / _TOLD) if known else 0)
         self._wanders = self._telling > _TELLING
-        self.predictor = Predictor(unknowns, make_physics())
+        self.predictor = Predictor(unknowns, physics or make_physics())
         *own, common = seeds
         self._searches = []
         for _, seed in zip(range(effort.populations), own, strict=True):
