@@ -164,7 +164,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
         told.append(
             {
                 "right": bool(right),
-                "probability": belief.probability or 0.0,
+                "probability": belief.probability,
                 "ranks": (posterior.weights @ (sampled < lengths)).tolist(),
                 "inside": ((low <= lengths) & (lengths <= high)).tolist(),
                 "widths_mm": (1000 * (high - low)).tolist(),
@@ -180,16 +180,17 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
 def table(trials: Iterable[list[dict[str, Any]]]) -> str:
     """What the trials say, as Markdown."""
     lines = [
-        "| after interaction | right | stated ≥ 0.95 | of these right | log score | legs inside "
-        "90 % interval | its median width (mm) | ranks uniform, p | expected bits | gained bits | "
-        "by the true body |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| after interaction | right | not known | stated ≥ 0.95 | of these right | log score | "
+        "legs inside 90 % interval | its median width (mm) | ranks uniform, p | expected bits | "
+        "gained bits | by the true body |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for number, steps in enumerate(zip(*trials, strict=True), start=1):
-        sure = [step for step in steps if step["probability"] >= SURE]
-        stated = np.clip([step["probability"] for step in steps], 1e-6, 1 - 1e-6)
-        right = np.array([step["right"] for step in steps])
-        score = np.mean(np.log(np.where(right, stated, 1 - stated)))
+        known = [step for step in steps if step["probability"] is not None]
+        sure = [step for step in known if step["probability"] >= SURE]
+        stated = np.clip([step["probability"] for step in known], 1e-6, 1 - 1e-6)
+        right = np.array([step["right"] for step in known], dtype=bool)
+        score = np.mean(np.log(np.where(right, stated, 1 - stated))) if known else math.nan
         every = {
             name: np.array([one for step in steps for one in step[name]])
             for name in ("ranks", "inside", "widths_mm")
@@ -200,7 +201,8 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
         )
         uniform = stats.kstest(every["ranks"], "uniform").pvalue
         lines.append(
-            f"| {number} | {right.sum()} of {len(steps)} | {len(sure)} | "
+            f"| {number} | {sum(step['right'] for step in steps)} of {len(steps)} | "
+            f"{len(steps) - len(known)} | {len(sure)} | "
             f"{sum(step['right'] for step in sure)} | {score:.2f} | "
             f"{every['inside'].sum()} of {every['inside'].size} | "
             f"{np.median(every['widths_mm']):.1f} | "
