@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from estimator.report.plain_table import plain_table
-from estimator.report.posterior_summary import Interval, PosteriorSummary, SumOfLengths
+from estimator.report.posterior_summary import Interval, PosteriorSummary, Step, SumOfLengths
 from estimator.report.result import Result
 
 WHAT_TO_CHECK: Final = (
@@ -116,10 +116,14 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
         bits = (
             "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
         )
-        sure = "not known" if step.probability is None else percent(step.probability)
-        sure += "" if step.explained else ", not explained"
-        table.add_row(str(number), *bits, sure, Text(step.reason))
+        table.add_row(str(number), *bits, sureness_after(step), Text(step.reason))
     console.print(table)
+
+
+def sureness_after(step: Step) -> str:
+    """How sure the attachments were after a movement, in a cell of a table."""
+    sure = "not known" if step.probability is None else percent(step.probability)
+    return sure if step.explained else f"{sure}, not explained"
 
 
 def sureness(posterior: PosteriorSummary) -> str:

@@ -21,7 +21,13 @@ from estimator.report.evaluation_files import read_true_body, read_validation, s
 from estimator.report.leg_styles import leg_colour
 from estimator.report.page.commands import commands
 from estimator.report.page.templates import render
-from estimator.report.posterior_tables import WHAT_TO_CHECK, percent, sum_of_lengths, sureness
+from estimator.report.posterior_tables import (
+    WHAT_TO_CHECK,
+    percent,
+    sum_of_lengths,
+    sureness,
+    sureness_after,
+)
 from estimator.report.prediction_plot import plot_predictions
 from estimator.report.result import Result
 from estimator.report.run_plots import RunPlot, run_plots
@@ -106,6 +112,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         sums=[] if posterior is None else [sum_of_lengths(result, one) for one in posterior.sums],
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
+        sureness_after=sureness_after,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
         felt=_felt(result, seen, shown.predicted, driven),

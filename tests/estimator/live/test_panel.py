@@ -43,17 +43,19 @@ def test_a_verdict_against_the_problem_stands_out(view: RunView) -> None:
     assert ">NO BODY.</b>" in panel(replace(view, result=result), Path("runs"))
 
 
-def test_a_movement_after_which_nothing_explained_the_readings_is_marked(view: RunView) -> None:
+def test_after_a_movement_nothing_may_be_known_or_explained(view: RunView) -> None:
     posterior = view.result.posterior
     assert posterior is not None
     assert "but not explained" not in panel(view, Path("runs"))
-    first, *others = posterior.steps
-    steps = (first.model_copy(update={"explained": False}), *others)
+    first, second, *others = posterior.steps
+    doubted = first.model_copy(update={"explained": False})
+    steps = (doubted, second.model_copy(update={"probability": None}), *others)
     result = view.result.model_copy(
         update={"posterior": posterior.model_copy(update={"steps": steps})}
     )
     text = panel(replace(view, result=result), Path("runs"))
     assert text.count("% sure, but not explained") == 1
+    assert text.count("bits gained, not known how sure<") == 1
 
 
 def test_names_of_robots_are_no_html(view: RunView) -> None:

@@ -119,17 +119,25 @@ def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Pa
     )
 
 
-def test_a_movement_after_which_nothing_explained_the_readings_is_marked(tmp_path: Path) -> None:
-    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
         result = summarise(run)
-    assert result.posterior is not None
-    (step,) = result.posterior.steps
-    doubted = step.model_copy(update={"probability": 0.99, "explained": False})
-    posterior = result.posterior.model_copy(update={"steps": (doubted, step)})
+        assert result.posterior is not None
+        (step,) = result.posterior.steps
+        doubted = step.model_copy(update={"probability": 0.99, "explained": False})
+        unknown = step.model_copy(update={"probability": None})
+        posterior = result.posterior.model_copy(
+            update={"steps": (unknown, doubted, step), "probability": None}
+        )
+        result = result.model_copy(update={"posterior": posterior})
+        page = run_page(run, PageSources.of(run, result))
     text = io.StringIO()
-    print_result(Console(file=text, width=200), result.model_copy(update={"posterior": posterior}))
-    assert "99.0 %, not explained" in text.getvalue()
-    assert text.getvalue().count("not explained") == 1
+    print_result(Console(file=text, width=200), result)
+    for said in (text.getvalue(), page):
+        assert said.count("not explained") == 1
+        assert "99.0 %, not explained" in said
+        assert "together is not known: the best body explains the readings poorly" in said
+    assert page.count("<td>not known</td>") == 1
 
 
 def test_a_radius_that_the_robot_states_otherwise_is_no_explanation(tmp_path: Path) -> None:
