@@ -31,9 +31,6 @@ _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24
-_NEARBY: Final = 100  # lengths tried around its own,
-_NEAR: Final = 0.01  # of their range away,
-_ATTEMPTS: Final = 2  # one after the other
 _SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
@@ -213,8 +210,6 @@ class _Visited:
             order = best_of_each(self._unknowns.keys(values), fits)[:_PROMISING]
             self._add_polished(values[order], lengths)
             self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
-            for _ in range(_ATTEMPTS):
-                self._add_polished(self._nearby(keys[row], lengths, rng), lengths)
         return bool(chosen)
 
     def climb(self, neighbours: Neighbours) -> bool:
@@ -236,15 +231,6 @@ class _Visited:
         trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
         order = np.argsort(-lengths.fits(trial, _SWEEP_WIDTH, surely=True), kind="stable")[:_STARTS]
         starts: Array = trial[order]
-        return starts
-
-    def _nearby(self, key: Attachments, lengths: Lengths, rng: np.random.Generator) -> Array:
-        """Lengths around the best known: near a fork a step to better ones leads over an edge."""
-        columns = self._unknowns.continuous
-        trial = np.repeat(self._points[key][1][None], _NEARBY, axis=0)
-        trial[:, columns] += _NEAR * rng.standard_normal((_NEARBY, columns.size))
-        trial[:, columns] = np.clip(trial[:, columns], 0, 1)
-        starts: Array = trial[np.argsort(-lengths.fits(trial), kind="stable")[:_STARTS]]
         return starts
 
     def _add_polished(self, values: Array, lengths: Lengths) -> None:

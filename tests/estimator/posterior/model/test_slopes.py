@@ -3,14 +3,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import LEANS, Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling.discovery import Discovery
-from estimator.posterior.sampling.population import Population
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
@@ -22,22 +19,18 @@ MOVED = [
     *((24, -29, -29, -21), (-7, -16, 7, -27), (-29, 1, -4, 20)),
 ]
 SIDES = [0, 2, 2, 2, 0, 0, 0]  # to which it fell: at three of the forks not as statics has it
-FOUR_LEGS = np.array(
-    [
-        [
-            *(0.939, 0.162, 0.446, 0.533, 0.334, 0.352, 0.453, 0.415),
-            *(0.023, 0.623, 0.494, 0.612, 0.122, 0.825, 0.41, 0.363),
-        ]
-    ]
-)
+FOUR_LEGS = [
+    *(0.939, 0.162, 0.446, 0.533, 0.334, 0.352, 0.453, 0.415),
+    *(0.023, 0.623, 0.494, 0.612, 0.122, 0.825, 0.41, 0.363),
+]
 
 
-def near_forks(seed: int) -> tuple[Predictor, SensorData]:
-    """What a body near a fork in three interactions of seven felt, drawn from statics."""
+def test_lengths_that_fit_already_are_not_led_astray() -> None:
+    """Wide noise knows of no forks, and leads to lengths from which there is no way back."""
     genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
-    predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(seed)
-    moved = np.radians(MOVED)
-    felt = predictor.read_all(FOUR_LEGS, moved, LEANS[SIDES])
+    predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(3)
+    point, moved = np.array([FOUR_LEGS]), np.radians(MOVED)
+    felt = predictor.read_all(point, moved, LEANS[SIDES])
     tilt = felt.tilt + rng.normal(0, NOISE.tilt, felt.tilt.shape)
     clearance = felt.clearance + rng.normal(0, NOISE.clearance, len(moved))
     observations = [
@@ -49,26 +42,7 @@ def near_forks(seed: int) -> tuple[Predictor, SensorData]:
         )
         for row in range(len(moved))
     ]
-    return predictor, SensorData.of(observations, MODALITIES, CAP)
-
-
-def test_lengths_that_fit_already_are_not_led_astray() -> None:
-    """Wide noise knows of no forks, and leads to lengths from which there is no way back."""
-    predictor, data = near_forks(3)
+    data = SensorData.of(observations, MODALITIES, CAP)
     lengths = Lengths(predictor, data, Likelihood(data, NOISE))
-    (before,), (after,) = lengths.fits(FOUR_LEGS), lengths.polished(FOUR_LEGS)[1]
+    (before,), (after,) = lengths.fits(point), lengths.polished(point)[1]
     assert after >= before
-
-
-@pytest.mark.parametrize("seed", [1, 3, 4])
-def test_a_search_finds_its_way_past_the_edges_of_forks(seed: int) -> None:
-    predictor, data = near_forks(seed)
-    chains, rng = np.random.default_rng(1), np.random.default_rng(2)
-    population = Population.of_prior(predictor, chains, levels=4, width=8)
-    search = Discovery(population, predictor, rng, climbs=False)
-    columns = predictor.unknowns.continuous
-    search.met = FOUR_LEGS.copy()
-    search.met[:, columns] += 0.01 * rng.standard_normal(columns.size)  # 4 mm
-    search.observe(data, NOISE)
-    (known,) = Lengths(predictor, data, Likelihood(data, NOISE)).fits(FOUR_LEGS)
-    assert search.search(0).fits[0] > known - 1
