@@ -90,8 +90,9 @@ def test_messages_of_several_parts(serve: Serve, robot: FakeRobot) -> None:
         assert "not 2" in decode(client.recv())["message"]
     with raw(zmq.REQ, server.endpoint) as client:  # puts an empty part before its frame
         client.send(hello)
-        assert not client.poll(50)
-    assert server.garbage == 2
+        while server.garbage < 2:  # the test's time limit ends it
+            assert not client.poll(50)
+        assert server.garbage == 2
     assert still_serves(server)
 
 
