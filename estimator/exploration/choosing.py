@@ -160,8 +160,9 @@ class Chooser:
         built = [
             self._built(doubts[index], away) for index, away in zip(others, spread, strict=True)
         ]
+        attachments = self._predictor.unknowns.attachments(samples.genes)
         lengths = np.round(models.bodies.length / _KNOWN)
-        _, alike = np.unique(lengths, axis=0, return_inverse=True)
+        _, alike = np.unique(np.hstack([attachments, lengths]), axis=0, return_inverse=True)
         return _Hypotheses(
             bodies=Bodies.joined([models.bodies, *built])[order],
             scales=np.vstack([models.scales, np.zeros((len(others), 2))])[order],

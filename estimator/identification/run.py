@@ -337,7 +337,7 @@ def _work(
 
 
 def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayMarginPhysics:
-    """On all cores of this computer, or on one where a cluster does the work, which takes none."""
+    """A back-end for arrays of bodies: on all cores here, on one where a cluster does the work."""
     opened = computers.open_physics(name, world)
     if opened.abilities.arrays:
         return cast(ArrayMarginPhysics, opened)

@@ -71,7 +71,7 @@ class Reference:
         self._programs = programs
         self._physics = physics
         self._modalities = tuple(modalities)
-        self._felt = self._read(body)
+        self._felt = self._read(body, np.arange(len(programs)))
         margins = physics.path_margins([(body, program) for program in programs])
         self._tells: Flags = margins > MARGIN
         self.telling: Indices = np.flatnonzero(self._tells & self._felt.valid)
@@ -85,8 +85,7 @@ class Reference:
         told = np.flatnonzero(self._tells)
         differing = 0
         for programs in filter(len, np.split(told, [_FIRST])):
-            theirs = self._physics.read([(body, one) for one in self._programs[programs]])
-            same = agree(self._felt[programs], theirs, self._modalities)
+            same = agree(self._felt[programs], self._read(body, programs), self._modalities)
             differing += int(np.count_nonzero(~same))
             if told.size - differing < AGREEMENT * told.size:
                 return False
@@ -112,8 +111,8 @@ class Reference:
         differences[~theirs.valid] = _UNLIKE
         return differences.reshape(len(bodies), len(programs), -1)
 
-    def _read(self, body: Morphology) -> Readings:
-        return self._physics.read([(body, program) for program in self._programs])
+    def _read(self, body: Morphology, programs: Indices) -> Readings:
+        return self._physics.read([(body, program) for program in self._programs[programs]])
 
 
 def turned(body: Morphology, quarters: int) -> Morphology:

@@ -24,7 +24,7 @@ from estimator.storage.beliefs import (
 LikeLeader = Callable[[Morphology], Callable[[Morphology], bool]]
 """Of a body, the test whether another can be told from it."""
 
-_KEPT: Final = 120  # modes
+_KEPT: Final = 120  # modes, as many as are weighed at most
 _RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
 _COMPARED: Final = 0.002  # probability of a mode that is compared
 

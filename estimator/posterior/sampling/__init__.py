@@ -6,7 +6,7 @@ Module          What is in it
 ``sampler``     ``Sampler``: discovers, weighs and samples
 ``wandering``   the posterior while the readings cannot tell of all parts
 ``discovery``   the search that says where the posterior is
-``comparison``  what the populations have met, and whether it can be all
+``agreement``   what the populations have met, and whether it can be all
 ``weighing``    modes weighed by their evidence, and samples drawn by these weights
 ``evidence``    how much probability each set of attachments holds
 ``population``  chains on levels of noise: evolutionary Monte Carlo

@@ -18,7 +18,7 @@ from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, met_by_each
-from estimator.posterior.sampling.comparison import CONSIDERED, Comparison
+from estimator.posterior.sampling.agreement import CONSIDERED, Agreement
 from estimator.posterior.sampling.discovery import Discovery, chains_like
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.population import Population
@@ -202,7 +202,7 @@ class Sampler:
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         return self._weighed(self._discovered(data, known), data)
 
-    def _discovered(self, data: SensorData, known: set[Attachments]) -> Comparison:
+    def _discovered(self, data: SensorData, known: set[Attachments]) -> Agreement:
         """Searches in rounds, each with the hotter half of the chains drawn anew.
 
         They end when the readings are explained, the populations agree, and a round has found
@@ -220,40 +220,40 @@ class Sampler:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
             self._searches = self._workers.map(search, self._searches)
             bodies = [search.best() for search in self._searches]
-            comparison = Comparison.of(bodies, self.predictor, estimator, data, self._noise)
-            fresh = comparison.share_beyond(known)
-            known.update(comparison.keys)
+            agreement = Agreement.of(bodies, self.predictor, estimator, data, self._noise)
+            fresh = agreement.share_beyond(known)
+            known.update(agreement.keys)
             number += 1
-            agreed = comparison.explained and comparison.share_met >= _AGREED
-            doubtful = comparison.doubtful and comparison.leader not in self._cleared
+            agreed = agreement.explained and agreement.share_met >= _AGREED
+            doubtful = agreement.doubtful and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
-            if comparison.few and not self._wanders and (doubtful or apart):
+            if agreement.few and not self._wanders and (doubtful or apart):
                 anew += 1
-            settled = comparison.credible and agreed and fresh <= _NEGLIGIBLE
+            settled = agreement.credible and agreed and fresh <= _NEGLIGIBLE
             if self._wanders:
-                settled |= comparison.explained and not late
+                settled |= agreement.explained and not late
                 rounds = _ENOUGH
             else:
                 settled &= not (0 < anew <= _MORE and doubtful)
-                rounds = min(effort.rounds, len(data)) if comparison.credible else effort.rounds
+                rounds = min(effort.rounds, len(data)) if agreement.credible else effort.rounds
                 rounds += _MORE if anew else 0
             if settled or number >= rounds:
                 if anew > _MORE:
-                    self._cleared.update(comparison.leaders)
-                return comparison
+                    self._cleared.update(agreement.leaders)
+                return agreement
 
-    def _weighed(self, comparison: Comparison, data: SensorData) -> Posterior:
+    def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""
         predictor, effort = self.predictor, self._effort
         modes = weighed(
-            comparison.points,
-            comparison.guesses,
-            partial(self._evidences, self._estimator(data), comparison.best),
+            agreement.points,
+            agreement.guesses,
+            partial(self._evidences, self._estimator(data), agreement.best),
             self._rng,
         )
         chains = sampled(modes, predictor, data, self._noise, self._rng, count=effort.samples)
         whose = predictor.unknowns.keys(chains.values)
-        for search, met in zip(self._searches, comparison.met, strict=True):
+        for search, met in zip(self._searches, agreement.met, strict=True):
             own = [row for row, key in enumerate(whose) if self._wanders or key in met]
             if own:
                 rows = self._rng.choice(own, effort.width)
@@ -267,7 +267,7 @@ class Sampler:
                 modes.shares,
                 modes.points,
                 modes.evidences,
-                met_by_each(keys, comparison.met).tolist(),
+                met_by_each(keys, agreement.met).tolist(),
                 strict=True,
             )
         ]
@@ -276,7 +276,7 @@ class Sampler:
             scales=chains.scales,
             weights=np.full(len(chains.values), 1 / len(chains.values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
-            credible=comparison.credible,
+            credible=agreement.credible,
         )
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:

@@ -87,6 +87,18 @@ def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
     assert np.all(touch | (strays > 5))  # standard deviations
 
 
+def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
+    predictor: Predictor,
+) -> None:
+    points = np.tile(RIGHT, (40, 1))
+    points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
+    departure = Limp(name="a dead servo", part=0)
+    doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
+    models = replace(Models.equally_likely(points), doubts=(doubt,))
+    choice = chooser(predictor).choose(models, np.random.default_rng(1))
+    assert choice.about[predictor.unknowns.choices[-1]] > 0.8
+
+
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
     points = np.random.default_rng(2).random((50, 7))
     one, two = (

@@ -94,7 +94,7 @@ class Orderly:
 
 def test_commands_that_wait_for_reads(calm: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
     floods = "protocol.conformance.checks.floods"  # our reads are quick, but on a busy machine
-    monkeypatch.setattr(f"{floods}.GRACE", 0.0)
+    monkeypatch.setattr(f"{floods}.GRACE", 0.005)
     monkeypatch.setattr(f"{floods}._time_of_a_read", lambda client: 0.0)
     with serving(Orderly(calm)) as uri:
         (told,) = run(SuiteSettings(uri=uri, motion=10.0), only=["5.16"])

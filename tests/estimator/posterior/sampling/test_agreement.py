@@ -7,7 +7,7 @@ from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling.comparison import Comparison, met_by
+from estimator.posterior.sampling.agreement import Agreement, met_by
 from estimator.posterior.sampling.discovery import Bodies
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
@@ -31,7 +31,7 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
 
 
 def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
-    comparison = Comparison(
+    agreement = Agreement(
         points=np.zeros((3, 1)),
         keys=[(0,), (1,), (2,)],
         best=0.0,
@@ -40,6 +40,6 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
         fit=Fit(unexplained=0, poor=True),
         may_err=True,
     )
-    assert comparison.leader == (1,)
-    assert comparison.leaders == [(0,), (1,)]
-    assert comparison.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)
+    assert agreement.leader == (1,)
+    assert agreement.leaders == [(0,), (1,)]
+    assert agreement.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)

@@ -1,4 +1,4 @@
-"""What the populations have met, compared: whether they agree, and whether it can be all.
+"""Whether the populations agree on what they have met, and whether that can be all.
 
 They are independent, so what both have met tells how much neither has.
 """
@@ -31,8 +31,8 @@ _FEW: Final = 50  # sets of attachments that all populations can have met
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """What the populations have met, side by side.
+class Agreement:
+    """What the populations have met, side by side, and how far they agree.
 
     Attributes:
         points: The best of each set of attachments that may matter, best first, shape (n, size).
