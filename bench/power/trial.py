@@ -241,7 +241,6 @@ def held_against(
     known = Truth.read(truth, problem, store.capabilities)
     legs = np.array([leg.limb.length for leg in known.legs.values()])
     search: LengthSearch | None = None
-    sure = not any(gene.choices > 1 for gene in genome.genes)  # nothing to be unsure of
     count, steps = 0, []
     with StaticsPhysics(store.world) as physics:
         for belief, seconds in zip(_beliefs(store), cpu_seconds, strict=False):
@@ -262,7 +261,7 @@ def held_against(
                 }
             steps.append(
                 Step(
-                    probability=1.0 if sure and belief.genes is not None else belief.probability,
+                    probability=belief.probability,
                     explained=belief.explained,
                     cells=sum(cell.right_up_to_equivalence for cell in cells),
                     leg_errors_mm=tuple(1000 * (leg_lengths([body])[0] - legs)),

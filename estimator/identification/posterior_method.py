@@ -18,7 +18,13 @@ from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.belief import believe
-from estimator.posterior.checks.departed import clearly_better, doubts, with_consequence
+from estimator.posterior.checks.departed import (
+    clearly_better,
+    doubts,
+    probability_departed,
+    that_can_be_felt,
+    with_consequence,
+)
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.information import systematic
@@ -38,6 +44,8 @@ SURE: Final = 0.95
 
 PRECISE: Final = 0.005
 """A length is known when half of its 90 % interval is no more, m."""
+
+_FEW: Final = 100  # movements, in which a departure shows if it can be felt at all
 
 
 class PosteriorMethod:
@@ -83,6 +91,10 @@ class PosteriorMethod:
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()
         self._doubted: tuple[Doubt, ...] | None = None  # not looked for yet
+        rng = generator(store.settings.seed, Stream.EQUIVALENCE)
+        self._movements = np.array(
+            [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
+        )
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -112,9 +124,7 @@ class PosteriorMethod:
             before=before,
         )
         self._doubted = self._doubts_once_sure(belief, data, self._sampler.predictor)
-        better = clearly_better(self._doubted)
-        if better is not None:
-            belief = belief.model_copy(update={"departure": better.name})
+        belief = _doubting(belief, self._doubted)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -164,7 +174,8 @@ class PosteriorMethod:
     def _doubts_once_sure(
         self, belief: Belief, data: SensorData, predictor: Predictor
     ) -> tuple[Doubt, ...]:
-        if not self._attachments_known(belief.model_copy(update={"departure": None}), SURE):
+        as_stated = belief.model_copy(update={"departed": 0.0, "departure": None})
+        if not self._attachments_known(as_stated, SURE):
             return ()
         if not predictor.unknowns.bits and not self._lengths_known(belief):
             return ()
@@ -173,8 +184,14 @@ class PosteriorMethod:
     def _doubts(
         self, posterior: Posterior, data: SensorData, predictor: Predictor
     ) -> tuple[Doubt, ...]:
-        departures, noise = possible_departures(self._store.problem), self._noise
-        return doubts(posterior, predictor, data, noise, departures)
+        departures = that_can_be_felt(
+            possible_departures(self._store.problem),
+            posterior.modes[0].point,
+            predictor,
+            self._movements[:_FEW],
+            self._store.settings.modalities,
+        )
+        return doubts(posterior, predictor, data, self._noise, departures)
 
     def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
         decode_all = self._store.genome.decode_all
@@ -208,10 +225,10 @@ class PosteriorMethod:
             simulations, steps = reference.simulations, reference.steps
         doubted = self._doubts(checked.posterior, data, self._sampler.predictor)
         final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
-        better = clearly_better(doubted) if (final.probability or 0.0) >= SURE else None
+        if (final.probability or 0.0) >= SURE:
+            final = _doubting(final, doubted)
         final = final.model_copy(
             update={
-                "departure": None if better is None else better.name,
                 "untested": self._untested(doubted, posterior),
                 "gained": belief.gained,
                 "simulated": checked.simulated,
@@ -247,16 +264,8 @@ class PosteriorMethod:
         )
 
     def _same_as(self, body: Morphology) -> Callable[[Morphology], bool]:
-        settings = self._store.settings
-        rng = generator(settings.seed, Stream.EQUIVALENCE)
-        programs = np.array(
-            [
-                self._store.problem.random_program(rng, self._store.capabilities)
-                for _ in range(PROGRAMS)
-            ]
-        )
-        physics = self._make_physics()
-        return Reference(body, programs, physics, settings.modalities).is_like
+        physics, modalities = self._make_physics(), self._store.settings.modalities
+        return Reference(body, self._movements, physics, modalities).is_like
 
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""
@@ -282,6 +291,17 @@ def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
             for key, mode, point in zip(keys, belief.modes, points, strict=True)
         ),
         credible=belief.probability is not None,
+    )
+
+
+def _doubting(belief: Belief, doubted: Sequence[Doubt]) -> Belief:
+    """What is believed, in the light of bodies that depart from the problem."""
+    better = clearly_better(doubted)
+    return belief.model_copy(
+        update={
+            "departed": probability_departed(doubted),
+            "departure": None if better is None else better.name,
+        }
     )
 
 

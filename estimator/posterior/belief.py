@@ -53,6 +53,7 @@ def believe(
     alike = _like_the_first(compared, predictor, same_as)
     alike += [False] * (len(modes) - len(alike))
     verdict = judge(posterior, predictor, data, noise)
+    known = posterior.credible or not predictor.unknowns.bits
     gained = None
     if before is not None:
         gained = information_gained(before, posterior, predictor, data, noise)
@@ -71,7 +72,7 @@ def believe(
             )
             for mode, one in zip(modes, alike, strict=True)
         ),
-        probability=_stated(modes, np.array(alike)) if posterior.credible else None,
+        within_problem=_vouched_for(modes, np.array(alike)) if known else None,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(
@@ -83,18 +84,18 @@ def believe(
     )
 
 
-def _stated(modes: Sequence[Mode], alike: Flags) -> float:
+def _vouched_for(modes: Sequence[Mode], alike: Flags) -> float:
     """Probability of attachments like the first mode's; no more than the populations have met.
 
     Which of those that feel alike a population has met makes no difference.
     """
     shares = np.array([mode.probability for mode in modes])
     met = np.array([mode.met for mode in modes])
-    stated = float(shares[alike].sum())
-    vouched_for = share_met(
-        np.append(shares[~alike], stated), np.vstack([met[~alike], met[alike].any(axis=0)])
+    together = float(shares[alike].sum())
+    in_common = share_met(
+        np.append(shares[~alike], together), np.vstack([met[~alike], met[alike].any(axis=0)])
     )
-    return min(stated, vouched_for)
+    return min(together, in_common)
 
 
 def _medians(posterior: Posterior, predictor: Predictor) -> Array:

@@ -129,6 +129,8 @@ class PosteriorSummary(_Record):
         verdict: The same as a sentence.
         unexplained: Numbers of the interactions that the best body leaves unexplained, from 1.
         probability: Stated probability of the attachments; ``None``: it is not known.
+        departed: Probability that the robot is built otherwise than the problem says: a part of
+            what is missing from ``probability``. 0 where that was not looked at.
         attachments: What the problem leaves open, as the best body has it.
         lengths_m: Of each leg, m, in motor order.
         sums: Of two legs, where the readings tell these but not the single lengths.
@@ -152,6 +154,7 @@ class PosteriorSummary(_Record):
     verdict: str
     unexplained: tuple[int, ...] = ()
     probability: float | None
+    departed: float = 0.0
     attachments: tuple[Attachment, ...]
     lengths_m: tuple[Interval, ...]
     sums: tuple[SumOfLengths, ...] = ()
@@ -185,6 +188,7 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         verdict=verdict_on_fit(belief, contradictions),
         unexplained=tuple(item.interaction + 1 for item in belief.unexplained),
         probability=_probability(genome, belief),
+        departed=belief.departed,
         attachments=_attachments(genome, belief, genes, weights),
         lengths_m=length_intervals(lengths, weights),
         sums=sums_of_lengths(lengths, weights),
@@ -251,10 +255,9 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
 
 
 def _probability(genome: Genome, belief: Belief) -> float | None:
-    if not any(gene.choices > 1 for gene in genome.genes):
-        return 1.0
     stated = belief.probability
-    known = belief.modes[0].effective >= SURE_ENOUGH or (stated or 0.0) < 0.5
+    attached = not any(gene.choices > 1 for gene in genome.genes)
+    known = attached or belief.modes[0].effective >= SURE_ENOUGH or (stated or 0.0) < 0.5
     return stated if known else None
 
 

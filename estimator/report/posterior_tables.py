@@ -133,7 +133,14 @@ def sureness(posterior: PosteriorSummary) -> str:
         if posterior.probability is None
         else f"is {percent(posterior.probability)}"
     )
-    premise = ", if the robot is built as the problem says" if posterior.untested else ""
+    premise = ""
+    if posterior.departed:
+        premise = (
+            "; the probability that the robot is built otherwise than the problem says, "
+            f"{percent(posterior.departed)}"
+        )
+    elif posterior.untested:
+        premise = ", if the robot is built as the problem says"
     return f"The probability of these attachments together {sure}{premise}."
 
 

@@ -92,9 +92,11 @@ class Belief(_Record):
         weights: Of the samples, adding up to 1.
         best: Genome of the first mode's attachments with the medians of its samples' lengths.
         modes: Sets of attachments, the most probable first.
-        probability: Stated probability that the attachments are those of the first mode or such
-            as no sensor can tell from them; never more than the search can vouch for. ``None``: it
-            is not known, since the best body explains the readings poorly.
+        within_problem: Probability, if the robot is built as the problem says, that the attachments
+            are those of the first mode or such as no sensor can tell from them; never more than the
+            search can vouch for. ``None``: it is not known, since the best body explains the
+            readings poorly.
+        departed: Probability that the robot is built otherwise; 0 until attachments are sure.
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.
         unexplained: Interactions that the best body leaves unexplained.
@@ -114,7 +116,8 @@ class Belief(_Record):
     weights: tuple[float, ...]
     best: tuple[float, ...]
     modes: tuple[BelievedMode, ...]
-    probability: float | None
+    within_problem: float | None
+    departed: float = 0.0
     gained: float | None = None
     foretold: tuple[Foretold, ...]
     unexplained: tuple[UnexplainedInteraction, ...]
@@ -125,6 +128,11 @@ class Belief(_Record):
     simulated: int = 0
     effective: float | None = None
     decides: NextMovement | None = None
+
+    @property
+    def probability(self) -> float | None:
+        """The probability that is stated of the attachments, where it is known."""
+        return None if self.within_problem is None else self.within_problem * (1 - self.departed)
 
     @property
     def explained(self) -> bool:

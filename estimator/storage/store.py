@@ -51,7 +51,7 @@ from protocol.system.closable import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOCK: Final = "run.lock"
-FORMAT: Final = 3
+FORMAT: Final = 4
 IDS_PER_CONNECTION: Final = 2**20
 """Each connection numbers its requests from its own block, so no id is ever used for two."""
 

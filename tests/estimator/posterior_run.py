@@ -24,6 +24,7 @@ def make_posterior_run(
     rivals: Sequence[BelievedMode] = (),
     decides: NextMovement | None = None,
     untested: Sequence[str] = (),
+    departed: float = 0.0,
 ) -> RunStore:
     """A run that believes in the first of some bodies, the others being its samples.
 
@@ -35,6 +36,7 @@ def make_posterior_run(
         rivals: Modes after the first.
         decides: What would tell most.
         untested: How else the robot may be built.
+        departed: How probably it is.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if hinge is not None:
@@ -55,12 +57,13 @@ def make_posterior_run(
         weights=(1 / len(samples),) * len(samples),
         best=best,
         modes=(first, *rivals),
-        probability=0.75,
+        within_problem=0.75,
         foretold=(),
         unexplained=(),
         noisy=(),
         decides=decides,
         untested=tuple(untested),
+        departed=departed,
     )
     store = RunStore.create(folder / "posterior", settings, make_capabilities(), "me")
     store.plan(0, (0.0,) * 4)

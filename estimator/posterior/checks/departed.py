@@ -3,17 +3,21 @@
 What a problem states wrongly can be made up for by lengths or by other attachments: readings stay
 explained, and the answer is wrong. So bodies that depart from the problem are fitted to the
 readings too. One that explains them clearly better says that the problem is wrong; one that
-explains them as well is a doubt, which a movement may settle.
+explains them as well is a doubt, which a movement may settle, and has its share of the
+probability until then.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from scipy.special import expit
 
 from estimator.body.morphology import Array
+from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.model.departures import Departure, Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
@@ -22,6 +26,7 @@ from estimator.posterior.posterior import Posterior
 
 _CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it left out
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
+_PRIOR: Final = 0.1  # of all departures together; each is as probable as any other
 _STARTS: Final = 8
 _WORTH_SAYING: Final = 0.005  # m
 
@@ -40,26 +45,67 @@ def doubts(
         predictor: Likewise.
         data: What the robot felt.
         noise: How far readings stray.
-        departures: Which to look at; those that leave the best body as it is are left out.
+        departures: Which to look at.
     """
+    if not departures:
+        return ()
     every = max(1, len(posterior.values) // _STARTS)
     best = posterior.modes[0].point
     starts = np.vstack([best, posterior.values[::every][:_STARTS]])
-    bodies = predictor.unknowns.bodies(best[None])
-    looked_at = [one for one in departures if one.changes(bodies)]
-    count = len(looked_at)
+    count = len(departures)
     numbered = np.column_stack([np.tile(starts[:2], (count, 1)), np.repeat(np.arange(count), 2)])
-    points, fits = _fitted(numbered, predictor.departing(looked_at), data, noise, each=True)
+    points, fits = _fitted(numbered, predictor.departing(departures), data, noise, each=True)
     # another of the problem's bodies may explain what the most probable one does not, and lengths
     # that a departure brings to light may suit it as well
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
     candidates = np.vstack([starts, *others, points[:_STARTS, :-1]])
     _, as_stated = _fitted(candidates, predictor, data, noise)
     doubted = [
-        Doubt(departure=looked_at[int(point[-1])], point=point[:-1], gains=gains)
+        Doubt(departure=departures[int(point[-1])], point=point[:-1], gains=gains)
         for point, gains in zip(points, fits - as_stated, strict=True)
     ]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gains.sum()))
+
+
+def that_can_be_felt(
+    departures: Sequence[Departure],
+    point: Array,
+    predictor: Predictor,
+    programs: Array,
+    modalities: Sequence[str],
+) -> tuple[Departure, ...]:
+    """Those that feel otherwise than a body of the problem in some movement.
+
+    A leg that never reaches the ground may be of any thickness, and a hinge that is turned about
+    its own axis is the same hinge.
+
+    Args:
+        departures: Which to look at.
+        point: The body, shape (size,).
+        predictor: Of the problem's bodies.
+        programs: Movements, rad, shape (n, motors).
+        modalities: Sensors that may tell.
+    """
+    as_stated = predictor.read_all(point[None], programs)
+    told = []
+    for departure in departures:
+        departing = predictor.departing([departure])
+        readings = departing.read_all(np.append(point, 0)[None], programs)
+        if np.mean(agree(as_stated, readings, modalities)) < AGREEMENT:
+            told.append(departure)
+    return tuple(told)
+
+
+def probability_departed(doubted: Sequence[Doubt]) -> float:
+    """Probability that the robot is built otherwise, in one of the ways that were looked at.
+
+    That is by what they and the best body of the problem explain, and a prior of one robot in ten.
+    """
+    if not doubted:
+        return 0.0
+    gains = np.array([doubt.gains.sum() for doubt in doubted])
+    log_odds = math.log(_PRIOR / (1 - _PRIOR)) + np.logaddexp.reduce(gains) - math.log(gains.size)
+    return float(expit(log_odds))
 
 
 def with_consequence(departure: Departure, lengths: Array, believed: Array) -> str:

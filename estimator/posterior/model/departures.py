@@ -32,7 +32,6 @@ _STUB: Final = 0.02  # of a part's length
 _DENSITY: Final = 4  # column of ``Bodies.base``
 _CENTRE: Final = 5  # and the two after it
 _ACCELEROMETER: Final = 8  # and the one after it
-_SAME_WAY: Final = 0.99  # cosine of the angle between axes
 _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
 
@@ -49,10 +48,6 @@ class Departure(ABC):
     @abstractmethod
     def of(self, bodies: Bodies) -> Bodies:
         """The same bodies built so."""
-
-    def changes(self, bodies: Bodies) -> bool:
-        """Whether that makes another body of the first of them."""
-        return True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,11 +90,6 @@ class TurnedHinge(Departure):
         hinge[:, self.part] += len(bodies.hinges)
         turned = bodies.hinges @ _rotation(self.about, self.angle).T
         return bodies.changed(hinge=hinge, hinges=np.vstack([bodies.hinges, turned]))
-
-    def changes(self, bodies: Bodies) -> bool:
-        """Not where the hinge's axis is that about which it is turned."""
-        axis = bodies.hinges[bodies.hinge[0, self.part]]
-        return bool(abs(axis[self.about]) < _SAME_WAY)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -127,7 +127,7 @@ def _belief(
             )
             for share, genes in zip(shares, modes, strict=True)
         ),
-        probability=0.6,
+        within_problem=0.6,
         gained=1.5,
         foretold=(
             Foretold(

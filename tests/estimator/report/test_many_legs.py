@@ -25,7 +25,7 @@ def test_each_leg_of_a_hexapod_is_drawn(name: str) -> None:
         weights=(0.5, 0.3, 0.2),
         best=tuple(genes[0].tolist()),
         modes=(),
-        probability=1.0,
+        within_problem=1.0,
         foretold=(),
         unexplained=(),
         noisy=(),

@@ -6,7 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.posterior.checks.departed import clearly_better, doubts, with_consequence
+from estimator.posterior.checks.departed import (
+    clearly_better,
+    doubts,
+    probability_departed,
+    that_can_be_felt,
+    with_consequence,
+)
 from estimator.posterior.model.departures import (
     Departure,
     Doubt,
@@ -22,7 +28,7 @@ from estimator.posterior.model.departures import (
 from estimator.posterior.model.likelihood import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
+from tests.estimator.two_unknown_rows import MODALITIES, NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(32, seed=5)
@@ -49,9 +55,8 @@ def around(point: np.ndarray) -> Posterior:
     return equally_likely(values, point)
 
 
-def doubted(predictor: Predictor, data: SensorData, *others: Departure) -> tuple[Doubt, ...]:
-    departures = (*LOOKED_AT, *others)
-    return doubts(around(POINT), predictor, data, NOISE, departures)
+def doubted(predictor: Predictor, data: SensorData) -> tuple[Doubt, ...]:
+    return doubts(around(POINT), predictor, data, NOISE, LOOKED_AT)
 
 
 def felt_by(predictor: Predictor) -> SensorData:
@@ -99,9 +104,27 @@ def test_what_few_movements_cannot_tell_stays_a_doubt(predictor: Predictor) -> N
 
 
 def test_a_hinge_turned_about_its_own_axis_is_the_same_hinge(predictor: Predictor) -> None:
-    names = [doubt.departure for doubt in doubted(predictor, felt_by(predictor), ROUND)]
-    assert ASKEW in names
-    assert ROUND not in names
+    assert that_can_be_felt((ASKEW, ROUND), POINT, predictor, MOVED, MODALITIES) == (ASKEW,)
+    without_tilt = that_can_be_felt((TURNED, ROUND), POINT, predictor, MOVED, ("touch",))
+    assert without_tilt == ()
+
+
+def test_what_departs_has_the_prior_s_share_until_movements_have_told(predictor: Predictor) -> None:
+    fitted = doubted(predictor, felt_by(predictor))
+    untold = [replace(doubt, gains=np.zeros(3)) for doubt in fitted]
+    assert probability_departed(untold) == pytest.approx(0.1)
+    assert probability_departed(untold[:1]) == pytest.approx(0.1)
+    told = [replace(doubt, gains=np.array([-3.0, 0.0, -4.0])) for doubt in fitted]
+    one_left = [replace(fitted[0], gains=np.zeros(3)), *told[1:]]
+    assert probability_departed(told) < 0.001
+    assert probability_departed(one_left) == pytest.approx(0.1 / 0.9 / len(fitted), rel=0.05)
+    clear = [replace(fitted[0], gains=np.full(3, 400.0)), *told[1:]]
+    assert probability_departed(clear) == pytest.approx(1.0)
+    assert probability_departed(()) == 0.0
+
+
+def test_nothing_is_doubted_where_no_departure_can_be_felt(predictor: Predictor) -> None:
+    assert doubts(around(POINT), predictor, felt_by(predictor), NOISE, ()) == ()
 
 
 def test_one_movement_that_only_a_departure_explains_is_no_accident(predictor: Predictor) -> None:
