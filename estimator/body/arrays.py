@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import TypeAlias, TypeVar
+from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,18 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 _Entry = TypeVar("_Entry")
 
+DENSITY: Final = 4
+"""Column of ``Bodies.base``; likewise the following."""
+
+CENTRE: Final = 5  # and the two after it
+ACCELEROMETER: Final = 8  # and the one after it
+TILT_GAIN: Final = 10
+TOO_HIGH: Final = 11
+
 _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 5, "part_mounts": 3, "hinges": 3}  # columns
-_MEASURES = {"length", "radius", "zero", "base", *_TABLES}
+_MEASURES = {"length", "radius", "zero", "travel", "base", *_TABLES}
 _FLAGS = {"limp"}
 _LARGEST = 1e6
 """Of any extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
@@ -45,9 +53,12 @@ class Bodies:
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
             sensor feels the ground in every pose, whatever a back-end says.
-        base: Shape (n, 10): extent of the main body along x, y and z, m, its mass, kg, the density
+        travel: How far the motor turns the hinge, as a factor on what it is told; a back-end is
+            told how far it turns.
+        base: Shape (n, 12): extent of the main body along x, y and z, m, its mass, kg, the density
             of the parts, kg/m³, the main body's centre of mass, m, and how its accelerometer is
-            turned, rad.
+            turned, rad; then how sensors stray from what a back-end says: a factor on tilt, and
+            what clearance is too large by, m.
         base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
             x, y, z, m, then cosine and sine of the yaw.
         part_mounts: Likewise: fraction of the carrier's length, cosine and sine.
@@ -67,6 +78,7 @@ class Bodies:
     radius: Array
     zero: Array
     limp: Flags
+    travel: Array
     base: Array
     base_mounts: Array
     part_mounts: Array
@@ -79,7 +91,7 @@ class Bodies:
             kind = np.dtype(
                 float if item.name in _MEASURES else bool if item.name in _FLAGS else np.int64
             )
-            own = {"count": (rows,), "base": (rows, 10)}.get(item.name, (rows, columns))
+            own = {"count": (rows,), "base": (rows, 12)}.get(item.name, (rows, columns))
             shape = (len(array), _TABLES[item.name]) if item.name in _TABLES else own
             if array.shape != shape or array.dtype != kind:
                 raise MorphologyError(
@@ -103,9 +115,9 @@ class Bodies:
             ("zero", np.isfinite(self.zero)),
         ):
             _check(getattr(self, name), possible | ~used, name)
-        sizes, rest = self.base[:, :5], self.base[:, 5:]
+        sizes, rest = self.base[:, :CENTRE], self.base[:, CENTRE:]
         _check(sizes, (sizes > 0) & (sizes <= _LARGEST), "main body or density")
-        _check(rest, np.abs(rest) <= _LARGEST, "centre of mass or accelerometer")
+        _check(rest, np.abs(rest) <= _LARGEST, "centre of mass, accelerometer or sensors")
 
     def __len__(self) -> int:
         return len(self.count)
@@ -165,11 +177,18 @@ class Bodies:
         shape = (len(count), int(count.max(initial=0)))
         numbers = {name: np.full(shape, _NONE, dtype=np.int64) for name in _NUMBERS}
         length, radius, zero = (np.zeros(shape) for _ in range(3))
-        base = np.empty((len(count), 10))
+        base = np.empty((len(count), 12))
+        base[:, TILT_GAIN:] = 1.0, 0.0
         base_mounts, part_mounts, hinges = _Rows(5), _Rows(3), _Rows(3)
         for row, body in enumerate(morphologies):
             own = body.base
-            base[row] = *own.size, own.mass, body.density, *own.centre, *own.accelerometer
+            base[row, :TILT_GAIN] = (
+                *own.size,
+                own.mass,
+                body.density,
+                *own.centre,
+                *own.accelerometer,
+            )
             on_base = base_mounts.start(
                 body.base.mounts, lambda mount: (*mount.at, *heading(mount.yaw))
             )
@@ -191,6 +210,7 @@ class Bodies:
             radius=radius,
             zero=zero,
             limp=np.zeros(shape, dtype=bool),
+            travel=np.ones(shape),
             base=base,
             base_mounts=base_mounts.array(),
             part_mounts=part_mounts.array(),

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from estimator.body.arrays import Bodies, Flags, Integers
+from estimator.body.arrays import DENSITY, TILT_GAIN, Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
 from estimator.problem.free_mounts import spread
@@ -182,7 +182,8 @@ class Genome:
         sensor = bodies.sensor
         if self._problem.touch == "outermost":
             sensor = outermost_sensors(traits.parent, self._problem.sensors)
-        base = np.hstack([bodies.base[:, : -nuisances.shape[1]], nuisances])
+        base = bodies.base.copy()
+        base[:, DENSITY:TILT_GAIN] = nuisances
         return bodies.changed(**traits._asdict(), zero=zeros, sensor=sensor, base=base)
 
     @cached_property

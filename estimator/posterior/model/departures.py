@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import ACCELEROMETER, CENTRE, DENSITY, TILT_GAIN, TOO_HIGH, Bodies
 from estimator.body.morphology import BASE, Array
 from estimator.problem.problem import Problem
 
@@ -25,13 +25,14 @@ _OFFSETS: Final = (-12, -6, -3, 3, 6, 12)  # degrees
 _HEAVIER: Final = (0.5, 2.0, 4.0)
 _OFF_CENTRE: Final = (-0.25, -0.1, 0.1, 0.25)  # of the main body's extent
 _ASKEW: Final = (-6, -2, 2, 6)  # degrees
+_TRAVELS: Final = (0.8, 0.9, 1.1, 1.25)  # of all servos
+_ONE_TRAVEL: Final = (0.8, 1.25)
+_GAINS: Final = (0.8, 0.9, 1.1, 1.25)  # of the accelerometer
+_TOO_MUCH: Final = (-10, -5, 5, 10)  # mm
 _TOWARDS: Final = (("backward", "forward"), ("to the right", "to the left"))
 _TILTS: Final = ("left/right", "forward/back")
 _DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
 _STUB: Final = 0.02  # of a part's length
-_DENSITY: Final = 4  # column of ``Bodies.base``
-_CENTRE: Final = 5  # and the two after it
-_ACCELEROMETER: Final = 8  # and the one after it
 _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
 
@@ -124,7 +125,7 @@ class Heavier(Departure):
     def of(self, bodies: Bodies) -> Bodies:
         """The same bodies with such parts."""
         base = bodies.base.copy()
-        base[:, _DENSITY] *= self.factor
+        base[:, DENSITY] *= self.factor
         return bodies.changed(base=base)
 
 
@@ -143,7 +144,7 @@ class OffCentre(Departure):
     def of(self, bodies: Bodies) -> Bodies:
         """The same bodies with such a main body."""
         base = bodies.base.copy()
-        base[:, _CENTRE + self.axis] += self.share * base[:, self.axis]
+        base[:, CENTRE + self.axis] += self.share * base[:, self.axis]
         return bodies.changed(base=base)
 
 
@@ -162,7 +163,61 @@ class TurnedAccelerometer(Departure):
     def of(self, bodies: Bodies) -> Bodies:
         """The same bodies with such an accelerometer."""
         base = bodies.base.copy()
-        base[:, _ACCELEROMETER + self.about] += self.angle
+        base[:, ACCELEROMETER + self.about] += self.angle
+        return bodies.changed(base=base)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Travel(Departure):
+    """Servos that turn farther than they are told, or less far.
+
+    Attributes:
+        factor: On the angle.
+        parts: Indices of those whose hinges they turn; all without.
+    """
+
+    factor: float
+    parts: tuple[int, ...] | None = None
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such servos."""
+        travel = bodies.travel.copy()
+        columns = slice(None) if self.parts is None else list(self.parts)
+        travel[:, columns] *= self.factor
+        return bodies.changed(travel=travel)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TiltGain(Departure):
+    """An accelerometer whose scale is not what its calibration says.
+
+    Attributes:
+        factor: On the tilt that it feels.
+    """
+
+    factor: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such an accelerometer."""
+        base = bodies.base.copy()
+        base[:, TILT_GAIN] *= self.factor
+        return bodies.changed(base=base)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TooHigh(Departure):
+    """A distance sensor that sits, or is calibrated, higher than the problem takes it to be.
+
+    Attributes:
+        offset: What it reads too much, m.
+    """
+
+    offset: float
+
+    def of(self, bodies: Bodies) -> Bodies:
+        """The same bodies with such a sensor."""
+        base = bodies.base.copy()
+        base[:, TOO_HIGH] += self.offset
         return bodies.changed(base=base)
 
 
@@ -252,9 +307,9 @@ class Doubt:
 def possible_departures(problem: Problem) -> tuple[Departure, ...]:
     """Everything that is looked at.
 
-    Parts of another thickness or mass, a main body that is heavier at one end, an accelerometer
-    that was put on askew, servos that are dead or off their zero, hinges and mounts turned by up
-    to 30°.
+    Parts of another thickness or mass, a main body that is heavier at one end, sensors that were
+    put on askew or calibrated wrongly, servos that are dead, off their zero or turn by other angles
+    than they are told, hinges and mounts turned by up to 30°.
     """
     listed: list[Departure] = [
         *(
@@ -284,6 +339,22 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
             for about in (0, 1)
             for degrees in _ASKEW
         ),
+        *(
+            TiltGain(name=f"an accelerometer that feels {factor:g} times the tilt", factor=factor)
+            for factor in _GAINS
+        ),
+        *(
+            TooHigh(
+                name=f"a distance sensor that reads {abs(offset)} mm too "
+                f"{'much' if offset > 0 else 'little'}",
+                offset=offset / 1000,
+            )
+            for offset in _TOO_MUCH
+        ),
+        *(
+            Travel(name=f"all servos turning {factor:g} times as far as told", factor=factor)
+            for factor in _TRAVELS
+        ),
     ]
     for index, part in enumerate(problem.parts):
         listed += [
@@ -292,6 +363,14 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
         ]
         if part.motor is not None:
             listed.append(Limp(name=f"the servo of {part.name} dead", part=index))
+            listed += [
+                Travel(
+                    name=f"the servo of {part.name} turning {factor:g} times as far as told",
+                    factor=factor,
+                    parts=(index,),
+                )
+                for factor in _ONE_TRAVEL
+            ]
             listed += [
                 OffZero(
                     name=f"the zero of {part.name}'s servo off by {degrees}°",

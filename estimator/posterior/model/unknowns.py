@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,6 +12,7 @@ from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.posterior.model.departures import Departure
+from estimator.posterior.model.servos_and_sensors import as_sensed, performed
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
@@ -176,12 +176,13 @@ class Predictor:
             quickly: Likewise.
         """
         chosen = bodies[rows]
-        readings = self._physics.read_bodies(chosen, programs, leans, quickly=quickly)
-        return lying_down(readings, chosen) if chosen.limp.any() else readings
+        turns = performed(programs, chosen)
+        return as_sensed(self._physics.read_bodies(chosen, turns, leans, quickly=quickly), chosen)
 
     def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
         """Path margins of the same, rad, shape (m,)."""
-        return self._physics.path_margins_of_bodies(bodies[rows], programs)
+        chosen = bodies[rows]
+        return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen))
 
     def read_all(self, values: Array, programs: Array, leans: Array | None = None) -> Readings:
         """What each of n points feels in each of k programs: n · k rows, programs fastest.
@@ -194,18 +195,6 @@ class Predictor:
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
         return self.read(self.unknowns.bodies(values), rows, each, leans)
-
-
-def lying_down(readings: Readings, bodies: Bodies) -> Readings:
-    """The readings of n bodies; limp parts lie on the ground, and their sensors feel it."""
-    lying = np.zeros(readings.touch.shape, dtype=bool)
-    rows, columns = np.nonzero(bodies.limp & (bodies.sensor >= 0))
-    lying[rows, bodies.sensor[rows, columns]] = True
-    return replace(
-        readings,
-        touch=readings.touch | lying,
-        touch_doubtful=readings.touch_doubtful & ~lying,
-    )
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

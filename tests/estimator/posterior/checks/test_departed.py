@@ -21,6 +21,9 @@ from estimator.posterior.model.departures import (
     OffCentre,
     OffZero,
     Thickness,
+    TiltGain,
+    TooHigh,
+    Travel,
     TurnedAccelerometer,
     TurnedHinge,
     TurnedMount,
@@ -43,9 +46,13 @@ OFF_ZERO = OffZero(name="a servo off its zero", part=0, angle=math.radians(12))
 HEAVY = Heavier(name="heavy parts", factor=4.0)
 OFF_CENTRE = OffCentre(name="a battery at one end", axis=0, share=0.25)
 TURNED = TurnedAccelerometer(name="an accelerometer askew", about=0, angle=math.radians(6))
+FAR = Travel(name="servos that turn too far", factor=1.1)
+ONE_FAR = Travel(name="a servo that turns too far", factor=1.25, parts=(0,))
+STEEP = TiltGain(name="an accelerometer that feels too much", factor=1.1)
+TOO_HIGH = TooHigh(name="a distance sensor that reads too much", offset=0.005)
 LOOKED_AT = (
     *(THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD),
-    *(OFF_ZERO, HEAVY, OFF_CENTRE, TURNED),
+    *(OFF_ZERO, HEAVY, OFF_CENTRE, TURNED, FAR, ONE_FAR, STEEP, TOO_HIGH),
 )
 
 

@@ -6,10 +6,13 @@ from estimator.body.arrays import Bodies
 from estimator.posterior.model.departures import (
     Limp,
     Thickness,
+    TiltGain,
+    TooHigh,
+    Travel,
     TurnedMount,
     possible_departures,
 )
-from estimator.posterior.model.unknowns import Predictor, lying_down
+from estimator.posterior.model.unknowns import Predictor
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import programs
 
@@ -42,10 +45,36 @@ def test_its_foot_feels_the_ground_in_every_pose(predictor: Predictor) -> None:
     assert felt.touch[:, 0].all()
     assert not felt.touch_doubtful[:, 0].any()
     assert not felt.touch[:, 2].all()
+    assert not predictor.read_all(values, moved).touch[:, 0].all()
+
+
+def test_servos_that_turn_too_far_do_what_a_wider_program_asks(predictor: Predictor) -> None:
+    values, moved = BESIDE_IT[None], programs(16, seed=3)
+    wide = Travel(name="all too far", factor=1.25)
+    one = Travel(name="one not far enough", factor=0.8, parts=(1,))
+    for departure, factors in ((wide, 1.25), (one, [1.0, 0.8, 1.0, 1.0])):
+        felt = predictor.departing([departure]).read_all(np.append(values[0], 0)[None], moved)
+        told = predictor.read_all(values, moved * factors)
+        assert np.array_equal(felt.tilt, told.tilt)
+        assert np.array_equal(felt.clearance, told.clearance)
+
+
+def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: Predictor) -> None:
+    values, moved = BESIDE_IT[None], programs(16, seed=3)
     sound = predictor.read_all(values, moved)
-    assert not sound.touch[:, 0].all()
-    lying = lying_down(sound, predictor.unknowns.bodies(np.repeat(values, 16, axis=0)))
-    assert np.array_equal(lying.touch, sound.touch)  # nothing lies
+    gain, higher, lower = (
+        predictor.departing([departure]).read_all(np.append(values[0], 0)[None], moved)
+        for departure in (
+            TiltGain(name="steeper", factor=1.25),
+            TooHigh(name="too high", offset=0.01),
+            TooHigh(name="too low", offset=-1.0),
+        )
+    )
+    assert np.allclose(gain.tilt, 1.25 * sound.tilt)
+    assert np.array_equal(gain.clearance, sound.clearance)
+    assert np.allclose(higher.clearance, sound.clearance + np.where(sound.saturated, 0, 0.01))
+    assert np.all(lower.clearance >= 0)
+    assert np.array_equal(higher.tilt, sound.tilt)
 
 
 def test_bodies_are_built_each_by_its_own_departure(predictor: Predictor) -> None:
