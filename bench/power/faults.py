@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -20,11 +21,15 @@ from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
     GaugeCalibration,
+    JointCalibration,
+    RulerCalibration,
     to_toml,
 )
-from sim_robot.simulator.electronics_set import TARE_VOLTS, VOLTS_PER_NEWTON
-from sim_robot.simulator.pc104_set import VOLTS_PER_G, ZERO_VOLTS
-from sim_robot.world.body import DEFAULT
+from robot.configuration.joint_calibration import JointScale
+from sim_robot.simulator.electronics_set import RECESS, TARE_VOLTS, VOLTS_PER_NEWTON
+from sim_robot.simulator.pc104_set import VOLTS_PER_G, ZERO_VOLTS, configure
+from sim_robot.world.body import DEFAULT, body_path, load_body
+from sim_robot.world.sensor_noise import NoiseLevels
 
 _DOCS: Final = Path(__file__).parents[2] / "docs" / "problems.md"
 _ROLL: Final = {"xyz": "1 0 0"}
@@ -72,20 +77,45 @@ def _in_millimetres() -> str:
     )
 
 
+def _believing(calibration: Calibration, truth: Callable[[str], str] = str) -> Robot:
+    """The default robot, whose daemon believes in a calibration that is wrong."""
+    return Robot(
+        body=shipped(DEFAULT),
+        truth=truth,
+        options=("--calibration", "{folder}/calibration.toml"),
+        files={"calibration.toml": to_toml(calibration)},
+    )
+
+
 def _reversed_tilt(axis: int) -> Robot:
     """A robot whose accelerometer has a sign reversed."""
     gains = [VOLTS_PER_G] * 3
     gains[axis] = -VOLTS_PER_G
-    axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(gains))
     opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
-    return Robot(
-        body=shipped(DEFAULT),
-        truth=partial(exchanged, *opposite),
-        options=("--calibration", "{folder}/calibration.toml"),
-        files={
-            "calibration.toml": to_toml(Calibration(robot=DEFAULT, revision=1, accelerometer=axes))
-        },
-    )
+    return _believing(_felt_by(gains), partial(exchanged, *opposite))
+
+
+def _felt_by(volts_per_g: Sequence[float]) -> Calibration:
+    axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g))
+    return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
+
+
+def _turning(factor: float, *, servos: int) -> Robot:
+    """A robot whose first servos turn so many times as far as its daemon believes."""
+    body = load_body(body_path(DEFAULT))
+    joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints[:servos]
+    believed = {
+        joint.name: JointCalibration(
+            lower_limit=joint.lower_limit,
+            upper_limit=joint.upper_limit,
+            scale=JointScale(
+                tuple((count, angle / factor) for count, angle in joint.scale.points),
+                joint.scale.counts,
+            ),
+        )
+        for joint in joints
+    }
+    return _believing(Calibration(robot=DEFAULT, revision=1, joints=believed))
 
 
 _DULL: Final = {
@@ -108,10 +138,18 @@ FAULTS: Final = {
     ),
     "left/right tilt reversed": _reversed_tilt(1),
     "gauge torn off": Robot(body=shipped(DEFAULT), options=("--fault", "daq.stuck_channel=3")),
-    "gauge that hardly feels": Robot(
-        body=shipped(DEFAULT),
-        options=("--calibration", "{folder}/calibration.toml"),
-        files={"calibration.toml": to_toml(Calibration(robot=DEFAULT, revision=1, gauges=_DULL))},
+    "gauge that hardly feels": _believing(Calibration(robot=DEFAULT, revision=1, gauges=_DULL)),
+    "servos turning 1.2 times as far": _turning(1.2, servos=8),
+    "one servo turning 1.3 times as far": _turning(1.3, servos=1),
+    "accelerometer that feels a fifth less": _believing(
+        _felt_by((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
+    ),
+    "distance sensor that reads 7 mm too much": _believing(
+        Calibration(
+            robot=DEFAULT,
+            revision=1,
+            distance=RulerCalibration(zero=RECESS - 0.007, scale=1.0),
+        )
     ),
     "servos too weak": Robot(body=with_leg_mass(DEFAULT, 0.2 / 0.09)),
     "noise three times as announced": Robot(
