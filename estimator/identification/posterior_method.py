@@ -28,8 +28,9 @@ from estimator.posterior.checks.departed import (
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.information import systematic
-from estimator.posterior.model.departures import Doubt, possible_departures
+from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler

@@ -15,7 +15,8 @@ from estimator.__main__ import main
 from estimator.exploration import choosing, information
 from estimator.identification import posterior_method
 from estimator.posterior.checks import recheck
-from estimator.posterior.model.departures import Departure, possible_departures
+from estimator.posterior.model.departures import Departure
+from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.sampling import discovery, weighing
 from estimator.posterior.sampling.sampler import Effort
 from estimator.problem.problem import Problem

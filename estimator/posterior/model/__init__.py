@@ -1,14 +1,15 @@
 """The model: what is unknown of a body, and how likely readings are, given one.
 
-====================== ==========================================================================
-Module                 What is in it
-====================== ==========================================================================
-``slopes``             how readings change with lengths, and which lengths fit best
-``likelihood``         the mixture: how likely an interaction is, given a body
-``densities``          how likely one modality's readings are
-``special``            functions that the densities need
-``unknowns``           the unit cube that all this is over
-``departures``         how a robot may be built otherwise than any body of that cube
-``servos_and_sensors`` what servos and sensors make of programs and poses then
-====================== ==========================================================================
+======================= =========================================================================
+Module                  What is in it
+======================= =========================================================================
+``slopes``              how readings change with lengths, and which lengths fit best
+``likelihood``          the mixture: how likely an interaction is, given a body
+``densities``           how likely one modality's readings are
+``special``             functions that the densities need
+``unknowns``            the unit cube that all this is over
+``departures``          how a robot may be built otherwise than any body of that cube
+``possible_departures`` all such ways that are looked at
+``servos_and_sensors``  what servos and sensors make of programs and poses then
+======================= =========================================================================
 """

@@ -16,22 +16,7 @@ import numpy as np
 
 from estimator.body.arrays import ACCELEROMETER, CENTRE, DENSITY, TILT_GAIN, TOO_HIGH, Bodies
 from estimator.body.morphology import BASE, Array
-from estimator.problem.problem import Problem
 
-_THICKNESSES: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)  # of all parts
-_ONE_THICKNESS: Final = (0.5, 1.5, 2.5)
-_TURNS: Final = (-30, -15, 15, 30)  # degrees
-_OFFSETS: Final = (-12, -6, -3, 3, 6, 12)  # degrees
-_HEAVIER: Final = (0.5, 2.0, 4.0)
-_OFF_CENTRE: Final = (-0.25, -0.1, 0.1, 0.25)  # of the main body's extent
-_ASKEW: Final = (-6, -2, 2, 6)  # degrees
-_TRAVELS: Final = (0.8, 0.9, 1.1, 1.25)  # of all servos
-_ONE_TRAVEL: Final = (0.8, 1.25)
-_GAINS: Final = (0.8, 0.9, 1.1, 1.25)  # of the accelerometer
-_TOO_MUCH: Final = (-10, -5, 5, 10)  # mm
-_TOWARDS: Final = (("backward", "forward"), ("to the right", "to the left"))
-_TILTS: Final = ("left/right", "forward/back")
-_DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
 _STUB: Final = 0.02  # of a part's length
 _WORSE: Final = 4.0  # nats: what explains the readings so much worse is refuted
 
@@ -302,104 +287,6 @@ class Doubt:
         An interaction that ended elsewhere may gain much by accident.
         """
         return float(self.gains.sum() - self.gains.max())
-
-
-def possible_departures(problem: Problem) -> tuple[Departure, ...]:
-    """Everything that is looked at.
-
-    Parts of another thickness or mass, a main body that is heavier at one end, sensors that were
-    put on askew or calibrated wrongly, servos that are dead, off their zero or turn by other angles
-    than they are told, hinges and mounts turned by up to 30°.
-    """
-    listed: list[Departure] = [
-        *(
-            Thickness(name=f"parts {factor:g} times as thick", factor=factor)
-            for factor in _THICKNESSES
-        ),
-        *(
-            Heavier(name=f"parts {factor:g} times as heavy for their size", factor=factor)
-            for factor in _HEAVIER
-        ),
-        *(
-            OffCentre(
-                name=f"the main body's centre of mass {100 * abs(share):g} % of its extent "
-                f"{_TOWARDS[axis][share > 0]}",
-                axis=axis,
-                share=share,
-            )
-            for axis in (0, 1)
-            for share in _OFF_CENTRE
-        ),
-        *(
-            TurnedAccelerometer(
-                name=f"the accelerometer turned by {degrees}° {_TILTS[about]}",
-                about=about,
-                angle=math.radians(degrees),
-            )
-            for about in (0, 1)
-            for degrees in _ASKEW
-        ),
-        *(
-            TiltGain(name=f"an accelerometer that feels {factor:g} times the tilt", factor=factor)
-            for factor in _GAINS
-        ),
-        *(
-            TooHigh(
-                name=f"a distance sensor that reads {abs(offset)} mm too "
-                f"{'much' if offset > 0 else 'little'}",
-                offset=offset / 1000,
-            )
-            for offset in _TOO_MUCH
-        ),
-        *(
-            Travel(name=f"all servos turning {factor:g} times as far as told", factor=factor)
-            for factor in _TRAVELS
-        ),
-    ]
-    for index, part in enumerate(problem.parts):
-        listed += [
-            Thickness(name=f"{part.name} {factor:g} times as thick", factor=factor, parts=(index,))
-            for factor in _ONE_THICKNESS
-        ]
-        if part.motor is not None:
-            listed.append(Limp(name=f"the servo of {part.name} dead", part=index))
-            listed += [
-                Travel(
-                    name=f"the servo of {part.name} turning {factor:g} times as far as told",
-                    factor=factor,
-                    parts=(index,),
-                )
-                for factor in _ONE_TRAVEL
-            ]
-            listed += [
-                OffZero(
-                    name=f"the zero of {part.name}'s servo off by {degrees}°",
-                    part=index,
-                    angle=math.radians(degrees),
-                )
-                for degrees in _OFFSETS
-            ]
-        for degrees in _TURNS:
-            angle = math.radians(degrees)
-            if part.motor is not None:
-                listed += [
-                    TurnedHinge(
-                        name=f"the hinge of {part.name} turned by {degrees}° about {direction}",
-                        part=index,
-                        about=about,
-                        angle=angle,
-                    )
-                    for about, direction in enumerate(_DIRECTIONS)
-                ]
-            listed.append(
-                TurnedMount(
-                    name=f"{part.name} pointing {abs(degrees)}° "
-                    f"{'left' if degrees > 0 else 'right'} of its mount's direction",
-                    part=index,
-                    angle=angle,
-                )
-            )
-    return tuple(listed)
 
 
 def _rotation(about: int, angle: float) -> Array:

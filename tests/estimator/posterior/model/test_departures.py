@@ -10,8 +10,8 @@ from estimator.posterior.model.departures import (
     TooHigh,
     Travel,
     TurnedMount,
-    possible_departures,
 )
+from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.model.unknowns import Predictor
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import programs
