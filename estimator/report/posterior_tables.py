@@ -70,7 +70,7 @@ def _print_attachments(console: Console, posterior: PosteriorSummary) -> None:
     if not posterior.attachments:
         return
     console.print(sureness(posterior))
-    table = plain_table("what", "best body", "probability", justify="left")
+    table = plain_table("what", "best body", "share of samples", justify="left")
     for item in posterior.attachments:
         table.add_row(item.what, item.value, percent(item.probability))
     console.print(table)
