@@ -32,7 +32,7 @@ def code_cells(text: str) -> list[dict[str, Any]]:
 
 def test_every_cell_runs(tmp_path: Path) -> None:
     port = two_free_ports()
-    short = TEXT.replace("5750", str(port)).replace("interactions=5", "interactions=1")
+    short = TEXT.replace("5750", str(port)).replace("interactions=6", "interactions=1")
     less = "explore=height, interactions=2, population=8, generations=2"
     copy = tmp_path / "notebook.ipynb"
     copy.write_text(short.replace("explore=height", less), encoding="utf-8")
