@@ -14,13 +14,13 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from scipy.special import expit
 
 from estimator.body.morphology import Array
 from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.model.departures import Departure, Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.special import expit
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 
@@ -105,7 +105,7 @@ def probability_departed(doubted: Sequence[Doubt]) -> float:
         return 0.0
     gains = np.array([doubt.gains.sum() for doubt in doubted])
     log_odds = math.log(_PRIOR / (1 - _PRIOR)) + np.logaddexp.reduce(gains) - math.log(gains.size)
-    return float(expit(log_odds))
+    return float(expit(np.array(log_odds)))
 
 
 def with_consequence(departure: Departure, lengths: Array, believed: Array) -> str:
