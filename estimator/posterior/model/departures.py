@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.arrays import ACCELEROMETER, CENTRE, DENSITY, TILT_GAIN, TOO_HIGH, Bodies
+from estimator.body.arrays import CENTRE, Bodies
 from estimator.body.morphology import BASE, Array
 
 _STUB: Final = 0.02  # of a part's length
@@ -98,19 +98,26 @@ class OffZero(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Heavier(Departure):
-    """Parts of another mass for their size.
+class OtherFigure(Departure):
+    """A figure of ``Bodies.base`` that is not what the problem takes it to be.
+
+    The density of the parts, how the accelerometer is turned, what it makes of tilt, and how much
+    too high the distance sensor reads.
 
     Attributes:
-        factor: On the density of the parts.
+        column: Of ``Bodies.base``.
+        factor: On the figure.
+        offset: Added to it, rad or m.
     """
 
-    factor: float
+    column: int
+    factor: float = 1.0
+    offset: float = 0.0
 
     def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such parts."""
+        """The same bodies with that figure."""
         base = bodies.base.copy()
-        base[:, DENSITY] *= self.factor
+        base[:, self.column] = self.factor * base[:, self.column] + self.offset
         return bodies.changed(base=base)
 
 
@@ -134,25 +141,6 @@ class OffCentre(Departure):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TurnedAccelerometer(Departure):
-    """An accelerometer that was put on askew.
-
-    Attributes:
-        about: 0: the forward axis, which is felt left and right; 1: the leftward axis.
-        angle: rad.
-    """
-
-    about: int
-    angle: float
-
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such an accelerometer."""
-        base = bodies.base.copy()
-        base[:, ACCELEROMETER + self.about] += self.angle
-        return bodies.changed(base=base)
-
-
-@dataclass(frozen=True, kw_only=True)
 class Travel(Departure):
     """Servos that turn farther than they are told, or less far.
 
@@ -170,40 +158,6 @@ class Travel(Departure):
         columns = slice(None) if self.parts is None else list(self.parts)
         travel[:, columns] *= self.factor
         return bodies.changed(travel=travel)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TiltGain(Departure):
-    """An accelerometer whose scale is not what its calibration says.
-
-    Attributes:
-        factor: On the tilt that it feels.
-    """
-
-    factor: float
-
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such an accelerometer."""
-        base = bodies.base.copy()
-        base[:, TILT_GAIN] *= self.factor
-        return bodies.changed(base=base)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TooHigh(Departure):
-    """A distance sensor that sits, or is calibrated, higher than the problem takes it to be.
-
-    Attributes:
-        offset: What it reads too much, m.
-    """
-
-    offset: float
-
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such a sensor."""
-        base = bodies.base.copy()
-        base[:, TOO_HIGH] += self.offset
-        return bodies.changed(base=base)
 
 
 @dataclass(frozen=True, kw_only=True)

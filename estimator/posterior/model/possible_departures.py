@@ -10,17 +10,15 @@ from collections.abc import Iterator
 from itertools import product
 from typing import Final
 
+from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.posterior.model.departures import (
     Departure,
-    Heavier,
     Limp,
     OffCentre,
     OffZero,
+    OtherFigure,
     Thickness,
-    TiltGain,
-    TooHigh,
     Travel,
-    TurnedAccelerometer,
     TurnedHinge,
     TurnedMount,
 )
@@ -61,7 +59,8 @@ def _of_all_parts() -> Iterator[Departure]:
     for factor in _THICKNESSES:
         yield Thickness(name=f"parts {factor:g} times as thick", factor=factor)
     for factor in _HEAVIER:
-        yield Heavier(name=f"parts {factor:g} times as heavy for their size", factor=factor)
+        name = f"parts {factor:g} times as heavy for their size"
+        yield OtherFigure(name=name, column=DENSITY, factor=factor)
     for factor in _TRAVELS:
         yield Travel(name=f"all servos turning {factor:g} times as far as told", factor=factor)
 
@@ -73,14 +72,14 @@ def _of_the_main_body() -> Iterator[Departure]:
         yield OffCentre(name=name, axis=axis, share=share)
     for about, degrees in product((0, 1), _ASKEW):
         name = f"the accelerometer turned by {degrees}° {_TILTS[about]}"
-        yield TurnedAccelerometer(name=name, about=about, angle=math.radians(degrees))
+        yield OtherFigure(name=name, column=ACCELEROMETER + about, offset=math.radians(degrees))
     for factor in _GAINS:
         name = f"an accelerometer that feels {factor:g} times the tilt"
-        yield TiltGain(name=name, factor=factor)
+        yield OtherFigure(name=name, column=TILT_GAIN, factor=factor)
     for offset in _TOO_MUCH:
         which = "much" if offset > 0 else "little"
         name = f"a distance sensor that reads {abs(offset)} mm too {which}"
-        yield TooHigh(name=name, offset=offset / 1000)
+        yield OtherFigure(name=name, column=TOO_HIGH, offset=offset / 1000)
 
 
 def _of_a_part(part: str, index: int) -> Iterator[Departure]:

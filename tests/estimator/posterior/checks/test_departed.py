@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.posterior.checks.departed import (
     clearly_better,
     doubts,
@@ -16,15 +17,12 @@ from estimator.posterior.checks.departed import (
 from estimator.posterior.model.departures import (
     Departure,
     Doubt,
-    Heavier,
     Limp,
     OffCentre,
     OffZero,
+    OtherFigure,
     Thickness,
-    TiltGain,
-    TooHigh,
     Travel,
-    TurnedAccelerometer,
     TurnedHinge,
     TurnedMount,
 )
@@ -43,16 +41,16 @@ ROUND = TurnedHinge(name="a hinge turned about its axis", part=0, about=1, angle
 ASIDE = TurnedMount(name="a leg that points aside", part=0, angle=math.radians(30))
 DEAD = Limp(name="a dead servo", part=0)
 OFF_ZERO = OffZero(name="a servo off its zero", part=0, angle=math.radians(12))
-HEAVY = Heavier(name="heavy parts", factor=4.0)
+HEAVY = OtherFigure(name="heavy parts", column=DENSITY, factor=4.0)
 OFF_CENTRE = OffCentre(name="a battery at one end", axis=0, share=0.25)
-TURNED = TurnedAccelerometer(name="an accelerometer askew", about=0, angle=math.radians(6))
+TURNED = OtherFigure(name="an accelerometer askew", column=ACCELEROMETER, offset=math.radians(6))
 FAR = Travel(name="servos that turn too far", factor=1.1)
 ONE_FAR = Travel(name="a servo that turns too far", factor=1.25, parts=(0,))
-STEEP = TiltGain(name="an accelerometer that feels too much", factor=1.1)
-TOO_HIGH = TooHigh(name="a distance sensor that reads too much", offset=0.005)
+STEEP = OtherFigure(name="an accelerometer that feels too much", column=TILT_GAIN, factor=1.1)
+RAISED = OtherFigure(name="a distance sensor that reads too much", column=TOO_HIGH, offset=0.005)
 LOOKED_AT = (
     *(THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD),
-    *(OFF_ZERO, HEAVY, OFF_CENTRE, TURNED, FAR, ONE_FAR, STEEP, TOO_HIGH),
+    *(OFF_ZERO, HEAVY, OFF_CENTRE, TURNED, FAR, ONE_FAR, STEEP, RAISED),
 )
 
 

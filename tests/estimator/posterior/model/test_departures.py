@@ -2,12 +2,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies
 from estimator.posterior.model.departures import (
     Limp,
+    OtherFigure,
     Thickness,
-    TiltGain,
-    TooHigh,
     Travel,
     TurnedMount,
 )
@@ -65,9 +64,9 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
     gain, higher, lower = (
         predictor.departing([departure]).read_all(np.append(values[0], 0)[None], moved)
         for departure in (
-            TiltGain(name="steeper", factor=1.25),
-            TooHigh(name="too high", offset=0.01),
-            TooHigh(name="too low", offset=-1.0),
+            OtherFigure(name="steeper", column=TILT_GAIN, factor=1.25),
+            OtherFigure(name="too high", column=TOO_HIGH, offset=0.01),
+            OtherFigure(name="too low", column=TOO_HIGH, offset=-1.0),
         )
     )
     assert np.allclose(gain.tilt, 1.25 * sound.tilt)
