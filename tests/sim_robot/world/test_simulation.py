@@ -92,8 +92,9 @@ def test_laying_it_down_again_and_again_costs_no_memory(world: World) -> None:
             world.lay_down()
         return int(psutil.Process().memory_info().rss)
 
-    resident()
-    assert resident() - resident() > -250_000
+    # The allocator may take a page now and then; a leak grows every time.
+    sizes = [resident() for _ in range(5)]
+    assert min(np.diff(sizes)) < 100_000
 
 
 def test_no_file_is_left_even_by_one_that_is_killed(
