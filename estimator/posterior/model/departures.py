@@ -27,9 +27,11 @@ class Departure(ABC):
 
     Attributes:
         name: For people, as the rest of "a body with …".
+        part: Index of the part that departs; none: all of them, or the main body.
     """
 
     name: str
+    part: int | None = None
 
     @abstractmethod
     def of(self, bodies: Bodies) -> Bodies:
@@ -41,17 +43,15 @@ class Thickness(Departure):
     """Parts of another thickness.
 
     Attributes:
-        factor: On the radii of the parts.
-        parts: Indices of those that have it; all without.
+        factor: On their radii.
     """
 
     factor: float
-    parts: tuple[int, ...] | None = None
 
     def of(self, bodies: Bodies) -> Bodies:
         """The same bodies with such parts."""
         radius = bodies.radius.copy()
-        columns = slice(None) if self.parts is None else list(self.parts)
+        columns = slice(None) if self.part is None else self.part
         radius[:, columns] *= self.factor
         return bodies.changed(radius=radius)
 
@@ -61,7 +61,6 @@ class TurnedHinge(Departure):
     """The axis of one part's hinge turned about one of the part's own directions.
 
     Attributes:
-        part: Its index.
         about: 0: along the part, 1: leftward, 2: upward in the planar pose.
         angle: rad.
     """
@@ -83,7 +82,6 @@ class OffZero(Departure):
     """A hinge that stands elsewhere than its servo believes: a horn put on askew.
 
     Attributes:
-        part: Its index.
         angle: Of the hinge where the servo is at 0, rad.
     """
 
@@ -146,16 +144,14 @@ class Travel(Departure):
 
     Attributes:
         factor: On the angle.
-        parts: Indices of those whose hinges they turn; all without.
     """
 
     factor: float
-    parts: tuple[int, ...] | None = None
 
     def of(self, bodies: Bodies) -> Bodies:
         """The same bodies with such servos."""
         travel = bodies.travel.copy()
-        columns = slice(None) if self.parts is None else list(self.parts)
+        columns = slice(None) if self.part is None else self.part
         travel[:, columns] *= self.factor
         return bodies.changed(travel=travel)
 
@@ -165,7 +161,6 @@ class TurnedMount(Departure):
     """One part that points elsewhere from where it sits.
 
     Attributes:
-        part: Its index.
         angle: Leftward in the planar pose, rad.
     """
 
@@ -192,9 +187,6 @@ class Limp(Departure):
     """One part, and what it carries, hangs from a joint that its servo does not hold.
 
     Such parts support nothing, as if they had no length, and their ends lie on the ground.
-
-    Attributes:
-        part: Its index.
     """
 
     part: int

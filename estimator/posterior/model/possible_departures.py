@@ -85,7 +85,7 @@ def _of_the_main_body() -> Iterator[Departure]:
 def _of_a_part(part: str, index: int) -> Iterator[Departure]:
     for factor in _ONE_THICKNESS:
         name = f"{part} {factor:g} times as thick"
-        yield Thickness(name=name, factor=factor, parts=(index,))
+        yield Thickness(name=name, factor=factor, part=index)
     for degrees in _TURNS:
         side = "left" if degrees > 0 else "right"
         name = f"{part} pointing {abs(degrees)}° {side} of its mount's direction"
@@ -98,7 +98,7 @@ def _of_a_servo(part: str, index: int, motor: int | None) -> Iterator[Departure]
     yield Limp(name=f"the servo of {part} dead", part=index)
     for factor in _ONE_TRAVEL:
         name = f"the servo of {part} turning {factor:g} times as far as told"
-        yield Travel(name=name, factor=factor, parts=(index,))
+        yield Travel(name=name, factor=factor, part=index)
     for degrees in _OFFSETS:
         name = f"the zero of {part}'s servo off by {degrees}°"
         yield OffZero(name=name, part=index, angle=math.radians(degrees))

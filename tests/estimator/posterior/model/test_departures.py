@@ -50,7 +50,7 @@ def test_its_foot_feels_the_ground_in_every_pose(predictor: Predictor) -> None:
 def test_servos_that_turn_too_far_do_what_a_wider_program_asks(predictor: Predictor) -> None:
     values, moved = BESIDE_IT[None], programs(16, seed=3)
     wide = Travel(name="all too far", factor=1.25)
-    one = Travel(name="one not far enough", factor=0.8, parts=(1,))
+    one = Travel(name="one not far enough", factor=0.8, part=1)
     for departure, factors in ((wide, 1.25), (one, [1.0, 0.8, 1.0, 1.0])):
         felt = predictor.departing([departure]).read_all(np.append(values[0], 0)[None], moved)
         told = predictor.read_all(values, moved * factors)
