@@ -248,13 +248,13 @@ class Genome:
 
     def _traits(self, values: Array) -> Traits:
         """Parents, mounts, hinges and lengths of n genomes."""
-        columns, each = self._columns, (len(values), 1)
+        columns, count = self._columns, len(values)
         known = columns.known
         traits = Traits(
-            np.tile(known.parent, each),
-            np.tile(known.mount, each),
-            np.tile(known.hinge, each),
-            np.tile(known.length, each),
+            known.parent[None].repeat(count, axis=0),
+            known.mount[None].repeat(count, axis=0),
+            known.hinge[None].repeat(count, axis=0),
+            known.length[None].repeat(count, axis=0),
         )
         chosen = self.choices(values)
         for name, (parts, own) in columns.of_traits.items():

@@ -25,7 +25,7 @@ def outermost_sensors(parent: Integers, sensors: int) -> Integers:
     carriers = np.zeros((rows, parts), dtype=bool)
     body, part = np.nonzero(parent >= 0)
     carriers[body, parent[body, part]] = True
-    order = np.argsort(carriers, axis=1, kind="stable")[:, :sensors]
-    chosen = np.zeros((rows, parts), dtype=bool)
-    np.put_along_axis(chosen, order, True, axis=1)
+    outermost = np.cumsum(~carriers, axis=1)
+    place = np.where(carriers, outermost[:, -1:] + np.cumsum(carriers, axis=1), outermost)
+    chosen = place <= sensors
     return np.where(chosen, np.cumsum(chosen, axis=1) - 1, -1)
