@@ -65,6 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     hand.add_argument("--method", choices=("posterior", "paper"), default="posterior")
     hand.add_argument("--explore")
     hand.add_argument("--body", default=DEFAULT, help=f"name, file, prior, or {', '.join(BODIES)}")
+    hand.add_argument("--engine", choices=("pybullet", "mujoco"), default="pybullet")
     hand.add_argument("--interactions", type=int, default=6)
     hand.add_argument("--first", type=int, default=30, help="only so many of the seeds")
     return parser
@@ -74,14 +75,15 @@ def _by_hand(options: argparse.Namespace) -> Trial:
     problem, name = options.problem, options.body
     body = from_prior(problem) if name == "prior" else BODIES.get(name) or shipped(name)
     text = Path(problem).read_text("utf-8") if problem.endswith(".toml") else problem
+    how = (options.method, options.explore or "", options.engine, options.interactions)
     return Trial(
-        name=f"{problem} {options.method} {options.explore or ''} {name} {options.interactions}",
+        name=" ".join(map(str, (problem, name, *how))),
         seeds=SEEDS[options.seeds][: options.first],
         problem=text,
         interactions=options.interactions,
         method=options.method,
         explore=options.explore,
-        robot=Robot(body=body),
+        robot=Robot(body=body, options=("--engine", options.engine)),
     )
 
 
