@@ -34,7 +34,6 @@ TOO_NOISY: Final = 2.0
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
-_USUAL: Final = 1.0  # standard deviations of half a sum of squares above its mean
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,12 +103,12 @@ class Fit:
 
     Attributes:
         unexplained: How many interactions it leaves unexplained.
-        poor: Whether it strays from the others by more than most bodies do that are the robot's,
-            under the announced noise.
+        excess: How much farther it strays from the others than bodies do on average that are the
+            robot's, in standard deviations, under the announced noise.
     """
 
     unexplained: int
-    poor: bool
+    excess: float
 
 
 def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Fit:
@@ -128,7 +127,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     )
     return Fit(
         unexplained=int(unexplained),
-        poor=bool(short[~outliers].sum() > half + _USUAL * math.sqrt(half)),
+        excess=float(short[~outliers].sum() - half) / math.sqrt(max(half, 0.5)),
     )
 
 

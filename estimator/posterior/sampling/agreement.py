@@ -27,6 +27,8 @@ CONSIDERED: Final = 16.0
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
 _ENOUGH_TO_ERR: Final = 5  # interactions, of which one may be left unexplained
+_POOR: Final = 1.0  # excess, as one right body of six has,
+_BAD: Final = 2.33  # and as one of a hundred
 _FEW: Final = 50  # sets of attachments that all populations can have met
 
 
@@ -105,12 +107,22 @@ class Agreement:
     @property
     def doubtful(self) -> bool:
         """Whether a better body may be there to be found."""
-        return self.fit.poor or self.fit.unexplained > 0
+        return self._poor or self.fit.unexplained > 0
 
     @property
     def credible(self) -> bool:
-        """Whether the readings are explained so well that something can be certain."""
-        return self.explained if self.may_err else not self.doubtful
+        """Whether the readings are explained so well that something can be certain.
+
+        One interaction may be an accident, but not where the others are explained poorly too: two
+        accidents lead to a body that explains all of them, none well.
+        """
+        if self.may_err and not self.fit.unexplained:
+            return self.fit.excess <= _BAD
+        return not self._poor and self.fit.unexplained <= (ACCIDENTS if self.may_err else 0)
+
+    @property
+    def _poor(self) -> bool:
+        return self.fit.excess > _POOR
 
     @property
     def few(self) -> bool:

@@ -37,9 +37,37 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
         best=0.0,
         guesses=np.array([-1.0, 0.0, -4.0]),
         met=(),
-        fit=Fit(unexplained=0, poor=True),
+        fit=Fit(unexplained=0, excess=1.5),
         may_err=True,
     )
     assert agreement.leader == (1,)
     assert agreement.leaders == [(0,), (1,)]
     assert agreement.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "excess", "may_err", "credible"),
+    [
+        (0, 0.9, False, True),
+        (0, 1.1, False, False),
+        (1, 0.0, False, False),
+        (1, 0.9, True, True),
+        (1, 1.1, True, False),  # an accident, and the others are explained poorly
+        (0, 2.3, True, True),
+        (0, 2.4, True, False),
+        (2, 0.0, True, False),
+    ],
+)
+def test_what_explains_the_readings_poorly_is_not_credible(
+    unexplained: int, excess: float, may_err: bool, credible: bool
+) -> None:
+    agreement = Agreement(
+        points=np.zeros((1, 1)),
+        keys=[(0,)],
+        best=0.0,
+        guesses=np.zeros(1),
+        met=(),
+        fit=Fit(unexplained=unexplained, excess=excess),
+        may_err=may_err,
+    )
+    assert agreement.credible == credible

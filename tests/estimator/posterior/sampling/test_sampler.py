@@ -139,7 +139,7 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
 ) -> None:
     data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: None)
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, poor=True))
+    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     believing = make_sampler(predictor, effort=QUICK)
     assert not believing.learn(data[:4]).credible
     assert believing.learn(data).credible
@@ -151,7 +151,7 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
     begun: list[Discovery] = []
     monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, poor=True))
+    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=1.5))
     doubting = make_sampler(predictor, effort=QUICK)
     doubting.learn(data)
     assert begun
