@@ -75,9 +75,9 @@ def _by_hand(options: argparse.Namespace) -> Trial:
     problem, name = options.problem, options.body
     body = from_prior(problem) if name == "prior" else BODIES.get(name) or shipped(name)
     text = Path(problem).read_text("utf-8") if problem.endswith(".toml") else problem
-    how = (options.method, options.explore or "", options.engine, options.interactions)
+    how = (options.method, options.explore, options.engine, options.interactions)
     return Trial(
-        name=" ".join(map(str, (problem, name, *how))),
+        name=" ".join(str(word) for word in (problem, name, *how) if word),
         seeds=SEEDS[options.seeds][: options.first],
         problem=text,
         interactions=options.interactions,

@@ -127,7 +127,8 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     )
     return Fit(
         unexplained=int(unexplained),
-        excess=float(short[~outliers].sum() - half) / math.sqrt(max(half, 0.5)),
+        # where nothing is left, nothing strays
+        excess=float(short[~outliers].sum() - half) / math.sqrt(half) if half else 0.0,
     )
 
 
