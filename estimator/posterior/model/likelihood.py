@@ -3,12 +3,15 @@
 A mixture, so that one pose can cost a body only so much. For one interaction with readings y and a
 body that predicts its pose::
 
-    p(y | body) = (1 - e) N(tilt; s_t) N(clearance; s_c) Π Bernoulli(touch) + e p0(y)
+    p(y | body) = (1 - e) p1(y) + e ((1 - q) p0(y) + q p2(y))
+    p1(y) = N(tilt; s_t) N(clearance; s_c) Π Bernoulli(touch)
 
 p0 is what a robot might feel anywhere: each tilt uniform over ±90°, clearance uniform over the
-sensor's range, touch bits even. A pose that the model cannot predict (undecided, or a simulation
-that cannot be believed) leaves only p0. A clearance at the end of the sensor's range says that the
-ground lies beyond: a tail integral. Missing readings are left out. ``densities`` has the factors.
+sensor's range, touch bits even. p2 is p1 with 3° and 10 mm more deviation: a robot may rest beside
+the pose foretold, on the edge of a foot that models take to be round. A pose that the model cannot
+predict (undecided, or a simulation that cannot be believed) leaves only e p0. A clearance at the
+end of the sensor's range says that the ground lies beyond: a tail integral. Missing readings are
+left out. ``densities`` has the factors.
 """
 
 from __future__ import annotations
@@ -61,6 +64,7 @@ falls at a fork. They lie in no plane of symmetry that bodies are likely to have
 
 _LOG_ASTRAY: Final = math.log(0.5)
 _PLAINLY: Final = 3.0  # standard deviations
+_BESIDE: Final = {"tilt": math.radians(3.0), "clearance": 0.01}  # standard deviations, rad and m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,13 +75,15 @@ class Noise:
         tilt: Standard deviation of each tilt, rad.
         clearance: Standard deviation, m.
         touch: Probability that a touch bit is wrong.
-        outlier: Share of the interactions whose readings say nothing about the body.
+        outlier: Share of the interactions that do not end as the body does.
+        nearby: Share of these that end beside it; the readings of the others say nothing.
     """
 
     tilt: float
     clearance: float
     touch: float = 0.02
     outlier: float = 0.05
+    nearby: float = 0.5
 
     @classmethod
     def announced(cls, capabilities: Capabilities) -> Noise:
@@ -177,7 +183,7 @@ class Likelihood:
         anywhere = np.zeros(len(data))
         for name in MODALITIES:
             anywhere += DENSITIES[name].log_anywhere(self._known[name], data.cap)
-        self._outlier = math.log(noise.outlier) + anywhere
+        self._anywhere = math.log(noise.outlier) + anywhere
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
             [density.residuals for density in DENSITIES.values()],
@@ -306,16 +312,24 @@ class Likelihood:
         turns: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Logarithms of the mixture's two terms, each of shape (n, k)."""
-        outlier = self._outlier if turns is None else self._outlier[turns]
+        anywhere = self._anywhere if turns is None else self._anywhere[turns]
+        share, nearby_share = self._noise.outlier, self._noise.nearby
         wide = np.reshape(width, (-1, 1))
-        inlier: Array = np.full(misfits.shape[:2], math.log1p(-self._noise.outlier))
+        inlier: Array = np.full(misfits.shape[:2], math.log1p(-share))
+        nearby: Array = np.full(misfits.shape[:2], math.log(share))
         for name, density in DENSITIES.items():
             noise = density.widened(self._noise.of(name), wide)
             if density.scaled and scales is not None:
                 column = SCALED.index(name)
                 noise = noise * np.exp(scales[:, column : column + 1])
             known = self._known[name] if turns is None else self._known[name][turns]
-            density.add_logs(inlier, misfits[..., _COLUMNS[name]], known, noise)
+            own = misfits[..., _COLUMNS[name]]
+            density.add_logs(inlier, own, known, noise)
+            density.add_logs(nearby, own, known, np.hypot(noise, _BESIDE.get(name, 0.0)))
         inlier += np.where(misfits[..., ASTRAY] > 0, _LOG_ASTRAY, 0.0)
-        inlier = np.where(misfits[..., SILENT] > 0, -np.inf, inlier)
-        return inlier, np.broadcast_to(outlier, inlier.shape)
+        silent = misfits[..., SILENT] > 0
+        outlier: Array = np.logaddexp(
+            math.log1p(-nearby_share) + anywhere,
+            math.log(nearby_share) + np.where(silent, anywhere, nearby),
+        )
+        return np.where(silent, -np.inf, inlier), outlier

@@ -42,7 +42,7 @@ def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     assert fit_of(POINT, predictor, data, NOISE).excess < 1.0
     for turn, sign in enumerate((1, -1, 1, -1)):
-        data.felt["tilt"].values[turn] += sign * 2.5 * NOISE.tilt
+        data.felt["tilt"].values[turn] += sign * 1.5 * NOISE.tilt
     fit = fit_of(POINT, predictor, data, NOISE)
     assert fit.excess > 1.0
     assert fit.unexplained == 0

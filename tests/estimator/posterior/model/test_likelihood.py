@@ -10,7 +10,6 @@ from estimator.readings.observation import Observation
 
 CAP = 0.2
 NOISE = Noise(tilt=0.01, clearance=0.004)
-NOTHING: dict[str, object] = {"angles": (0.0,)}
 
 
 def one_reading(clearance: float = 0.1, *, saturated: bool = False) -> Readings:
@@ -43,7 +42,7 @@ def test_clearance_adds_up_to_one_with_what_lies_beyond_the_range(
     ]
     beyond = Observation(angles=(0.0,), touch=(None, None), clearance=CAP, clearance_saturated=True)
     inside = densities(seen, one_reading(clearance), width)
-    p0 = NOISE.outlier * 0.9 / CAP
+    p0 = NOISE.outlier * (1 - NOISE.nearby) * 0.9 / CAP
     inside = np.where(below < 0, inside - p0, inside)  # p0 lies within the range alone
     total = np.trapezoid(inside, below) + densities([beyond], one_reading(clearance), width)[0]
     assert total == pytest.approx(1.0, abs=2e-3)
@@ -61,8 +60,20 @@ def test_tilts_and_bits_add_up_to_one() -> None:
 
 def test_one_interaction_costs_no_more_than_an_outlier() -> None:
     far = Observation(angles=(0.0,), touch=(False, True), tilt=(-1.2, 1.2), clearance=0.0)
-    anywhere = NOISE.outlier * 0.25 / math.pi**2 * 0.9 / CAP
+    anywhere = NOISE.outlier * (1 - NOISE.nearby) * 0.25 / math.pi**2 * 0.9 / CAP
     assert densities([far], one_reading())[0] == pytest.approx(anywhere, rel=1e-6)
+
+
+def test_one_that_ends_beside_the_pose_foretold_costs_less() -> None:
+    foretold, beside, elsewhere = (
+        math.log(densities([one], one_reading())[0])
+        for one in (
+            Observation(angles=(0.0,), touch=(True, False), tilt=tilt, clearance=height)
+            for tilt, height in (((0.2, -0.1), 0.1), ((0.25, -0.14), 0.11), ((0.2, -0.7), 0.01))
+        )
+    )
+    assert 5 < foretold - beside < 10  # nats
+    assert foretold - elsewhere > 14
 
 
 def test_a_pose_that_the_model_cannot_foretell_leaves_only_the_outlier() -> None:
@@ -91,7 +102,7 @@ def test_modalities_that_do_not_count_change_nothing() -> None:
 
 def test_a_model_beyond_the_range_is_certain_of_a_reading_at_its_end() -> None:
     beyond = Observation(angles=(0.0,), touch=(None, None), clearance=CAP, clearance_saturated=True)
-    expected = 1 - NOISE.outlier + NOISE.outlier * 0.1
+    expected = 1 - NOISE.outlier * (1 - NOISE.nearby) * 0.9
     found = densities([beyond], one_reading(saturated=True))[0]
     assert found == pytest.approx(expected)
 
