@@ -19,15 +19,16 @@ from estimator.body.morphology import Array
 from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.model.departures import Departure, Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.slopes import PRIOR, Lengths, best_of_each
 from estimator.posterior.model.special import expit
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, departing_points, sizes_of
 from estimator.posterior.posterior import Posterior
 
 _CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it left out
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
 _PRIOR: Final = 0.1  # of all departures together; each is as probable as any other
 _STARTS: Final = 8
+_LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
 _WORTH_SAYING: Final = 0.005  # m
 
 
@@ -53,18 +54,33 @@ def doubts(
     best = posterior.modes[0].point
     starts = np.vstack([best, posterior.values[::every][:_STARTS]])
     count = len(departures)
-    numbered = np.column_stack([np.tile(starts[:2], (count, 1)), np.repeat(np.arange(count), 2)])
-    points, fits = _fitted(numbered, predictor.departing(departures), data, noise, each=True)
+    departing = predictor.departing(departures)
+    every_one = np.arange(count)
+    numbered = np.vstack(
+        [
+            departing_points(np.tile(start, (count, 1)), every_one, size)
+            for start, size in ((starts[0], _LESS), (starts[1], _MORE))
+        ]
+    )
+    points, fits = _fitted(numbered, departing, data, noise, each=True)
+    log_shares = _log_shares(points, departing, data, noise)
     # another of the problem's bodies may explain what the most probable one does not, and lengths
     # that a departure brings to light may suit it as well
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
-    candidates = np.vstack([starts, *others, points[:_STARTS, :-1]])
+    candidates = np.vstack([starts, *others, points[:_STARTS, :-2]])
     _, as_stated = _fitted(candidates, predictor, data, noise)
     doubted = [
-        Doubt(departure=departures[int(point[-1])], point=point[:-1], gains=gains)
-        for point, gains in zip(points, fits - as_stated, strict=True)
+        Doubt(
+            departure=departures[int(point[-2])].sized(size),
+            point=point[:-2],
+            gains=gains,
+            log_share=log_share,
+        )
+        for point, size, gains, log_share in zip(
+            points, sizes_of(points).tolist(), fits - as_stated, log_shares.tolist(), strict=True
+        )
     ]
-    return tuple(sorted(doubted, key=lambda doubt: -doubt.gains.sum()))
+    return tuple(sorted(doubted, key=lambda doubt: -doubt.gain))
 
 
 def that_can_be_felt(
@@ -90,7 +106,7 @@ def that_can_be_felt(
     told = []
     for departure in departures:
         departing = predictor.departing([departure])
-        readings = departing.read_all(np.append(point, 0)[None], programs)
+        readings = departing.read_all(departing_points(point[None], 0), programs)
         if np.mean(agree(as_stated, readings, modalities)) < AGREEMENT:
             told.append(departure)
     return tuple(told)
@@ -103,7 +119,7 @@ def probability_departed(doubted: Sequence[Doubt]) -> float:
     """
     if not doubted:
         return 0.0
-    gains = np.array([doubt.gains.sum() for doubt in doubted])
+    gains = np.array([doubt.gain for doubt in doubted])
     log_odds = math.log(_PRIOR / (1 - _PRIOR)) + np.logaddexp.reduce(gains) - math.log(gains.size)
     return float(expit(np.array(log_odds)))
 
@@ -130,8 +146,8 @@ def clearly_better(doubted: Sequence[Doubt]) -> Departure | None:
     best = max(doubted, key=lambda doubt: doubt.clear_gain, default=None)
     if best is not None and best.clear_gain > _CLEARLY_BETTER:
         return best.departure
-    best = max(doubted, key=lambda doubt: doubt.gains.sum(), default=None)
-    return best.departure if best is not None and best.gains.sum() > _BETTER_BY_FAR else None
+    best = max(doubted, key=lambda doubt: doubt.gain, default=None)
+    return best.departure if best is not None and best.gain > _BETTER_BY_FAR else None
 
 
 def _fitted(
@@ -144,11 +160,19 @@ def _fitted(
         predictor: Of their readings.
         data: What the robot felt.
         noise: How far readings stray.
-        each: The same for each departure, of which their last column holds the index; best first.
+        each: The same for each departure, of which their last column but one holds the index; best
+            first.
     """
     likelihood = Likelihood(data, noise)
     lengths = Lengths(predictor, data, likelihood)
     points = np.vstack([starts, lengths.polished(starts)[0]])
-    which = [(value,) if each else () for value in points[:, -1].tolist()]
+    which = [(value,) if each else () for value in points[:, -2].tolist()]
     best = points[best_of_each(which, lengths.fits(points))]
     return best, likelihood.of(likelihood.misfits_of(predictor, best))
+
+
+def _log_shares(points: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Array:
+    """Logarithms of the shares of the sizes that explain as much as these do, shape (n,)."""
+    precision = Lengths(predictor, data, Likelihood(data, noise)).slopes(points).precision
+    shares: Array = 0.5 * np.log(PRIOR * np.linalg.inv(precision)[:, -1, -1])
+    return shares

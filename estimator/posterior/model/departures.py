@@ -7,10 +7,9 @@ next to those of the problem, by which such a robot is noticed.
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -26,34 +25,64 @@ class Departure(ABC):
     """One way in which the robot may be built otherwise.
 
     Attributes:
-        name: For people, as the rest of "a body with …".
+        text: For people, as the rest of "a body with …"; braces stand for the amount.
+        amount: How far it goes, rad, m, or as a factor.
+        unit: Factor on the amount in the text.
         part: Index of the part that departs; none: all of them, or the main body.
     """
 
-    name: str
+    is_factor: ClassVar[bool] = False
+
+    text: str
+    amount: float = 1.0
+    unit: float = 1.0
     part: int | None = None
 
+    @property
+    def name(self) -> str:
+        """The text with the amount."""
+        return self.text.replace("{}", f"{abs(self.amount) * self.unit:.2g}")
+
+    def of(self, bodies: Bodies, sizes: Array | float = 1.0) -> Bodies:
+        """The same bodies built so.
+
+        Args:
+            bodies: n bodies of the problem.
+            sizes: How far each departs, shape (n,); 0: not at all, 1: by the amount.
+        """
+        return self._built(bodies, self._amounts(np.broadcast_to(sizes, len(bodies))))
+
+    def sized(self, size: float) -> Departure:
+        """The same that goes so far as to be the new amount."""
+        return replace(self, amount=float(self._amounts(np.array(size))))
+
+    def _amounts(self, sizes: Array) -> Array:
+        amounts: Array = self.amount**sizes if self.is_factor else self.amount * sizes
+        return amounts
+
     @abstractmethod
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies built so."""
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
+        """The bodies, each departing by its own amount, shape (n,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Thickness(Departure):
-    """Parts of another thickness.
+    """Parts of another thickness: a factor on their radii."""
 
-    Attributes:
-        factor: On their radii.
-    """
+    is_factor: ClassVar[bool] = True
 
-    factor: float
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
+        return bodies.changed(radius=_times(bodies.radius, amounts, self.part))
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such parts."""
-        radius = bodies.radius.copy()
-        columns = slice(None) if self.part is None else self.part
-        radius[:, columns] *= self.factor
-        return bodies.changed(radius=radius)
+
+@dataclass(frozen=True, kw_only=True)
+class Travel(Departure):
+    """Servos that turn farther than they are told, or less far: a factor on the angle."""
+
+    is_factor: ClassVar[bool] = True
+
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
+        return bodies.changed(travel=_times(bodies.travel, amounts, self.part))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,60 +91,67 @@ class TurnedHinge(Departure):
 
     Attributes:
         about: 0: along the part, 1: leftward, 2: upward in the planar pose.
-        angle: rad.
     """
 
     part: int
     about: int
-    angle: float
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such a hinge."""
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         hinge = bodies.hinge.copy()
-        hinge[:, self.part] += len(bodies.hinges)
-        turned = bodies.hinges @ _rotation(self.about, self.angle).T
-        return bodies.changed(hinge=hinge, hinges=np.vstack([bodies.hinges, turned]))
+        axes = bodies.hinges[hinge[:, self.part]]
+        one, two = (self.about + 1) % 3, (self.about + 2) % 3
+        axes[:, [one, two]] = _turned(axes[:, [one, two]], amounts)
+        hinge[:, self.part] = len(bodies.hinges) + np.arange(len(bodies))
+        return bodies.changed(hinge=hinge, hinges=np.vstack([bodies.hinges, axes]))
 
 
 @dataclass(frozen=True, kw_only=True)
 class OffZero(Departure):
-    """A hinge that stands elsewhere than its servo believes: a horn put on askew.
-
-    Attributes:
-        angle: Of the hinge where the servo is at 0, rad.
-    """
+    """A hinge that stands elsewhere than its servo believes: a horn put on askew."""
 
     part: int
-    angle: float
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such a hinge."""
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         zero = bodies.zero.copy()
-        zero[:, self.part] += self.angle
+        zero[:, self.part] += amounts
         return bodies.changed(zero=zero)
 
 
 @dataclass(frozen=True, kw_only=True)
-class OtherFigure(Departure):
-    """A figure of ``Bodies.base`` that is not what the problem takes it to be.
+class ScaledFigure(Departure):
+    """A figure of ``Bodies.base`` that is some times what it should be.
 
-    The density of the parts, how the accelerometer is turned, what it makes of tilt, and how much
-    too high the distance sensor reads.
+    The density of the parts, and what the accelerometer makes of tilt.
 
     Attributes:
         column: Of ``Bodies.base``.
-        factor: On the figure.
-        offset: Added to it, rad or m.
+    """
+
+    is_factor: ClassVar[bool] = True
+
+    column: int
+
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
+        base = bodies.base.copy()
+        base[:, self.column] *= amounts
+        return bodies.changed(base=base)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShiftedFigure(Departure):
+    """A figure of ``Bodies.base`` to which something is added.
+
+    How the accelerometer is turned, and how much too high the distance sensor reads.
+
+    Attributes:
+        column: Of ``Bodies.base``.
     """
 
     column: int
-    factor: float = 1.0
-    offset: float = 0.0
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with that figure."""
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         base = bodies.base.copy()
-        base[:, self.column] = self.factor * base[:, self.column] + self.offset
+        base[:, self.column] += amounts
         return bodies.changed(base=base)
 
 
@@ -123,63 +159,37 @@ class OtherFigure(Departure):
 class OffCentre(Departure):
     """A main body whose mass is elsewhere than in its middle: a battery at one end.
 
+    The amount is a share of the main body's extent along the axis.
+
     Attributes:
         axis: 0: forward, 1: leftward.
-        share: How far, of the main body's extent along that axis.
     """
 
     axis: int
-    share: float
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such a main body."""
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         base = bodies.base.copy()
-        base[:, CENTRE + self.axis] += self.share * base[:, self.axis]
+        base[:, CENTRE + self.axis] += amounts * base[:, self.axis]
         return bodies.changed(base=base)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Travel(Departure):
-    """Servos that turn farther than they are told, or less far.
-
-    Attributes:
-        factor: On the angle.
-    """
-
-    factor: float
-
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with such servos."""
-        travel = bodies.travel.copy()
-        columns = slice(None) if self.part is None else self.part
-        travel[:, columns] *= self.factor
-        return bodies.changed(travel=travel)
-
-
-@dataclass(frozen=True, kw_only=True)
 class TurnedMount(Departure):
-    """One part that points elsewhere from where it sits.
-
-    Attributes:
-        angle: Leftward in the planar pose, rad.
-    """
+    """One part that points elsewhere from where it sits, leftward in the planar pose."""
 
     part: int
-    angle: float
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with the part so turned."""
-        tables = (bodies.base_mounts, bodies.part_mounts)
-        rotation = _rotation(2, self.angle)[:2, :2]
-        turned = [np.hstack([table[:, :-2], table[:, -2:] @ rotation.T]) for table in tables]
-        on_base = bodies.parent[:, self.part] == BASE
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         mount = bodies.mount.copy()
-        mount[:, self.part] += np.where(on_base, *map(len, tables))
-        return bodies.changed(
-            mount=mount,
-            base_mounts=np.vstack([tables[0], turned[0]]),
-            part_mounts=np.vstack([tables[1], turned[1]]),
-        )
+        on_base = bodies.parent[:, self.part] == BASE
+        tables = []
+        for table, here in ((bodies.base_mounts, on_base), (bodies.part_mounts, ~on_base)):
+            rows = np.flatnonzero(here)
+            own = table[mount[rows, self.part]]
+            own[:, -2:] = _turned(own[:, -2:], amounts[rows])
+            mount[rows, self.part] = len(table) + np.arange(rows.size)
+            tables.append(np.vstack([table, own]))
+        return bodies.changed(mount=mount, base_mounts=tables[0], part_mounts=tables[1])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,10 +199,11 @@ class Limp(Departure):
     Such parts support nothing, as if they had no length, and their ends lie on the ground.
     """
 
+    is_factor: ClassVar[bool] = True  # once dead, always as dead
+
     part: int
 
-    def of(self, bodies: Bodies) -> Bodies:
-        """The same bodies with what hangs too short to hold anything up."""
+    def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         hanging = np.zeros(bodies.parent.shape, dtype=bool)
         hanging[:, self.part] = True
         rows = np.arange(len(bodies))
@@ -208,18 +219,20 @@ class Limp(Departure):
 
 @dataclass(frozen=True, kw_only=True)
 class Doubt:
-    """A body that departs from the problem, with the lengths that fit best.
+    """A body that departs from the problem, as far and with the lengths that fit best.
 
     Attributes:
-        departure: How it does.
+        departure: How it does, and how far.
         point: Its genes, shape (size,).
         gains: How much better than the best body of the problem it explains each interaction,
             nats, shape (k,).
+        log_share: Logarithm of the share of the sizes looked at that explain as much.
     """
 
     departure: Departure
     point: Array
     gains: Array
+    log_share: float = 0.0
 
     @property
     def is_left(self) -> bool:
@@ -227,18 +240,25 @@ class Doubt:
         return bool(self.gains.sum() > -_WORSE)
 
     @property
+    def gain(self) -> float:
+        """How much better it explains them, on average over its sizes, nats."""
+        return float(self.gains.sum() + self.log_share)
+
+    @property
     def clear_gain(self) -> float:
-        """Sum of the gains but the largest, nats.
-
-        An interaction that ended elsewhere may gain much by accident.
-        """
-        return float(self.gains.sum() - self.gains.max())
+        """The same without the interaction that gains most: it may have ended there by accident."""
+        return self.gain - float(self.gains.max())
 
 
-def _rotation(about: int, angle: float) -> Array:
-    cosine, sine = math.cos(angle), math.sin(angle)
-    one, two = (about + 1) % 3, (about + 2) % 3
-    matrix = np.eye(3)
-    matrix[one, one] = matrix[two, two] = cosine
-    matrix[one, two], matrix[two, one] = -sine, sine
-    return matrix
+def _times(values: Array, factors: Array, column: int | None) -> Array:
+    """The values, shape (n, p), with one column or all times factors, shape (n,)."""
+    scaled = values.copy()
+    columns = slice(None) if column is None else slice(column, column + 1)
+    scaled[:, columns] *= factors[:, None]
+    return scaled
+
+
+def _turned(vectors: Array, angles: Array) -> Array:
+    """Vectors in a plane, shape (n, 2), each turned by its angle, rad."""
+    (x, y), cosine, sine = vectors.T, np.cos(angles), np.sin(angles)
+    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

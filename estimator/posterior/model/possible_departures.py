@@ -1,6 +1,7 @@
 """All ways that are looked at in which a robot may be built otherwise than its problem says.
 
-How far they go is what a builder gets wrong unnoticed: less hardly matters, more is seen.
+How far they go is what a builder gets wrong unnoticed: less hardly matters, more is seen. Of each
+amount all of ``SIZES`` times as much are fitted.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import product
-from typing import Final
+from typing import Final, TypedDict
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.posterior.model.departures import (
@@ -16,7 +17,8 @@ from estimator.posterior.model.departures import (
     Limp,
     OffCentre,
     OffZero,
-    OtherFigure,
+    ScaledFigure,
+    ShiftedFigure,
     Thickness,
     Travel,
     TurnedHinge,
@@ -32,12 +34,17 @@ _HEAVIER: Final = (0.5, 2.0, 4.0)
 _OFF_CENTRE: Final = (-0.25, -0.1, 0.1, 0.25)  # of the main body's extent
 _ASKEW: Final = (-6, -2, 2, 6)  # degrees
 _TRAVELS: Final = (0.8, 0.9, 1.1, 1.25)  # of all servos
-_ONE_TRAVEL: Final = (0.8, 1.25)
+_ONE_TRAVEL: Final = (0.6, 0.8, 1.25, 1.6)
 _GAINS: Final = (0.8, 0.9, 1.1, 1.25)  # of the accelerometer
 _TOO_MUCH: Final = (-10, -5, 5, 10)  # mm
 _TOWARDS: Final = (("backward", "forward"), ("to the right", "to the left"))
 _TILTS: Final = ("left/right", "forward/back")
 _DIRECTIONS: Final = ("its own length", "the leftward direction", "the vertical")
+
+
+class _Angle(TypedDict):
+    amount: float
+    unit: float
 
 
 def possible_departures(problem: Problem) -> tuple[Departure, ...]:
@@ -57,51 +64,57 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
 
 def _of_all_parts() -> Iterator[Departure]:
     for factor in _THICKNESSES:
-        yield Thickness(name=f"parts {factor:g} times as thick", factor=factor)
+        yield Thickness(text="parts {} times as thick", amount=factor)
     for factor in _HEAVIER:
-        name = f"parts {factor:g} times as heavy for their size"
-        yield OtherFigure(name=name, column=DENSITY, factor=factor)
+        text = "parts {} times as heavy for their size"
+        yield ScaledFigure(text=text, column=DENSITY, amount=factor)
     for factor in _TRAVELS:
-        yield Travel(name=f"all servos turning {factor:g} times as far as told", factor=factor)
+        yield Travel(text="all servos turning {} times as far as told", amount=factor)
 
 
 def _of_the_main_body() -> Iterator[Departure]:
     for axis, share in product((0, 1), _OFF_CENTRE):
-        where = f"{100 * abs(share):g} % of its extent {_TOWARDS[axis][share > 0]}"
-        name = f"the main body's centre of mass {where}"
-        yield OffCentre(name=name, axis=axis, share=share)
+        text = f"the main body's centre of mass {{}} % of its extent {_TOWARDS[axis][share > 0]}"
+        yield OffCentre(text=text, axis=axis, amount=share, unit=100)
     for about, degrees in product((0, 1), _ASKEW):
-        name = f"the accelerometer turned by {degrees}° {_TILTS[about]}"
-        yield OtherFigure(name=name, column=ACCELEROMETER + about, offset=math.radians(degrees))
+        text = f"the accelerometer turned by {_minus(degrees)}{{}}° {_TILTS[about]}"
+        yield ShiftedFigure(text=text, column=ACCELEROMETER + about, **_angle(degrees))
     for factor in _GAINS:
-        name = f"an accelerometer that feels {factor:g} times the tilt"
-        yield OtherFigure(name=name, column=TILT_GAIN, factor=factor)
+        text = "an accelerometer that feels {} times the tilt"
+        yield ScaledFigure(text=text, column=TILT_GAIN, amount=factor)
     for offset in _TOO_MUCH:
-        which = "much" if offset > 0 else "little"
-        name = f"a distance sensor that reads {abs(offset)} mm too {which}"
-        yield OtherFigure(name=name, column=TOO_HIGH, offset=offset / 1000)
+        text = f"a distance sensor that reads {{}} mm too {'much' if offset > 0 else 'little'}"
+        yield ShiftedFigure(text=text, column=TOO_HIGH, amount=offset / 1000, unit=1000)
 
 
 def _of_a_part(part: str, index: int) -> Iterator[Departure]:
     for factor in _ONE_THICKNESS:
-        name = f"{part} {factor:g} times as thick"
-        yield Thickness(name=name, factor=factor, part=index)
+        yield Thickness(text=f"{part} {{}} times as thick", amount=factor, part=index)
     for degrees in _TURNS:
         side = "left" if degrees > 0 else "right"
-        name = f"{part} pointing {abs(degrees)}° {side} of its mount's direction"
-        yield TurnedMount(name=name, part=index, angle=math.radians(degrees))
+        text = f"{part} pointing {{}}° {side} of its mount's direction"
+        yield TurnedMount(text=text, part=index, **_angle(degrees))
 
 
 def _of_a_servo(part: str, index: int, motor: int | None) -> Iterator[Departure]:
     if motor is None:
         return
-    yield Limp(name=f"the servo of {part} dead", part=index)
+    yield Limp(text=f"the servo of {part} dead", part=index)
     for factor in _ONE_TRAVEL:
-        name = f"the servo of {part} turning {factor:g} times as far as told"
-        yield Travel(name=name, factor=factor, part=index)
+        text = f"the servo of {part} turning {{}} times as far as told"
+        yield Travel(text=text, amount=factor, part=index)
     for degrees in _OFFSETS:
-        name = f"the zero of {part}'s servo off by {degrees}°"
-        yield OffZero(name=name, part=index, angle=math.radians(degrees))
+        text = f"the zero of {part}'s servo off by {_minus(degrees)}{{}}°"
+        yield OffZero(text=text, part=index, **_angle(degrees))
     for degrees, about in product(_TURNS, range(len(_DIRECTIONS))):
-        name = f"the hinge of {part} turned by {degrees}° about {_DIRECTIONS[about]}"
-        yield TurnedHinge(name=name, part=index, about=about, angle=math.radians(degrees))
+        sign, direction = _minus(degrees), _DIRECTIONS[about]
+        text = f"the hinge of {part} turned by {sign}{{}}° about {direction}"
+        yield TurnedHinge(text=text, part=index, about=about, **_angle(degrees))
+
+
+def _minus(amount: float) -> str:
+    return "-" if amount < 0 else ""
+
+
+def _angle(degrees: float) -> _Angle:
+    return {"amount": math.radians(degrees), "unit": math.degrees(1)}

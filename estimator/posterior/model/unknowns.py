@@ -19,6 +19,9 @@ Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
 """The choices of one body, in the order of its genes: parent, mount and hinge, part by part."""
 
+SIZES: Final = (0.85, 1.5)
+"""How far departures go: the amounts that are looked at are fitted from the least to the most."""
+
 SCALE_SPREAD: Final = 0.5
 """Standard deviation of the prior of each noise factor's logarithm."""
 
@@ -102,24 +105,47 @@ class Unknowns:
 
 
 class Departing(Unknowns):
-    """The cube of one problem with one column more: by which departure a body was built.
+    """The cube of one problem with two columns more: how a body departs from it, and how far.
 
     Args:
         genome: The code between genes and bodies.
-        departures: Of which the last column of a point holds the index.
+        departures: Of which the last column but one of a point holds the index. The last one is
+            continuous, and says where the size lies within ``SIZES``.
     """
 
     def __init__(self, genome: Genome, departures: Sequence[Departure]):
         super().__init__(genome)
-        self.size += 1
+        self.size += 2
+        self.continuous = np.append(self.continuous, self.size - 1)
         self._departures = tuple(departures)
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, each built by its departure."""
-        bodies, which = super().bodies(values[:, :-1]), values[:, -1].astype(np.intp)
+        bodies, which = super().bodies(values[:, :-2]), values[:, -2].astype(np.intp)
+        sizes = sizes_of(values)
         groups = [np.flatnonzero(which == number) for number in np.unique(which)]
-        built = [self._departures[which[rows[0]]].of(bodies[rows]) for rows in groups]
+        built = [self._departures[which[rows[0]]].of(bodies[rows], sizes[rows]) for rows in groups]
         return Bodies.joined(built)[np.argsort(np.concatenate(groups))]
+
+
+def departing_points(values: Array, which: NDArray[np.intp] | int, size: float = 1.0) -> Array:
+    """Points of ``Departing``.
+
+    Args:
+        values: Points of the problem's cube, shape (n, size).
+        which: Index of the departure of each, shape (n,), or of all.
+        size: How far they depart.
+    """
+    least, most = SIZES
+    where = np.full(len(values), (size - least) / (most - least))
+    return np.column_stack([values, np.broadcast_to(which, len(values)), where])
+
+
+def sizes_of(points: Array) -> Array:
+    """How far n points of ``Departing`` depart; see ``Departure.of``."""
+    least, most = SIZES
+    sizes: Array = least + (most - least) * points[:, -1]
+    return sizes
 
 
 class Predictor:

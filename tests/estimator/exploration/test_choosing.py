@@ -10,7 +10,7 @@ from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
 from estimator.posterior.model.departures import Departure, Doubt, Limp, TurnedHinge
 from estimator.posterior.model.likelihood import apart
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, departing_points
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
 
 ENDS = np.radians([[-30.0, 30.0]] * 4)
@@ -44,8 +44,8 @@ def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) ->
 @pytest.mark.parametrize(
     "departure",
     [
-        TurnedHinge(name="a turned hinge", part=0, about=0, angle=np.radians(30)),
-        Limp(name="a dead servo", part=0),
+        TurnedHinge(text="a turned hinge", part=0, about=0, amount=np.radians(30)),
+        Limp(text="a dead servo", part=0),
     ],
 )
 def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
@@ -58,7 +58,7 @@ def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
     assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
     stated = predictor.read_all(RIGHT[None], choice.program[None])
     departing = predictor.departing([departure]).read_all(
-        np.append(RIGHT, 0)[None], choice.program[None]
+        departing_points(RIGHT[None], 0), choice.program[None]
     )
     assert apart(stated, departing, NOISE).all()
 
@@ -71,14 +71,12 @@ def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
     points = np.tile(RIGHT, (60, 1))
     lengths = predictor.unknowns.continuous
     points[:, lengths] += rng.uniform(-0.012, 0.012, (60, lengths.size))  # of the range
-    departure = TurnedHinge(name="a turned hinge", part=0, about=2, angle=np.radians(15))
+    departure = TurnedHinge(text="a turned hinge", part=0, about=2, amount=np.radians(15))
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
     models = replace(Models.equally_likely(points), doubts=(doubt,))
     program = chooser(predictor).choose(models, rng).program[None]
     stated = predictor.read_all(points, program)
-    departing = predictor.departing([departure]).read_all(
-        np.column_stack([points, np.zeros(60)]), program
-    )
+    departing = predictor.departing([departure]).read_all(departing_points(points, 0), program)
     strays = np.maximum(
         np.abs(stated.tilt[:, None] - departing.tilt[None]).max(axis=2) / NOISE.tilt,
         np.abs(stated.clearance[:, None] - departing.clearance[None]) / NOISE.clearance,
@@ -92,7 +90,7 @@ def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
 ) -> None:
     points = np.tile(RIGHT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
-    departure = Limp(name="a dead servo", part=0)
+    departure = Limp(text="a dead servo", part=0)
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
     models = replace(Models.equally_likely(points), doubts=(doubt,))
     choice = chooser(predictor).choose(models, np.random.default_rng(1))

@@ -171,7 +171,7 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
-    otherwise = Thickness(name="thick parts", factor=2.0)
+    otherwise = Thickness(text="thick parts", amount=2.0)
     monkeypatch.setattr(
         posterior_method, "clearly_better", lambda doubted: otherwise if doubted else None
     )

@@ -5,21 +5,22 @@ import numpy as np
 from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies
 from estimator.posterior.model.departures import (
     Limp,
-    OtherFigure,
+    ScaledFigure,
+    ShiftedFigure,
     Thickness,
     Travel,
     TurnedMount,
 )
 from estimator.posterior.model.possible_departures import possible_departures
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, departing_points
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import programs
 
 ON_LEG_1 = np.array([0.1, 0.4, 0.5, 0.6, 0.6, 0.4, 0.5])
 BESIDE_IT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
-LIMP = Limp(name="the servo of leg 1 dead", part=0)
-THICK = Thickness(name="thick parts", factor=2.0)
-ASIDE = TurnedMount(name="a leg that points aside", part=0, angle=0.5)
+LIMP = Limp(text="the servo of leg 1 dead", part=0)
+THICK = Thickness(text="thick parts", amount=2.0)
+ASIDE = TurnedMount(text="a leg that points aside", part=0, amount=0.5)
 
 
 def both(predictor: Predictor) -> Bodies:
@@ -39,8 +40,7 @@ def test_what_a_limp_part_carries_hangs_with_it(predictor: Predictor) -> None:
 
 def test_its_foot_feels_the_ground_in_every_pose(predictor: Predictor) -> None:
     values, moved = np.vstack([ON_LEG_1, BESIDE_IT]), programs(16, seed=3)
-    numbered = np.column_stack([values, np.zeros(2)])
-    felt = predictor.departing([LIMP]).read_all(numbered, moved)
+    felt = predictor.departing([LIMP]).read_all(departing_points(values, 0), moved)
     assert felt.touch[:, 0].all()
     assert not felt.touch_doubtful[:, 0].any()
     assert not felt.touch[:, 2].all()
@@ -49,10 +49,10 @@ def test_its_foot_feels_the_ground_in_every_pose(predictor: Predictor) -> None:
 
 def test_servos_that_turn_too_far_do_what_a_wider_program_asks(predictor: Predictor) -> None:
     values, moved = BESIDE_IT[None], programs(16, seed=3)
-    wide = Travel(name="all too far", factor=1.25)
-    one = Travel(name="one not far enough", factor=0.8, part=1)
+    wide = Travel(text="all too far", amount=1.25)
+    one = Travel(text="one not far enough", amount=0.8, part=1)
     for departure, factors in ((wide, 1.25), (one, [1.0, 0.8, 1.0, 1.0])):
-        felt = predictor.departing([departure]).read_all(np.append(values[0], 0)[None], moved)
+        felt = predictor.departing([departure]).read_all(departing_points(values, 0), moved)
         told = predictor.read_all(values, moved * factors)
         assert np.array_equal(felt.tilt, told.tilt)
         assert np.array_equal(felt.clearance, told.clearance)
@@ -62,11 +62,11 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
     values, moved = BESIDE_IT[None], programs(16, seed=3)
     sound = predictor.read_all(values, moved)
     gain, higher, lower = (
-        predictor.departing([departure]).read_all(np.append(values[0], 0)[None], moved)
+        predictor.departing([departure]).read_all(departing_points(values, 0), moved)
         for departure in (
-            OtherFigure(name="steeper", column=TILT_GAIN, factor=1.25),
-            OtherFigure(name="too high", column=TOO_HIGH, offset=0.01),
-            OtherFigure(name="too low", column=TOO_HIGH, offset=-1.0),
+            ScaledFigure(text="steeper", column=TILT_GAIN, amount=1.25),
+            ShiftedFigure(text="too high", column=TOO_HIGH, amount=0.01),
+            ShiftedFigure(text="too low", column=TOO_HIGH, amount=-1.0),
         )
     )
     assert np.allclose(gain.tilt, 1.25 * sound.tilt)
@@ -79,7 +79,7 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
 def test_bodies_are_built_each_by_its_own_departure(predictor: Predictor) -> None:
     ways, values = (LIMP, THICK, ASIDE), np.vstack([ON_LEG_1, BESIDE_IT] * 3)
     which = np.array([2, 0, 1, 1, 0, 2])
-    built = predictor.unknowns.departing(ways).bodies(np.column_stack([values, which]))
+    built = predictor.unknowns.departing(ways).bodies(departing_points(values, which))
     moved = programs(6, seed=4)
     for row, number in enumerate(which.tolist()):
         alone = ways[number].of(predictor.unknowns.bodies(values[[row]]))
