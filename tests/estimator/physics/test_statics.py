@@ -227,11 +227,11 @@ def test_a_larger_robot_rests_like_a_small_one(
 def agreement(
     statics: StaticsPhysics, random_quadruped: MakeBody, random_tree: MakeBody
 ) -> dict[str, tuple[Readings, Readings, Array]]:
-    """Readings of 75 bodies of a kind by both back-ends, and the path margins."""
+    """Readings of 50 bodies of a kind by both back-ends, and the path margins."""
     by_kind = {}
     with PyBulletPhysics(WorldSettings(steps=1200, step=1 / 240, full_steps=True)) as engine:
         for kind, make, motors in (("quadrupeds", random_quadruped, 4), ("trees", random_tree, 8)):
-            pairs = random_pairs(make, 75, seed=12, motors=motors)
+            pairs = random_pairs(make, 50, seed=12, motors=motors)
             by_kind[kind] = (statics.read(pairs), engine.read(pairs), statics.path_margins(pairs))
     return by_kind
 
@@ -242,7 +242,7 @@ def test_poses_are_those_of_a_simulation(
     kind: str,
     share: float,
 ) -> None:
-    """Quadrupeds 94 % and trees 98 %, of a thousand; here less whatever chance may do to 75.
+    """Quadrupeds 94 % and trees 98 %, of a thousand; here less whatever chance may do to 50.
 
     What differs is where a body's momentum decides; those poses have a small path margin.
     """
@@ -328,16 +328,22 @@ def test_nothing_and_no_parts_can_be_read(statics: StaticsPhysics) -> None:
 
 def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:
     """Also where two programs begin at the same time: one compiles, and the other waits for it."""
-    program = """
-import numpy as np
-from estimator.body.morphology import Base, Morphology
-from estimator.physics.statics import StaticsPhysics
-body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
-print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
+    program = tmp_path / "program.py"
+    program.write_text(
+        """
+from estimator.physics.kernel.compiling import announced, entrance
+
+@entrance
+def twice(number):
+    return 2 * number
+
+with announced():
+    print(twice(1.5))
 """
+    )
     both = [
         subprocess.Popen(
-            [sys.executable, "-c", program],
+            [sys.executable, program],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -346,7 +352,7 @@ print(StaticsPhysics().read([(body, np.zeros(0))]).clearance[0])
         for _ in range(2)
     ]
     printed, spoken = zip(*(process.communicate(timeout=300) for process in both), strict=True)
-    assert printed == ("0.0\n", "0.0\n")
+    assert printed == ("3.0\n", "3.0\n")
     silent, sentence = sorted(spoken)
     assert silent == ""
     assert sentence.count("\n") == 1
