@@ -81,12 +81,14 @@ class Density(ABC):
         misfits: How many numbers say how far a prediction is from what was felt.
         residuals: How many of the readings' values lie on a continuous scale.
         scaled: Whether the robot's noise may be another than announced, by an unknown factor.
+        beside: How far readings stray, in their unit, where a robot ends beside the pose foretold.
     """
 
     name: ClassVar[str]
     misfits: ClassVar[int]
     residuals: ClassVar[int]
     scaled: ClassVar[bool]
+    beside: ClassVar[float]
 
     def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
         """The readings of some interactions; all are missing where the modality does not count."""
@@ -144,6 +146,7 @@ class TouchDensity(Density):
     misfits = 2
     residuals = 0
     scaled = False
+    beside = 0.0
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""
@@ -188,6 +191,7 @@ class TiltDensity(Density):
     misfits = 1
     residuals = 2
     scaled = True
+    beside = math.radians(3.0)
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """The sum of the squared residuals, rad²."""
@@ -225,6 +229,7 @@ class ClearanceDensity(Density):
     misfits = 1
     residuals = 1
     scaled = True
+    beside = 0.01
 
     def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
         """With the interactions in which the ground lay beyond the range."""

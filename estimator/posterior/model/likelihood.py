@@ -64,7 +64,6 @@ falls at a fork. They lie in no plane of symmetry that bodies are likely to have
 
 _LOG_ASTRAY: Final = math.log(0.5)
 _PLAINLY: Final = 3.0  # standard deviations
-_BESIDE: Final = {"tilt": math.radians(3.0), "clearance": 0.01}  # standard deviations, rad and m
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -325,7 +324,7 @@ class Likelihood:
             known = self._known[name] if turns is None else self._known[name][turns]
             own = misfits[..., _COLUMNS[name]]
             density.add_logs(inlier, own, known, noise)
-            density.add_logs(nearby, own, known, np.hypot(noise, _BESIDE.get(name, 0.0)))
+            density.add_logs(nearby, own, known, np.hypot(noise, density.beside))
         inlier += np.where(misfits[..., ASTRAY] > 0, _LOG_ASTRAY, 0.0)
         silent = misfits[..., SILENT] > 0
         outlier: Array = np.logaddexp(
