@@ -3,9 +3,9 @@
 A reading is drawn from each sample's prediction, noise included, and what it would tell about the
 group of samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the mixture by
 which bodies are judged, but that outliers may all end anywhere. So a program that separates bodies
-only by what cannot be measured, or in poses that the models cannot foretell, is worth nothing. With every sample a group
-of its own this is the information about the body as a whole; with samples grouped by what they say
-of one leg's side, it is the information about that side.
+only by what cannot be measured, or in poses that the models cannot foretell, is worth nothing. With
+every sample a group of its own this is the information about the body as a whole; with samples
+grouped by what they say of one leg's side, it is the information about that side.
 """
 
 from __future__ import annotations
