@@ -53,7 +53,6 @@ def believe(
     alike = _like_the_first(compared, predictor, same_as)
     alike += [False] * (len(modes) - len(alike))
     verdict = judge(posterior, predictor, data, noise)
-    known = posterior.credible or not predictor.unknowns.bits
     gained = None
     if before is not None:
         gained = information_gained(before, posterior, predictor, data, noise)
@@ -72,7 +71,7 @@ def believe(
             )
             for mode, one in zip(modes, alike, strict=True)
         ),
-        within_problem=_vouched_for(modes, np.array(alike)) if known else None,
+        within_problem=_vouched_for(modes, np.array(alike)) if posterior.credible else None,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(

@@ -114,11 +114,14 @@ class Agreement:
         """Whether the readings are explained so well that something can be certain.
 
         One interaction may be an accident, but not where the others are explained poorly too: two
-        accidents lead to a body that explains all of them, none well.
+        accidents lead to a body that explains all of them, none well. Where attachments are known
+        no other body can explain them better, and what is explained badly alone counts.
         """
-        if self.may_err and not self.fit.unexplained:
-            return self.fit.excess <= _BAD
-        return not self._poor and self.fit.unexplained <= (ACCIDENTS if self.may_err else 0)
+        any_other = bool(self.leader)
+        accident = self.fit.unexplained > 0
+        limit = _POOR if any_other and (accident or not self.may_err) else _BAD
+        allowed = ACCIDENTS if self.may_err else 0
+        return self.fit.unexplained <= allowed and self.fit.excess <= limit
 
     @property
     def _poor(self) -> bool:

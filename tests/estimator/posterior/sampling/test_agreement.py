@@ -61,13 +61,32 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
 def test_what_explains_the_readings_poorly_is_not_credible(
     unexplained: int, excess: float, may_err: bool, credible: bool
 ) -> None:
-    agreement = Agreement(
+    assert agreed((0,), unexplained, excess, may_err).credible == credible
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "excess", "may_err", "credible"),
+    [
+        (0, 2.3, False, True),  # no other body can explain it better
+        (0, 2.4, False, False),
+        (1, 0.0, False, False),
+        (1, 2.3, True, True),
+        (2, 0.0, True, False),
+    ],
+)
+def test_known_attachments_are_credible_unless_they_explain_the_readings_badly(
+    unexplained: int, excess: float, may_err: bool, credible: bool
+) -> None:
+    assert agreed((), unexplained, excess, may_err).credible == credible
+
+
+def agreed(key: tuple[int, ...], unexplained: int, excess: float, may_err: bool) -> Agreement:
+    return Agreement(
         points=np.zeros((1, 1)),
-        keys=[(0,)],
+        keys=[key],
         best=0.0,
         guesses=np.zeros(1),
         met=(),
         fit=Fit(unexplained=unexplained, excess=excess),
         may_err=may_err,
     )
-    assert agreement.credible == credible
