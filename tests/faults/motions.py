@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from typing import Final
 
+import serial
+
 from bench.daemons import Simulator, simulator
 from bench.still_robot import example_config
 from protocol.errors import BodyschemaError, RobotError
@@ -89,6 +91,17 @@ def wait_until(condition: Callable[[], bool], timeout: float = 120) -> None:
 def wait_for_motion(board: SV203Emulator) -> None:
     """Until the first hip is well on its way from zero downwards."""
     wait_until(lambda: board.pulses()[0] < ZERO[0] - 25)
+
+
+def pulses_at_last(board: SV203Emulator) -> tuple[int, ...]:
+    """The pulses once the board has done all that it was told: it answers in order.
+
+    For a board whose daemon is gone.
+    """
+    with serial.Serial(board.port, timeout=60) as line:
+        line.write(b"BD1RR1\r")
+        assert line.read_until(b"\r").endswith(b"\r")
+    return board.pulses()
 
 
 def check(name: str, end: object, status: Status | None = None) -> None:

@@ -30,6 +30,7 @@ from tests.faults.motions import (
     check,
     controller,
     daemon,
+    pulses_at_last,
     servo_board,
     wait_for_motion,
     wait_until,
@@ -141,7 +142,7 @@ def sigkill() -> None:
     ):
         wait_for_motion(board)
         first.kill()
-        held = board.pulses()
+        held = pulses_at_last(board)
         assert 0 not in held
         with daemon(board, bind=bind) as second:
             # The client finds out by itself, and repeats nothing.
