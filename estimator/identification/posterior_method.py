@@ -176,9 +176,11 @@ class PosteriorMethod:
         self, belief: Belief, data: SensorData, predictor: Predictor
     ) -> tuple[Doubt, ...]:
         as_stated = belief.model_copy(update={"departed": 0.0, "departure": None})
-        if not self._attachments_known(as_stated, SURE):
-            return ()
-        if not predictor.unknowns.bits and not self._lengths_known(belief):
+        if predictor.unknowns.bits:
+            known = self._attachments_known(as_stated, SURE)
+        else:
+            known = self._lengths_known(belief)
+        if not known:
             return ()
         return self._doubts(self._posterior, data, predictor)
 
@@ -226,7 +228,7 @@ class PosteriorMethod:
             simulations, steps = reference.simulations, reference.steps
         doubted = self._doubts(checked.posterior, data, self._sampler.predictor)
         final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
-        if (final.probability or 0.0) >= SURE:
+        if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
             final = _doubting(final, doubted)
         final = final.model_copy(
             update={

@@ -93,15 +93,17 @@ class ModelRobot:
     """Feels what its model feels, at once or, when manual, when told to.
 
     ``refusals`` are errors with which the next motions end; ``motions`` are all that were begun.
+    With a ``travel`` other than 1 its servos turn so many times as far as they are told.
     """
 
-    def __init__(self, *, manual: bool = False):
+    def __init__(self, *, manual: bool = False, travel: float = 1.0):
         self.capabilities = make_capabilities()
         self.manual = manual
         self.motions: list[Perform] = []
         self.begun = threading.Semaphore(0)
         self.refusals: list[RobotError] = []
         self._body = true_body(make_problem(), self.capabilities)
+        self._travel = travel
         self._sequence = 0
         self._under_way: list[tuple[int, Perform]] = []
         self._events: list[RobotEvent] = []
@@ -149,7 +151,7 @@ class ModelRobot:
     def _observe(self, request: Perform) -> ObservationReply:
         program = np.array(in_motor_order(request.targets, self.capabilities))
         with PyBulletPhysics(make_problem().settings(self.capabilities)) as physics:
-            readings = physics.read([(self._body, program)])
+            readings = physics.read([(self._body, self._travel * program)])
         self._sequence += 1
         return ObservationReply(
             id=request.id,

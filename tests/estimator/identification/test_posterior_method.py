@@ -14,7 +14,7 @@ from estimator.identification import posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
-from estimator.posterior.model.departures import Thickness
+from estimator.posterior.model.departures import Thickness, Travel
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
@@ -188,6 +188,21 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
     assert result.posterior.probability == pytest.approx(1 - result.posterior.departed)
     assert not any(step.explained for step in result.posterior.steps)
     assert "as well as one with thick parts" in result.posterior.verdict
+
+
+def test_what_departs_is_named_where_known_attachments_explain_the_readings_badly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    too_far = Travel(text="all servos turning {} times as far as told", amount=1.25)
+    monkeypatch.setattr(posterior_method, "possible_departures", lambda _: (too_far,))
+    with serving(ModelRobot(travel=1.25)) as uri:
+        asked = replace(order(tmp_path, uri), interactions=3)
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
+        )
+    assert result.posterior is not None
+    assert result.posterior.probability is None
+    assert "turning 1.2 times as far as told" in result.posterior.verdict
 
 
 @pytest.mark.parametrize(
