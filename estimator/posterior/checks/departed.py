@@ -55,12 +55,10 @@ def doubts(
     starts = np.vstack([best, posterior.values[::every][:_STARTS]])
     count = len(departures)
     departing = predictor.departing(departures)
-    every_one = np.arange(count)
-    numbered = np.vstack(
-        [
-            departing_points(np.tile(start, (count, 1)), every_one, size)
-            for start, size in ((starts[0], _LESS), (starts[1], _MORE))
-        ]
+    numbered = departing_points(
+        np.repeat(starts[:2], count, axis=0),
+        np.tile(np.arange(count), 2),
+        np.repeat((_LESS, _MORE), count),
     )
     points, fits = _fitted(numbered, departing, data, noise, each=True)
     log_shares = _log_shares(points, departing, data, noise)
@@ -166,7 +164,7 @@ def _fitted(
     likelihood = Likelihood(data, noise)
     lengths = Lengths(predictor, data, likelihood)
     points = np.vstack([starts, lengths.polished(starts)[0]])
-    which = [(value,) if each else () for value in points[:, -2].tolist()]
+    which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
     best = points[best_of_each(which, lengths.fits(points))]
     return best, likelihood.of(likelihood.misfits_of(predictor, best))
 

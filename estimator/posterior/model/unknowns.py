@@ -128,17 +128,19 @@ class Departing(Unknowns):
         return Bodies.joined(built)[np.argsort(np.concatenate(groups))]
 
 
-def departing_points(values: Array, which: NDArray[np.intp] | int, size: float = 1.0) -> Array:
+def departing_points(
+    values: Array, which: NDArray[np.intp] | int, sizes: Array | float = 1.0
+) -> Array:
     """Points of ``Departing``.
 
     Args:
         values: Points of the problem's cube, shape (n, size).
         which: Index of the departure of each, shape (n,), or of all.
-        size: How far they depart.
+        sizes: How far each departs, shape (n,), or all of them.
     """
     least, most = SIZES
-    where = np.full(len(values), (size - least) / (most - least))
-    return np.column_stack([values, np.broadcast_to(which, len(values)), where])
+    columns = np.broadcast_arrays(which, (sizes - least) / (most - least), values[:, 0])[:2]
+    return np.column_stack([values, *columns])
 
 
 def sizes_of(points: Array) -> Array:

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
+from estimator.body.morphology import Base
+from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
     clearly_better,
     doubts,
@@ -28,8 +30,11 @@ from estimator.posterior.model.departures import (
     TurnedMount,
 )
 from estimator.posterior.model.likelihood import SensorData
-from estimator.posterior.model.unknowns import Predictor, departing_points
+from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
 from estimator.posterior.posterior import Mode, Posterior
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from tests.estimator.model_robot import PROBLEM
 from tests.estimator.two_unknown_rows import MODALITIES, NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -173,3 +178,15 @@ def test_a_departure_is_named_with_what_it_means_for_lengths_outside_their_inter
         ([0.204, 0.1], "parts 2 times as thick"),  # not worth saying
     ):
         assert with_consequence(THICK, np.array(lengths), believed) == said
+
+
+def test_a_single_unknown_length_can_be_doubted() -> None:
+    first, *others = PROBLEM.split("length = [0.05, 0.25]")
+    text = first + "length = [0.05, 0.25]" + "length = 0.15".join(others)
+    genome = Genome(Problem.parse(text, "one length"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.array([0.5])
+    data = draw(predictor, point, MOVED, np.random.default_rng(11), outlier=0.0)
+    alone = equally_likely(np.full((12, 1), 0.5), point)
+    (doubt,) = doubts(alone, predictor, data, NOISE, [THICK])
+    assert doubt.departure.text == THICK.text
+    assert doubt.gain < 0

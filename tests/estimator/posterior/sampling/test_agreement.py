@@ -45,43 +45,31 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
     assert agreement.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)
 
 
+OPEN, KNOWN = (0,), ()
+
+
 @pytest.mark.parametrize(
-    ("unexplained", "excess", "may_err", "credible"),
+    ("key", "unexplained", "excess", "may_err", "credible"),
     [
-        (0, 0.9, False, True),
-        (0, 1.1, False, False),
-        (1, 0.0, False, False),
-        (1, 0.9, True, True),
-        (1, 1.1, True, False),  # an accident, and the others are explained poorly
-        (0, 2.3, True, True),
-        (0, 2.4, True, False),
-        (2, 0.0, True, False),
+        (OPEN, 0, 0.9, False, True),
+        (OPEN, 0, 1.1, False, False),
+        (OPEN, 1, 0.0, False, False),
+        (OPEN, 1, 0.9, True, True),
+        (OPEN, 1, 1.1, True, False),  # an accident, and the others are explained poorly
+        (OPEN, 0, 2.3, True, True),
+        (OPEN, 0, 2.4, True, False),
+        (OPEN, 2, 0.0, True, False),
+        (KNOWN, 0, 2.3, False, True),  # no other body can explain it better
+        (KNOWN, 0, 2.4, False, False),
+        (KNOWN, 1, 0.0, False, False),
+        (KNOWN, 1, 2.3, True, True),
+        (KNOWN, 2, 0.0, True, False),
     ],
 )
 def test_what_explains_the_readings_poorly_is_not_credible(
-    unexplained: int, excess: float, may_err: bool, credible: bool
+    key: tuple[int, ...], unexplained: int, excess: float, may_err: bool, credible: bool
 ) -> None:
-    assert agreed((0,), unexplained, excess, may_err).credible == credible
-
-
-@pytest.mark.parametrize(
-    ("unexplained", "excess", "may_err", "credible"),
-    [
-        (0, 2.3, False, True),  # no other body can explain it better
-        (0, 2.4, False, False),
-        (1, 0.0, False, False),
-        (1, 2.3, True, True),
-        (2, 0.0, True, False),
-    ],
-)
-def test_known_attachments_are_credible_unless_they_explain_the_readings_badly(
-    unexplained: int, excess: float, may_err: bool, credible: bool
-) -> None:
-    assert agreed((), unexplained, excess, may_err).credible == credible
-
-
-def agreed(key: tuple[int, ...], unexplained: int, excess: float, may_err: bool) -> Agreement:
-    return Agreement(
+    agreement = Agreement(
         points=np.zeros((1, 1)),
         keys=[key],
         best=0.0,
@@ -90,3 +78,4 @@ def agreed(key: tuple[int, ...], unexplained: int, excess: float, may_err: bool)
         fit=Fit(unexplained=unexplained, excess=excess),
         may_err=may_err,
     )
+    assert agreement.credible == credible
