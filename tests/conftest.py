@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -29,6 +30,11 @@ _FIRST = ("test_reproduce.py", "test_readme.py", "test_interruptions.py", "test_
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Puts the longest files first."""
     items.sort(key=lambda item: item.path.name not in _FIRST)
+
+
+def pytest_collection_finish() -> None:
+    """Thousands of tests live until the end: nobody need look again whether they are garbage."""
+    gc.freeze()
 
 
 @pytest.fixture(scope="module")

@@ -79,15 +79,14 @@ class SoundRobot(FakeRobot):
         return replace(super().observe(request_id), monotonic=time.monotonic())
 
 
-BUSY = {"latency", "telemetry"}  # may be worth a note on a computer with much to do
+BUSY = {"latency", "telemetry"}  # a computer with much to do may be too slow for the robot
 
 
 def remarkable(findings: Iterable[ExaminedItem]) -> list[ExaminedItem]:
     return [
         finding
         for finding in findings
-        if finding.verdict is Fitness.BAD
-        or (finding.verdict is Fitness.NOTE and finding.subject not in BUSY)
+        if finding.verdict is not Fitness.FINE and finding.subject not in BUSY
     ]
 
 

@@ -50,7 +50,7 @@ from tests.estimator.dask_cluster import (
 )
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 from tests.estimator.physics.test_pool import assert_same
-from tests.estimator.two_unknown_rows import draw, make_sampler, programs
+from tests.estimator.two_unknown_rows import QUICK, draw, make_sampler, programs
 from tests.free_ports import free_address
 
 MakeBody = Callable[[np.random.Generator], Morphology]
@@ -116,8 +116,8 @@ def test_a_cluster_moves_chains_as_this_process_does(
 ) -> None:
     point = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
     data = draw(predictor, point, programs(1), np.random.default_rng(2))
-    here = make_sampler(predictor)
-    there = make_sampler(predictor, workers=DaskWorkers(connected))
+    here = make_sampler(predictor, effort=QUICK)
+    there = make_sampler(predictor, effort=QUICK, workers=DaskWorkers(connected))
     assert np.array_equal(there.learn(data).values, here.learn(data).values)
     assert there.simulations == here.simulations > 0
 

@@ -20,10 +20,9 @@ from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
 from tests.estimator.posterior.sampling.enumeration import distance, enumerated
-from tests.estimator.two_unknown_rows import draw, make_sampler, programs
+from tests.estimator.two_unknown_rows import QUICK, draw, make_sampler, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
-QUICK = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=64)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 
 
@@ -50,9 +49,9 @@ def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) 
 
 def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
-    here = make_sampler(predictor)
+    here = make_sampler(predictor, effort=QUICK)
     with closing(LocalWorkers(2)) as workers:
-        there = make_sampler(predictor, workers=workers)
+        there = make_sampler(predictor, effort=QUICK, workers=workers)
         for turns in (1, 2):
             expected, posterior = here.learn(data[:turns]), there.learn(data[:turns])
     assert np.array_equal(posterior.values, expected.values)
@@ -86,7 +85,7 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
 ) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
     data.felt["tilt"].values[1] += 0.6
-    assert not make_sampler(predictor).learn(data).credible
+    assert not make_sampler(predictor, effort=QUICK).learn(data).credible
 
 
 class Watched(ThisProcess):
