@@ -124,7 +124,10 @@ class PosteriorMethod:
             self._same_as,
             before=before,
         )
-        self._doubted = self._doubts_once_sure(belief, data, self._sampler.predictor)
+        with closing(self._open_reference()) as reference:
+            predictor = self._sampler.predictor
+            self._doubted = self._doubts_once_sure(belief, data, predictor, reference)
+            self._count(reference)
         belief = _doubting(belief, self._doubted)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
@@ -139,9 +142,12 @@ class PosteriorMethod:
         posterior, beliefs = self._posterior, self._store.beliefs()
         if self._doubted is None and beliefs:  # resumed: what it costs was counted before
             data = self._data(self._store.observations())
-            with closing(self._make_physics()) as physics:
+            with (
+                closing(self._make_physics()) as physics,
+                closing(self._open_reference()) as reference,
+            ):
                 elsewhere = Predictor(self._sampler.predictor.unknowns, physics)
-                self._doubted = self._doubts_once_sure(beliefs[-1][0], data, elsewhere)
+                self._doubted = self._doubts_once_sure(beliefs[-1][0], data, elsewhere, reference)
         return Models(
             genes=posterior.values,
             weights=posterior.weights,
@@ -173,7 +179,7 @@ class PosteriorMethod:
         return bool(np.all(high - low <= 2 * PRECISE))
 
     def _doubts_once_sure(
-        self, belief: Belief, data: SensorData, predictor: Predictor
+        self, belief: Belief, data: SensorData, predictor: Predictor, reference: Physics
     ) -> tuple[Doubt, ...]:
         as_stated = belief.model_copy(update={"departed": 0.0, "departure": None})
         if predictor.unknowns.bits:
@@ -182,10 +188,10 @@ class PosteriorMethod:
             known = self._lengths_known(belief)
         if not known:
             return ()
-        return self._doubts(self._posterior, data, predictor)
+        return self._doubts(self._posterior, data, predictor, reference)
 
     def _doubts(
-        self, posterior: Posterior, data: SensorData, predictor: Predictor
+        self, posterior: Posterior, data: SensorData, predictor: Predictor, reference: Physics
     ) -> tuple[Doubt, ...]:
         departures = that_can_be_felt(
             possible_departures(self._store.problem),
@@ -194,7 +200,7 @@ class PosteriorMethod:
             self._movements[:_FEW],
             self._store.settings.modalities,
         )
-        return doubts(posterior, predictor, data, self._noise, departures)
+        return doubts(posterior, predictor, data, self._noise, departures, reference=reference)
 
     def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
         decode_all = self._store.genome.decode_all
@@ -225,8 +231,8 @@ class PosteriorMethod:
                 reference=reference,
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
-            simulations, steps = reference.simulations, reference.steps
-        doubted = self._doubts(checked.posterior, data, self._sampler.predictor)
+            doubted = self._doubts(checked.posterior, data, self._sampler.predictor, reference)
+            self._count(reference)
         final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
         if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
             final = _doubting(final, doubted)
@@ -240,15 +246,7 @@ class PosteriorMethod:
         )
         if any(not mode.like_the_first for mode in final.modes if mode.probability >= RIVAL):
             final = final.model_copy(update={"decides": self._deciding(final, observations)})
-        cost = self._cost()
-        cost = cost.model_copy(
-            update={
-                "simulations_requested": cost.simulations_requested + simulations,
-                "simulations_run": cost.simulations_run + simulations,
-                "steps": cost.steps + steps,
-            }
-        )
-        self._store.save_belief(last, final, cost, None)
+        self._store.save_belief(last, final, self._cost(), None)
 
     def _deciding(self, belief: Belief, observations: Sequence[Observation]) -> NextMovement:
         """The movement that would tell most about what is left open."""
@@ -269,6 +267,16 @@ class PosteriorMethod:
     def _same_as(self, body: Morphology) -> Callable[[Morphology], bool]:
         physics, modalities = self._make_physics(), self._store.settings.modalities
         return Reference(body, self._movements, physics, modalities).is_like
+
+    def _count(self, reference: Physics) -> None:
+        before = self._counters
+        self._counters = before.model_copy(
+            update={
+                "simulations_requested": before.simulations_requested + reference.simulations,
+                "simulations_run": before.simulations_run + reference.simulations,
+                "steps": before.steps + reference.steps,
+            }
+        )
 
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""

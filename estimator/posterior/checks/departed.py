@@ -5,22 +5,29 @@ explained, and the answer is wrong. So bodies that depart from the problem are f
 readings too. One that explains them clearly better says that the problem is wrong; one that
 explains them as well is a doubt, which a movement may settle, and has its share of the
 probability until then.
+
+Where statics leaves an interaction unexplained, the simulator is asked before a departure counts:
+if bodies of the problem end there as was felt, statics was wrong, not the problem.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.physics.base import Physics
 from estimator.physics.equivalence import AGREEMENT, agree
+from estimator.posterior.checks.recheck import simulated_fits
+from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Departure, Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import PRIOR, Lengths, best_of_each
-from estimator.posterior.model.special import expit
+from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Predictor, departing_points, sizes_of
 from estimator.posterior.posterior import Posterior
 
@@ -30,6 +37,9 @@ _PRIOR: Final = 0.1  # of all departures together; each is as probable as any ot
 _STARTS: Final = 8
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
 _WORTH_SAYING: Final = 0.005  # m
+_MATTERS: Final = 0.05  # probability of all departures together, to ask the simulator
+_SIMULATED: Final = 32  # samples
+_CONTRADICTED: Final = 3.0  # nats less than what explains an interaction best
 
 
 def doubts(
@@ -38,6 +48,8 @@ def doubts(
     data: SensorData,
     noise: Noise,
     departures: Sequence[Departure],
+    *,
+    reference: Physics,
 ) -> tuple[Doubt, ...]:
     """Fits a body of each departure to the readings, from the best body and one of the samples.
 
@@ -47,6 +59,7 @@ def doubts(
         data: What the robot felt.
         noise: How far readings stray.
         departures: Which to look at.
+        reference: The simulator, asked about what statics leaves unexplained.
     """
     if not departures:
         return ()
@@ -66,7 +79,7 @@ def doubts(
     # that a departure brings to light may suit it as well
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
     candidates = np.vstack([starts, *others, points[:_STARTS, :-2]])
-    _, as_stated = _fitted(candidates, predictor, data, noise)
+    stated, as_stated = _fitted(candidates, predictor, data, noise)
     doubted = [
         Doubt(
             departure=departures[int(point[-2])].sized(size),
@@ -78,6 +91,11 @@ def doubts(
             points, sizes_of(points).tolist(), fits - as_stated, log_shares.tolist(), strict=True
         )
     ]
+    if clearly_better(doubted) is not None or probability_departed(doubted) > _MATTERS:
+        samples = posterior.values[systematic(posterior.weights, _SIMULATED, 0.5)]
+        bodies = np.vstack([stated, samples])
+        amends = _amends(bodies, predictor, data, noise, reference)
+        doubted = [replace(doubt, gains=doubt.gains - amends) for doubt in doubted]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gain))
 
 
@@ -167,6 +185,30 @@ def _fitted(
     which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
     best = points[best_of_each(which, lengths.fits(points))]
     return best, likelihood.of(likelihood.misfits_of(predictor, best))
+
+
+def _amends(
+    points: Array, predictor: Predictor, data: SensorData, noise: Noise, reference: Physics
+) -> Array:
+    """How much better the simulator explains interactions than statics does, nats, shape (k,).
+
+    Args:
+        points: The best body, which statics speaks of, and samples, shape (n, size). The simulator
+            speaks of all of them, weighted as if the interaction had not been learnt from.
+        predictor: Statics.
+        data: What the robot felt.
+        noise: How far readings stray.
+        reference: The simulator.
+    """
+    likelihood = Likelihood(data, noise)
+    fits = likelihood.of(likelihood.misfits_of(predictor, points))
+    bodies = predictor.unknowns.decode_all(points)
+    amends = np.zeros(len(data))
+    for turn in np.flatnonzero(likelihood.best()[0] - fits[0] > _CONTRADICTED).tolist():
+        simulated = simulated_fits(bodies, data[turn : turn + 1], noise, reference)
+        average = logsumexp(simulated - fits[:, turn]) - logsumexp(-fits[:, turn])
+        amends[turn] = max(0.0, average - fits[0, turn])
+    return amends
 
 
 def _log_shares(points: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Array:

@@ -9,14 +9,14 @@ simulator confirms belongs to the posterior as well.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Array, Morphology
+from estimator.body.morphology import Array
 from estimator.physics.base import Physics
+from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths
@@ -71,7 +71,7 @@ def with_left_out(
         if not rows.size:
             continue
         tried = predictor.unknowns.decode_all(draws[rng.permutation(rows)[:_SIMULATED]])
-        felt = _simulated(tried, data[turn : turn + 1], noise, reference)
+        felt = simulated_fits(tried, data[turn : turn + 1], noise, reference)
         # which of them the simulator confirms is chance: there a trifle decides
         logs = others - log_density - math.log(_DRAWS)
         confirmed = logs[rows] + logsumexp(felt) - math.log(len(felt))
@@ -109,16 +109,6 @@ def _log_density_at(lengths: Lengths, best: Array) -> float:
 def _fits(likelihood: Likelihood, predictor: Predictor, points: Array) -> Array:
     """Log-likelihoods of n points in k interactions, shape (n, k)."""
     return likelihood.of(likelihood.misfits_of(predictor, points))
-
-
-def _simulated(
-    bodies: Sequence[Morphology], one: SensorData, noise: Noise, reference: Physics
-) -> Array:
-    """Log-likelihoods of n bodies in one interaction by the simulator, shape (n,)."""
-    readings = reference.read([(body, one.programs[0]) for body in bodies])
-    misfits = one.misfits(readings, np.zeros(len(bodies), dtype=np.intp))
-    fits: Array = Likelihood(one, noise).of(misfits[:, None])[:, 0]
-    return fits
 
 
 def _mixed(

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Array
+from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import Physics, WorldSettings
 from estimator.posterior.model.likelihood import LEANS, Likelihood, Noise, SensorData, apart
 from estimator.posterior.model.special import logsumexp, softmax
@@ -108,6 +108,16 @@ def recheck(
         effective=float(1 / np.sum(weights**2)),
         simulated=len(points),
     )
+
+
+def simulated_fits(
+    bodies: Sequence[Morphology], one: SensorData, noise: Noise, reference: Physics
+) -> Array:
+    """Log-likelihoods of n bodies in one interaction by the simulator, shape (n,)."""
+    readings = reference.read([(body, one.programs[0]) for body in bodies])
+    misfits = one.misfits(readings, np.zeros(len(bodies), dtype=np.intp))
+    fits: Array = Likelihood(one, noise).of(misfits[:, None])[:, 0]
+    return fits
 
 
 def _best(points: Array, fits: Array, chosen: Array) -> Array:

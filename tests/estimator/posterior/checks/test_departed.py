@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.body.morphology import Base
+from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
     clearly_better,
@@ -67,7 +69,7 @@ def around(point: np.ndarray) -> Posterior:
 
 
 def doubted(predictor: Predictor, data: SensorData) -> tuple[Doubt, ...]:
-    return doubts(around(POINT), predictor, data, NOISE, LOOKED_AT)
+    return doubts(around(POINT), predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
 
 
 def felt_by(predictor: Predictor) -> SensorData:
@@ -105,6 +107,27 @@ def test_a_robot_that_does_not_is_not_suspected(predictor: Predictor) -> None:
     assert left <= {ONE_THICK.text}  # a leg a little thicker
 
 
+class Engine(StaticsPhysics):
+    """Another engine: whatever it is asked, it says what one body of some departure feels."""
+
+    def __init__(self, departure: Departure, predictor: Predictor):
+        super().__init__()
+        self._departing = predictor.departing([departure])
+
+    def read(self, pairs: Sequence[Pair]) -> Readings:
+        moved = np.array([program for _, program in pairs])
+        return self._departing.read_all(departing_points(POINT[None], 0), moved)
+
+
+@pytest.mark.parametrize(("said", "named"), [(OFF_ZERO, False), (OFF_CENTRE, True)])
+def test_what_bodies_of_the_problem_feel_in_the_simulator_is_no_departure(
+    predictor: Predictor, said: Departure, named: bool
+) -> None:
+    data, reference = felt_by_one_with(OFF_ZERO, predictor), Engine(said, predictor)
+    one = doubts(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
+    assert (clearly_better(one) is not None) == named
+
+
 def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor) -> None:
     rival = POINT.copy()
     rival[5] = 0.1  # yaw instead of up
@@ -112,7 +135,10 @@ def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor
     alone = around(POINT)
     both = replace(alone, modes=(*alone.modes, Mode((1,), 0.3, rival, 12.0, (True, True))))
     gains = [
-        max(doubt.gains.sum() for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT))
+        max(
+            doubt.gains.sum()
+            for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
+        )
         for one in (alone, both)
     ]
     assert gains[0] > -5.0
@@ -149,7 +175,8 @@ def test_what_departs_has_the_prior_s_share_until_movements_have_told(predictor:
 
 
 def test_nothing_is_doubted_where_no_departure_can_be_felt(predictor: Predictor) -> None:
-    assert doubts(around(POINT), predictor, felt_by(predictor), NOISE, ()) == ()
+    felt = felt_by(predictor)
+    assert doubts(around(POINT), predictor, felt, NOISE, (), reference=StaticsPhysics()) == ()
 
 
 def test_one_movement_that_only_a_departure_explains_is_no_accident(predictor: Predictor) -> None:
@@ -187,6 +214,6 @@ def test_a_single_unknown_length_can_be_doubted() -> None:
     predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.array([0.5])
     data = draw(predictor, point, MOVED, np.random.default_rng(11), outlier=0.0)
     alone = equally_likely(np.full((12, 1), 0.5), point)
-    (doubt,) = doubts(alone, predictor, data, NOISE, [THICK])
+    (doubt,) = doubts(alone, predictor, data, NOISE, [THICK], reference=StaticsPhysics())
     assert doubt.departure.text == THICK.text
     assert doubt.gain < 0
