@@ -67,19 +67,16 @@ def start_exactly(
     counts = np.array((4, 6, 2, 4, 6))
     keys = np.array(list(np.ndindex(*counts)))
     every = (keys + 0.5) / counts
-    misfits = Likelihood(data, NOISE).misfits_of(predictor, every, surely=True)
     likelihood = Likelihood(data, NOISE)
+    misfits = likelihood.misfits_of(predictor, every, surely=True)
     widths = np.repeat(HOTTEST ** np.linspace(0, 1, population.levels), population.width)
+    tried = 25
+    each = np.tile(misfits, (tried, 1, 1))
     for chain in range(1, len(population.values)):
-        factors = rng.normal(0, SCALE_SPREAD, (25, 2))
-        fits = [
-            likelihood.of(
-                misfits, np.full(len(every), widths[chain]), np.tile(factor, (len(every), 1))
-            ).sum(axis=1)
-            for factor in factors
-        ]
-        logs = np.array(fits)
-        which = int(np.argmax(logs.ravel() + rng.gumbel(size=logs.size)))
+        factors = rng.normal(0, SCALE_SPREAD, (tried, 2))
+        scales = np.repeat(factors, len(every), axis=0)
+        logs = likelihood.of(each, np.full(len(each), widths[chain]), scales).sum(axis=1)
+        which = int(np.argmax(logs + rng.gumbel(size=logs.size)))
         factor, body = divmod(which, len(every))
         population.scales[chain] = factors[factor]
         population.values[chain] = (keys[body] + rng.random(counts.size)) / counts
