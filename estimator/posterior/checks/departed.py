@@ -95,7 +95,11 @@ def doubts(
         samples = posterior.values[systematic(posterior.weights, _SIMULATED, 0.5)]
         bodies = np.vstack([stated, samples])
         amends = _amends(bodies, predictor, data, noise, reference)
-        doubted = [replace(doubt, gains=doubt.gains - amends) for doubt in doubted]
+        # where a departure gains nothing the simulator was not asked what its bodies feel
+        doubted = [
+            replace(doubt, gains=doubt.gains - np.clip(doubt.gains, 0.0, amends))
+            for doubt in doubted
+        ]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gain))
 
 
