@@ -39,7 +39,7 @@ _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the b
 _WORTH_SAYING: Final = 0.005  # m
 _MATTERS: Final = 0.05  # probability of all departures together, to ask the simulator
 _SIMULATED: Final = 32  # samples
-_CONTRADICTED: Final = 3.0  # nats less than what explains an interaction best
+_POORLY: Final = 3.0  # nats less than what explains an interaction best
 
 
 def doubts(
@@ -208,7 +208,7 @@ def _amends(
     fits = likelihood.of(likelihood.misfits_of(predictor, points))
     bodies = predictor.unknowns.decode_all(points)
     amends = np.zeros(len(data))
-    for turn in np.flatnonzero(likelihood.best()[0] - fits[0] > _CONTRADICTED).tolist():
+    for turn in np.flatnonzero(likelihood.best()[0] - fits[0] > _POORLY).tolist():
         simulated = simulated_fits(bodies, data[turn : turn + 1], noise, reference)
         average = logsumexp(simulated - fits[:, turn]) - logsumexp(-fits[:, turn])
         amends[turn] = max(0.0, average - fits[0, turn])

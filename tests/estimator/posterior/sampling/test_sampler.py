@@ -84,6 +84,7 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
     predictor: Predictor,
 ) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
+    assert make_sampler(predictor, effort=QUICK).learn(data).credible
     data.felt["tilt"].values[1] += 0.6
     assert not make_sampler(predictor, effort=QUICK).learn(data).credible
 
