@@ -17,9 +17,18 @@ from numpy.typing import NDArray
 
 from sim_robot.errors import BodyError
 from sim_robot.world.body_checks import faults_of, root_of
-from sim_robot.world.frames import frame_of
-from sim_robot.world.urdf import Box, Collision, Cylinder, Joint, Link, Robot, Sphere, vector
-from sim_robot.world.urdf_file import read_urdf
+from sim_robot.world.urdf.declarations import (
+    Box,
+    Collision,
+    Cylinder,
+    Joint,
+    Link,
+    Robot,
+    Sphere,
+    vector,
+)
+from sim_robot.world.urdf.frames import frame_of
+from sim_robot.world.urdf.reading import read_urdf
 
 DEFAULT = "quadruped"
 Vector: TypeAlias = tuple[float, float, float]

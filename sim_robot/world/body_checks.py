@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from protocol.wire.field_checks import MAX_NAME
 from sim_robot.errors import BodyError
-from sim_robot.world.urdf import Inertia, Joint, Link, Robot, vector
-from sim_robot.world.urdf_file import Description
+from sim_robot.world.urdf.declarations import Inertia, Joint, Link, Robot, vector
+from sim_robot.world.urdf.reading import Description
 
 MAX_MOTORS = 24  # outputs of three servo boards on one line
 MAX_LINKS = 100  # PyBullet loads no body of 127
-_TURN = math.pi + 0.01
 
 
 def faults_of(description: Description, file: str) -> list[BodyError]:
@@ -85,8 +83,7 @@ def _tree(robot: Robot) -> Iterator[tuple[str, str]]:
         elif parent not in placed:
             yield (
                 where,
-                f"comes before the joint that attaches its parent '{parent}', or the joints form "
-                "a ring; list parents first.",
+                f"its parent '{parent}' does not hang on the main body; the joints form a ring.",
             )
         placed.add(child)
 
@@ -119,11 +116,11 @@ def _joint(joint: Joint) -> Iterator[tuple[str, str]]:
     where, limit = f"joint '{joint.name}'", joint.limit
     if limit is None:
         yield where, "a revolute joint needs <limit>."
-    elif not (-_TURN <= limit.lower <= 0 <= limit.upper <= _TURN and limit.lower < limit.upper):
+    elif not limit.lower < limit.upper:
         yield (
             f"{where}: limit",
-            f"must hold 0, where interactions begin, within ±π rad, not {limit.lower:g} to "
-            f"{limit.upper:g}.",
+            f"lower must be below upper, not {limit.lower:g} and {limit.upper:g}; what is left "
+            "out is 0.",
         )
     if not any(vector(joint.axis.xyz)):
         yield f"{where}: axis", "must not be 0 0 0."

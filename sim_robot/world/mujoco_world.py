@@ -26,7 +26,7 @@ from sim_robot.world.simulation import (
     Pose,
     World,
 )
-from sim_robot.world.urdf import Box, Collision, Cylinder, Link, Origin, Sphere, vector
+from sim_robot.world.urdf.declarations import Box, Collision, Cylinder, Link, Origin, Sphere, vector
 
 _FINER: Final = 4
 _STEP: Final = STEP / _FINER

@@ -1,12 +1,14 @@
-"""The box around a mesh, which stands for it: STL (both kinds) and Wavefront OBJ."""
+"""The box around a mesh, which stands for it: STL (both kinds), Wavefront OBJ and Collada."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from lxml import etree
 from numpy.typing import NDArray
 
 Points: TypeAlias = NDArray[np.float64]
@@ -42,7 +44,7 @@ def box_of_mesh(path: Path, scale: Sequence[float]) -> tuple[Points, Points]:
     """Extents and middle of the box around a mesh, m.
 
     Args:
-        path: An STL or OBJ file.
+        path: An STL, OBJ or DAE file.
         scale: Of x, y and z.
 
     Raises:
@@ -66,7 +68,10 @@ def _points(path: Path) -> Points:
         return _numbers(data, b"vertex")
     if kind == ".obj":
         return _numbers(data, b"v")
-    raise ValueError(f"is {kind or 'of no known format'}; write collision meshes as .stl or .obj")
+    if kind == ".dae":
+        return _of_collada(data)
+    formats = ".stl, .obj or .dae"
+    raise ValueError(f"is {kind or 'of no known format'}; write collision meshes as {formats}")
 
 
 def _numbers(data: bytes, word: bytes) -> Points:
@@ -74,3 +79,21 @@ def _numbers(data: bytes, word: bytes) -> Points:
     lines = (line.split() for line in data.splitlines())
     rows = [[float(number) for number in line[1:4]] for line in lines if line[:1] == [word]]
     return np.array(rows, dtype=float).reshape(-1, 3)
+
+
+def _of_collada(data: bytes) -> Points:
+    """The corners in a Collada scene, m; which axis it calls up is ignored, as ROS's tools do."""
+    import collada  # noqa: PLC0415 - few robots need it
+
+    try:
+        document = collada.Collada(io.BytesIO(data), ignore=[collada.DaeError])
+        scene = () if document.scene is None else document.scene.objects("geometry")
+        parts = [
+            np.asarray(part.vertex)[np.unique(part.vertex_index)] @ shape.matrix[:3, :3].T
+            + shape.matrix[:3, 3]
+            for shape in scene
+            for part in shape.original.primitives
+        ]
+    except (collada.DaeError, etree.XMLSyntaxError) as error:
+        raise ValueError(f"is no Collada file: {error}") from error
+    return np.concatenate([np.empty((0, 3)), *parts]) * (document.assetInfo.unitmeter or 1.0)

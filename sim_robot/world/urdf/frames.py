@@ -22,6 +22,14 @@ def frame_of(xyz: Sequence[float] | Frame, rpy: Sequence[float] = (0.0, 0.0, 0.0
     return frame
 
 
+def inverse(frame: Frame) -> Frame:
+    """The pose of what a frame is given in, in that frame."""
+    back = np.eye(4)
+    back[:3, :3] = frame[:3, :3].T
+    back[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
+    return back
+
+
 def angles_of(frame: Frame) -> tuple[float, float, float]:
     """Roll, pitch and yaw of a pose, rad."""
     level = math.hypot(frame[0, 0], frame[1, 0])

@@ -6,17 +6,20 @@ import logging
 import math
 import struct
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
 
 from estimator.evaluation.truth.urdf import read_urdf as read_truth
 from sim_robot.cli.command_line import main
+from sim_robot.errors import BodyError
 from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import Body, examine, load_body
 from sim_robot.world.engines import ENGINES, open_world
 from sim_robot.world.sensor_noise import NoiseLevels
-from sim_robot.world.urdf import Box, vector
+from sim_robot.world.urdf.declarations import Box, vector
 
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
 BOX = '<collision><geometry><box size="0.2 0.1 0.1"/></geometry></collision>'
@@ -88,6 +91,104 @@ def test_links_without_mass_belong_to_what_they_are_fixed_to(tmp_path: Path) -> 
     assert [note.split("'")[1] for note in body.notes] == ["base_footprint", "frame"]
 
 
+def test_a_range_without_0_is_counted_from_its_nearest_end(tmp_path: Path) -> None:
+    limit = '<limit lower="-2.7" upper="-0.9" effort="1" velocity="1"/>'
+    body = taken(tmp_path, BASE, LEG, joint("revolute", "base", "leg", limit))
+    (motor,) = body.motors
+    assert (motor.lower, motor.upper) == pytest.approx((-1.8, 0.0))
+    # About -y by -0.9 rad is about y, the pitch, by 0.9.
+    assert vector(body.robot.joints[0].origin.rpy) == pytest.approx((0, 0.9, 0))
+    assert body.notes == (
+        "joint 'base_leg' turns from -155° to -52°, without 0, where interactions begin; its angle "
+        "is counted from -51.6°",
+    )
+
+
+def test_words_of_other_programs_are_ignored_once_and_aloud(tmp_path: Path) -> None:
+    limit = LIMIT.replace("<limit", '<limit current="6" dont_collapse="true"')
+    leg = LEG.replace("<collision>", "<self_filter><origin/></self_filter><collision>")
+    other = LEG.replace('"leg"', '"other"')
+    body = taken(
+        tmp_path,
+        *("<mujoco><compiler/></mujoco>", BASE, leg, other),
+        joint("revolute", "base", "leg", limit),
+        joint("revolute", "base", "other", limit),
+    )
+    assert [note.removesuffix(" is ignored") for note in body.notes] == [
+        *("<mujoco>", "<self_filter>"),
+        *("attribute 'current' of <limit>", "attribute 'dont_collapse' of <limit>"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right", "meant"),
+    [
+        ("<collision>", "<colision>", "<collision>"),
+        ('effort="1"', 'efort="1"', "effort"),
+        ('xyz="0 -1 0"', 'xzy="0 -1 0"', "xyz"),
+    ],
+)
+def test_a_misspelt_word_is_not_ignored(tmp_path: Path, wrong: str, right: str, meant: str) -> None:
+    text = "".join((BASE, LEG, joint("revolute", "base", "leg", LIMIT)))
+    text = text.replace(wrong, right)
+    if wrong == "<collision>":
+        text = text.replace("</collision>", "</colision>")
+    with pytest.raises(BodyError, match=f"did you mean '?{meant}'?"):
+        taken(tmp_path, text)
+
+
+def test_a_joint_that_follows_another_is_refused_in_one_sentence(tmp_path: Path) -> None:
+    other = LEG.replace('"leg"', '"other"')
+    mimic = f'{LIMIT}<mimic joint="base_leg" multiplier="2" offset="0.1"/>'
+    file = written(
+        tmp_path,
+        *(BASE, LEG, other, joint("revolute", "base", "leg", LIMIT)),
+        joint("revolute", "base", "other", mimic),
+    )
+    (fault,) = examine(file)[1]
+    assert "joint 'base_other': follows another joint, <mimic>" in str(fault)
+
+
+@pytest.mark.parametrize("weight", ["0", "0.000001"])
+def test_the_main_body_is_the_first_with_a_shape_or_mass(tmp_path: Path, weight: str) -> None:
+    dot = INERTIAL.replace('mass value="1"', f'mass value="{weight}"')
+    body = taken(
+        tmp_path,
+        f'<link name="world"/><link name="dot">{dot}</link>',
+        *(BASE, LEG, LEG.replace('"leg"', '"arm"')),
+        joint("floating", "world", "dot"),
+        joint("fixed", "dot", "base", '<origin xyz="0 0 0.3"/>'),
+        joint("revolute", "base", "leg", LIMIT),
+        joint("revolute", "dot", "arm", f'<origin xyz="0 0.1 0"/>{LIMIT}'),
+    )
+    assert body.base == "base"
+    assert [motor.name for motor in body.motors] == ["base_leg", "dot_arm"]
+    lie = {joint.name: vector(joint.origin.xyz) for joint in body.robot.joints}
+    where = lie["dot_arm"] if weight == "0" else np.add(lie["dot_base"], lie["dot_arm"])
+    assert tuple(where) == pytest.approx((0, 0.1, -0.3))
+    assert "floats in 'world', as every robot does here" in body.notes[0]
+    assert any("'dot'" in note or "is the main body" in note for note in body.notes[1:])
+
+
+def test_a_main_body_that_is_only_drawn_is_as_it_is_drawn(tmp_path: Path) -> None:
+    base = BASE.replace("collision", "visual").replace("</visual>", "<material/></visual>")
+    body = taken(tmp_path, base, LEG, joint("revolute", "base", "leg", LIMIT))
+    assert body.base_size == (0.2, 0.1, 0.1)
+    assert body.notes == ("link 'base' has no <collision>; its <visual> is taken for one",)
+
+
+def test_joints_are_counted_after_what_carries_them(tmp_path: Path) -> None:
+    foot = LEG.replace('"leg"', '"foot"')
+    body = taken(
+        tmp_path,
+        *(BASE, LEG, foot),
+        *(joint("revolute", "leg", "foot", LIMIT), joint("revolute", "base", "leg", LIMIT)),
+    )
+    assert [motor.name for motor in body.motors] == ["base_leg", "leg_foot"]
+    (note,) = body.notes
+    assert note.startswith("joint 'leg_foot' stands before the joint that carries it")
+
+
 def binary_stl(corners: list[tuple[float, float, float]]) -> bytes:
     numbers = [0.0, 0.0, 1.0, *(value for corner in corners for value in corner)]
     return bytes(80) + struct.pack("<I12fH", 1, *numbers, 0)
@@ -102,9 +203,34 @@ def obj(corners: list[tuple[float, float, float]]) -> bytes:
     return ("".join("v {} {} {}\n".format(*corner) for corner in corners) + "f 1 2 3\n").encode()
 
 
+def dae(corners: list[tuple[float, float, float]]) -> bytes:
+    """In centimetres, half a metre to the left in the file and back in the scene."""
+    numbers = " ".join(f"{100 * x} {100 * y + 50} {100 * z}" for x, y, z in corners)
+    accessor = '<accessor source="#n" count="3" stride="3">' + "".join(
+        f'<param name="{axis}" type="float"/>' for axis in "XYZ"
+    )
+    return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><created>2026-11-22T00:00:00</created><modified>2026-11-22T00:00:00</modified>
+<unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="n" count="9">{numbers}</float_array>
+<technique_common>{accessor}</accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
+<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="w"><node><translate>0 -50 0</translate>
+<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#w"/></scene></COLLADA>""".encode()
+
+
 @pytest.mark.parametrize(
     ("name", "content"),
-    [("a.stl", binary_stl(CORNERS)), ("a.STL", text_stl(CORNERS)), ("a.obj", obj(CORNERS))],
+    [
+        ("a.stl", binary_stl(CORNERS)),
+        ("a.STL", text_stl(CORNERS)),
+        ("a.obj", obj(CORNERS)),
+        ("a.dae", dae(CORNERS)),
+    ],
 )
 @pytest.mark.parametrize("prefix", ["meshes/", "package://my_robot/meshes/", "file://meshes/"])
 def test_a_mesh_is_taken_as_the_box_around_it(
@@ -139,20 +265,20 @@ def test_a_main_body_of_any_shapes_is_announced_as_the_box_around_them(tmp_path:
 def test_all_that_is_wrong_is_said_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    mesh = LEG.replace('box size="0.2 0.1 0.1"', 'mesh filename="leg.dae"')
-    (tmp_path / "leg.dae").touch()
+    mesh = LEG.replace('box size="0.2 0.1 0.1"', 'mesh filename="leg.step"')
+    (tmp_path / "leg.step").touch()
     file = written(
         tmp_path,
         *(BASE.replace('mass value="1"', 'mass value="-1"'), mesh.replace('ixx="1"', 'ixx="-1"')),
-        joint("revolute", "base", "leg", LIMIT.replace('"-1"', '"0.2"')),
+        joint("revolute", "base", "leg", LIMIT.replace('"-1"', '"2"')),
         joint("prismatic", "leg", "base"),
-        "<loop/>",
+        "<jiont/>",
     )
     assert main(["--check", str(file)]) == 1
     lines = capsys.readouterr().out.splitlines()
     words = [
-        *("leg.dae is .dae; write collision meshes as .stl or .obj", "mass"),
-        *("'leg_base': type", "<loop>", "'leg': inertia", "must hold 0"),
+        *("leg.step is .step; write collision meshes as .stl, .obj or .dae", "mass"),
+        *("'leg_base': type", "did you mean <joint>?", "'leg': inertia", "2 and 1"),
     ]
     assert len(lines) == len(words)
     assert all(any(word in line for line in lines) for word in words), lines
@@ -186,6 +312,8 @@ def test_what_is_taken_otherwise_is_said_aloud(
         ("mini_cheetah/mini_cheetah.urdf", 12, 4),
         ("quadruped/spirit40.urdf", 12, 4),
         ("quadruped/vision60.urdf", 12, 4),
+        ("a1/a1.urdf", 12, 4),
+        ("aliengo/aliengo.urdf", 12, 4),
     ],
 )
 def test_robots_of_others_lie_in_both_worlds(name: str, joints: int, sensors: int) -> None:
@@ -206,7 +334,6 @@ def test_robots_of_others_lie_in_both_worlds(name: str, joints: int, sensors: in
 @pytest.mark.parametrize(
     ("name", "faults", "word"),
     [
-        ("a1/a1.urdf", 4, "must hold 0"),
         ("r2d2.urdf", 1, "gripper_extension"),
         ("quadruped/minitaur.urdf", 1, "version '0.0'"),
     ],
@@ -217,3 +344,46 @@ def test_what_cannot_be_had_of_others_is_said(name: str, faults: int, word: str)
     assert body is None
     assert len(found) == faults
     assert all(word in str(fault) for fault in found), found
+
+
+@pytest.mark.parametrize("name", ["a1/a1.urdf", "aliengo/aliengo.urdf"])
+def test_joints_counted_from_another_zero_stand_as_in_the_file(tmp_path: Path, name: str) -> None:
+    """PyBullet's own reading of the file, its joints at our zeros, has the feet where we have."""
+    pybullet = pytest.importorskip("pybullet")
+    original = Path(pytest.importorskip("pybullet_data").getDataPath()) / name
+    body = load_body(original)
+    zeros = {
+        note.split("'")[1]: math.radians(float(note.split()[-1].rstrip("°")))
+        for note in body.notes
+        if "counted from" in note
+    }
+    assert len(zeros) == 4
+    rewritten = tmp_path / "body.urdf"
+    rewritten.write_text(body.urdf)
+    feet = [
+        _feet(pybullet, original, zeros, list(body.touch)),
+        _feet(pybullet, rewritten, {}, list(body.touch)),
+    ]
+    assert feet[0] == pytest.approx(feet[1], abs=2e-4)  # the note has a tenth of a degree
+
+
+def _feet(pybullet: ModuleType, file: Path, angles: dict[str, float], feet: list[str]) -> list[Any]:
+    """How far each foot is from each other, m, with all other joints at 0."""
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        robot = pybullet.loadURDF(str(file), physicsClientId=client)
+        places = {}
+        count = pybullet.getNumJoints(robot, physicsClientId=client)
+        for index in range(count):
+            info = pybullet.getJointInfo(robot, index, physicsClientId=client)
+            angle = angles.get(info[1].decode(), 0.0)
+            pybullet.resetJointState(robot, index, angle, physicsClientId=client)
+        for index in range(count):
+            info = pybullet.getJointInfo(robot, index, physicsClientId=client)
+            state = pybullet.getLinkState(
+                robot, index, computeForwardKinematics=True, physicsClientId=client
+            )
+            places[info[12].decode()] = np.array(state[4])
+    finally:
+        pybullet.disconnect(client)
+    return [np.linalg.norm(places[one] - places[other]) for one in feet for other in feet]

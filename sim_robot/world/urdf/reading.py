@@ -11,8 +11,9 @@ from pydantic import ValidationError
 from pydantic_xml import BaseXmlModel
 
 from sim_robot.errors import BodyError
-from sim_robot.world.customary_urdf import Element, rewrite
-from sim_robot.world.urdf import Joint, Link, Robot
+from sim_robot.world.urdf.customary import rewrite
+from sim_robot.world.urdf.declarations import Joint, Link, Robot
+from sim_robot.world.urdf.elements import Element
 
 _LONGEST: Final = 200  # characters of an attribute; PyBullet dies of a hundred thousand
 _SUBSET: Final = "is outside the subset (box, cylinder, sphere; fixed and revolute joints)"
@@ -52,9 +53,6 @@ def read_urdf(path: Path) -> Description:
         rewrite(root, path, note=lambda place, what: notes.append(f"{place} {what}"), fault=fault)
     links = _all(root, Link, "link", path, faults)
     joints = _all(root, Joint, "joint", path, faults)
-    for other in root:
-        if other.tag not in ("link", "joint"):
-            fault(f"<{other.tag}>", f"{_SUBSET}.")
     robot = Robot(
         name=root.get("name", ""), version=root.get("version"), links=links, joints=joints
     )
