@@ -26,9 +26,12 @@ ACCELEROMETER: Final = 8  # and the one after it
 TILT_GAIN: Final = 10
 TOO_HIGH: Final = 11
 
+BASE_YAW: Final = slice(3, 5)
+PART_YAW: Final = slice(1, 3)
+
 _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
-_TABLES = {"base_mounts": 5, "part_mounts": 3, "hinges": 3}  # columns
+_TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # columns
 _MEASURES = {"length", "radius", "zero", "travel", "base", *_TABLES}
 _FLAGS = {"limp"}
 _LARGEST = 1e6
@@ -60,8 +63,8 @@ class Bodies:
             turned, rad; then how sensors stray from what a back-end says: a factor on tilt, and
             what clearance is too large by, m.
         base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
-            x, y, z, m, then cosine and sine of the yaw.
-        part_mounts: Likewise: fraction of the carrier's length, cosine and sine.
+            x, y, z, m, then cosine and sine of the yaw, and of the elevation.
+        part_mounts: Likewise: fraction of the carrier's length, cosines and sines.
         hinges: Likewise: the axis.
 
     Raises:
@@ -181,7 +184,7 @@ class Bodies:
         length, radius, zero = (np.zeros(shape) for _ in range(3))
         base = np.empty((len(count), 12))
         base[:, TILT_GAIN:] = 1.0, 0.0
-        base_mounts, part_mounts, hinges = _Rows(5), _Rows(3), _Rows(3)
+        base_mounts, part_mounts, hinges = _Rows(7), _Rows(5), _Rows(3)
         for row, body in enumerate(morphologies):
             own = body.base
             base[row, :TILT_GAIN] = (
@@ -192,10 +195,12 @@ class Bodies:
                 *own.accelerometer,
             )
             on_base = base_mounts.start(
-                body.base.mounts, lambda mount: (*mount.at, *heading(mount.yaw))
+                body.base.mounts,
+                lambda mount: (*mount.at, *heading(mount.yaw), *heading(mount.elevation)),
             )
             on_part = part_mounts.start(
-                body.part_mounts, lambda mount: (mount.fraction, *heading(mount.yaw))
+                body.part_mounts,
+                lambda mount: (mount.fraction, *heading(mount.yaw), *heading(mount.elevation)),
             )
             hinge = hinges.start(body.hinges, lambda hinge: hinge.axis)
             for column, part in enumerate(body.parts):

@@ -28,6 +28,7 @@ from estimator.body.mounts import (
     PART_SIDES,
     BaseMount,
     Hinge,
+    Mount,
     PartMount,
     Vector,
     four_sides,
@@ -191,8 +192,7 @@ class Morphology:
 
     def turn(self, index: int, angle: float) -> Array:
         """How a part is turned in its parent's frame where its hinge has an angle (rad), (3, 3)."""
-        yaw = rotation((0.0, 0.0, 1.0), self.mount(index).yaw)
-        turned: Array = yaw @ rotation(self.hinge(index).axis, angle)
+        turned: Array = direction(self.mount(index)) @ rotation(self.hinge(index).axis, angle)
         return turned
 
     @cached_property
@@ -222,11 +222,11 @@ class Morphology:
     @cached_property
     def planar_height(self) -> float:
         """Height of the body frame in the planar pose: its lowest point is on the ground, m."""
-        heights: list[float] = []
+        origins, turns = _frames(self, [0.0] * len(self.parts))
         lowest = self.base.size[2] / 2
-        for index, part in enumerate(self.parts):
-            heights.append(self.place(index)[2] if part.parent == BASE else heights[part.parent])
-            lowest = max(lowest, part.radius - heights[-1])
+        for part, origin, turn in zip(self.parts, origins, turns, strict=True):
+            for along in (part.near_centre, part.far_centre):
+                lowest = max(lowest, part.radius - float(origin[2] + along * turn[2, 0]))
         return lowest
 
     @cached_property
@@ -288,7 +288,11 @@ def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tup
         Origins, shape (n, 3), m, and rotations, shape (n, 3, 3), of the parts' frames in the
         body frame.
     """
-    angles = morphology.part_angles(program)
+    return _frames(morphology, morphology.part_angles(program))
+
+
+def _frames(morphology: Morphology, angles: Sequence[float]) -> tuple[Array, Array]:
+    """The same where each part's hinge has an angle, rad."""
     origins = np.empty((len(angles), 3))
     rotations = np.empty((len(angles), 3, 3))
     for index, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):
@@ -296,8 +300,7 @@ def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tup
         turn = np.eye(3) if on_base else rotations[part.parent]
         start = np.zeros(3) if on_base else origins[part.parent]
         origins[index] = start + turn @ np.array(morphology.place(index))
-        yaw = rotation((0.0, 0.0, 1.0), morphology.mount(index).yaw)
-        rotations[index] = turn @ yaw @ rotation(morphology.hinge(index).axis, angle)
+        rotations[index] = turn @ morphology.turn(index, angle)
     return origins, rotations
 
 
@@ -307,6 +310,12 @@ def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
     lengths = np.array([part.length for part in morphology.parts], dtype=float)
     far_ends: Array = origins + lengths[:, None] * rotations[:, :, 0]
     return far_ends
+
+
+def direction(mount: Mount) -> Array:
+    """How what sits on a mount lies in its carrier's frame, its hinge at 0, shape (3, 3)."""
+    turn: Array = rotation((0.0, 0.0, 1.0), mount.yaw)
+    return turn @ rotation((0.0, -1.0, 0.0), mount.elevation)
 
 
 def rotation(axis: Vector, angle: float) -> Array:

@@ -1,7 +1,7 @@
 """Mounts, where parts can sit, and hinges, how they can turn.
 
 A mount on the main body is a point and a direction, one on a part a share of its length and a
-direction. Directions lie in the plane of the planar pose: a yaw from the carrier's own x axis.
+direction: a yaw from the carrier's own x axis, and an elevation over the carrier's plane.
 The tables here are the paper's: four sides and six hinges.
 """
 
@@ -18,9 +18,9 @@ Vector: TypeAlias = tuple[float, float, float]
 _EXACT: Final = 1e-12  # what is this near to a quarter turn is one
 
 
-def heading(yaw: float) -> tuple[float, float]:
-    """Cosine and sine of a yaw, exact for quarter turns."""
-    cosine, sine = math.cos(yaw), math.sin(yaw)
+def heading(angle: float) -> tuple[float, float]:
+    """Cosine and sine of a yaw or an elevation, exact for quarter turns."""
+    cosine, sine = math.cos(angle), math.sin(angle)
     if abs(cosine) < _EXACT:
         return 0.0, math.copysign(1.0, sine)
     if abs(sine) < _EXACT:
@@ -29,43 +29,61 @@ def heading(yaw: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BaseMount:
-    """A place on the main body.
+class Mount:
+    """Where parts can sit, whatever on.
 
     Attributes:
         name: For people.
-        at: From the middle of the main body, m.
-        yaw: Where a part there points, rad: 0 is forward, π/2 left.
+        yaw: Where a part there points, rad, from the carrier's x axis; π/2 is left.
+        elevation: How far that rises over the carrier's plane, rad: π/2 is up, −π/2 down.
     """
 
     name: str
-    at: Vector
     yaw: float
+    elevation: float = 0.0
 
     def __post_init__(self) -> None:
-        if not all(map(math.isfinite, (*self.at, self.yaw))):
-            raise MorphologyError(f"mount {self.name!r}: point and yaw must be finite")
+        if not (math.isfinite(self.yaw) and math.isfinite(self.elevation)):
+            raise MorphologyError(f"mount {self.name!r}: its direction must be finite")
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """How what sits here lies in the carrier's frame, its hinge at 0: w, x, y, z."""
+        cosine, sine = math.cos(self.yaw / 2), math.sin(self.yaw / 2)
+        level, rise = math.cos(self.elevation / 2), math.sin(self.elevation / 2)
+        return cosine * level, sine * rise, 0.0 - cosine * rise, sine * level
 
 
 @dataclass(frozen=True, kw_only=True)
-class PartMount:
+class BaseMount(Mount):
+    """A place on the main body.
+
+    Attributes:
+        at: From the middle of the main body, m.
+    """
+
+    at: Vector
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not all(map(math.isfinite, self.at)):
+            raise MorphologyError(f"mount {self.name!r}: its point must be finite")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PartMount(Mount):
     """A place on any part.
 
     Attributes:
-        name: For people.
         fraction: Of the part's length: 0 on its joint's axis, 1 at its far end.
-        yaw: From the part's direction to that of the part that sits there, rad.
     """
 
-    name: str
     fraction: float
-    yaw: float
 
     def __post_init__(self) -> None:
-        if not (0 <= self.fraction <= 1 and math.isfinite(self.yaw)):
-            raise MorphologyError(
-                f"mount {self.name!r}: the fraction must lie in 0 to 1 and the yaw be finite"
-            )
+        super().__post_init__()
+        if not 0 <= self.fraction <= 1:
+            raise MorphologyError(f"mount {self.name!r}: the fraction must lie in 0 to 1")
 
 
 @dataclass(frozen=True, kw_only=True)

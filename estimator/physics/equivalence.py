@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies, Flags
-from estimator.body.morphology import BASE, Array, Morphology, Part, rotation
-from estimator.body.mounts import heading
+from estimator.body.morphology import BASE, Array, Morphology, Part, direction, rotation
+from estimator.body.mounts import Mount
 from estimator.errors import MorphologyError
 from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.readings.modalities.registry import MODALITIES
@@ -147,8 +147,9 @@ def mirrored(body: Morphology) -> Morphology:
             mount = _base_mount(body, part.mount, np.diag([1.0, -1.0, 1.0]))
         else:
             own = body.part_mounts[part.mount]
-            ways = np.array([[one.fraction, *heading(one.yaw)] for one in body.part_mounts])
-            mount = _nearest(ways, (own.fraction, *heading(-own.yaw)), "mount")
+            ways = np.array([[one.fraction, *_axes(one).ravel()] for one in body.part_mounts])
+            image = _axes(replace(own, yaw=-own.yaw)).ravel()
+            mount = _nearest(ways, (own.fraction, *image), "mount")
         x, y, z = body.hinges[part.hinge].axis
         axes = np.array([hinge.axis for hinge in body.hinges])
         return replace(part, mount=mount, hinge=_nearest(axes, (-x, y, -z), "hinge"))
@@ -169,8 +170,15 @@ def images(body: Morphology) -> Iterator[Morphology]:
 def _base_mount(body: Morphology, mount: int, change: Array) -> int:
     """The mount on the main body that lies where a rotation or reflection carries another."""
     mounts = body.base.mounts
-    places = np.array([[*one.at, *heading(one.yaw), 0.0] for one in mounts]).reshape(-1, 2, 3)
-    return _nearest(places.reshape(-1, 6), (places[mount] @ change.T).ravel(), "mount")
+    places = np.array([[one.at, *_axes(one)] for one in mounts])
+    wanted = (places[mount] @ change.T).ravel()
+    return _nearest(places.reshape(len(mounts), -1), wanted, "mount")
+
+
+def _axes(mount: Mount) -> Array:
+    """The x and z axes of what sits on a mount, its hinge at 0, shape (2, 3)."""
+    turned = direction(mount)
+    return np.array([turned[:, 0], turned[:, 2]])
 
 
 def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:

@@ -165,11 +165,8 @@ def build(engine: Any, body: Morphology, settings: WorldSettings) -> Any:
     stiffness = GRAVITY * body.mass * body.reach / (_YIELD * settings.joint_tolerance)
     links: list[Any] = []
     for index, (part, mass) in enumerate(zip(body.parts, body.masses.tolist(), strict=True)):
-        on, yaw = part.parent, body.mount(index).yaw
-        link = (main if on == BASE else links[on]).add_body(
-            name=f"part {index}",
-            pos=body.place(index),
-            quat=(math.cos(yaw / 2), 0, 0, math.sin(yaw / 2)),
+        link = (main if part.parent == BASE else links[part.parent]).add_body(
+            name=f"part {index}", pos=body.place(index), quat=body.mount(index).quaternion
         )
         links.append(link)
         link.add_geom(**_shape(engine, part), mass=mass, **contact)

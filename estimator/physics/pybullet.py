@@ -143,8 +143,10 @@ class PyBulletPhysics(BackEnd):
             linkVisualShapeIndices=[-1] * len(parts),
             linkPositions=[morphology.place(index) for index in range(len(parts))],
             linkOrientations=[
-                (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
-                for yaw in (morphology.mount(index).yaw for index in range(len(parts)))
+                (x, y, z, w)
+                for w, x, y, z in (
+                    morphology.mount(index).quaternion for index in range(len(parts))
+                )
             ],
             linkInertialFramePositions=[(_middle(part), 0.0, 0.0) for part in parts],
             linkInertialFrameOrientations=[_UPRIGHT] * len(parts),

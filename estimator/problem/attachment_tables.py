@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from estimator.body.morphology import BASE
@@ -70,12 +70,12 @@ class AttachmentTables:
         parts: Sequence[PartRule],
     ) -> None:
         on_base = tuple(
-            BaseMount(name=rule.name, at=rule.at, yaw=math.radians(rule.yaw_deg))
+            BaseMount(name=rule.name, at=rule.at, **_direction(rule))
             for rule in mounts
             if isinstance(rule.at, tuple)
         )
         on_part = tuple(
-            PartMount(name=rule.name, fraction=rule.at, yaw=math.radians(rule.yaw_deg))
+            PartMount(name=rule.name, fraction=rule.at, **_direction(rule))
             for rule in mounts
             if isinstance(rule.at, float)
         )
@@ -133,7 +133,6 @@ class AttachmentTables:
         where = f"parts[{index + 1}]"
         on_base = on_part = None
         if part.at is not None:
-            yaw = math.radians(part.yaw_deg or 0.0)
             if part.parent is None:
                 raise ValueError(
                     f"{where}.at ({part.name}): a place is one on a known parent: name the parent, "
@@ -145,9 +144,9 @@ class AttachmentTables:
                     f"fraction of the length on a part, but its parent is {part.parent + 1}"
                 )
             if isinstance(part.at, tuple):
-                on_base = self._on_main_body(part.at, yaw)
+                on_base = self._on_main_body(part.at, part)
             else:
-                on_part = self._on_any_part(part.at, yaw)
+                on_part = self._on_any_part(part.at, part)
         elif part.mount is not None:
             if part.parent in (None, BASE):
                 on_base = self._index(f"{where}.mount", part, part.mount, on_base=True)
@@ -155,21 +154,23 @@ class AttachmentTables:
                 on_part = self._index(f"{where}.mount", part, part.mount, on_base=False)
         return Attached(on_base=on_base, on_part=on_part, hinge=self._hinge(where, part))
 
-    def _on_main_body(self, at: Vector, yaw: float) -> int:
-        for index, mount in enumerate((*self._on_base, *self._further)):
-            if (mount.at, mount.yaw) == (at, yaw):
-                return index if self._on_base else index + self.base_choices
+    def _on_main_body(self, at: Vector, part: PartRule) -> int:
         x, y, z = (round(1000 * value, 1) for value in at)
-        name = f"({x:g}, {y:g}, {z:g}) mm, {math.degrees(yaw):g}°"
-        self._further += (BaseMount(name=name, at=at, yaw=yaw),)
+        name = f"({x:g}, {y:g}, {z:g}) mm, {_said(part)}"
+        mount = BaseMount(name=name, at=at, **_direction(part))
+        for index, other in enumerate((*self._on_base, *self._further)):
+            if replace(other, name=name) == mount:
+                return index if self._on_base else index + self.base_choices
+        self._further += (mount,)
         return self.base_choices + len(self._further) - 1
 
-    def _on_any_part(self, fraction: float, yaw: float) -> int:
-        for index, mount in enumerate(self.part_mounts):
-            if (mount.fraction, mount.yaw) == (fraction, yaw):
+    def _on_any_part(self, fraction: float, part: PartRule) -> int:
+        name = f"{100 * fraction:g} % of the length, {_said(part)}"
+        mount = PartMount(name=name, fraction=fraction, **_direction(part))
+        for index, other in enumerate(self.part_mounts):
+            if replace(other, name=name) == mount:
                 return index
-        name = f"{100 * fraction:g} % of the length, {math.degrees(yaw):g}°"
-        self.part_mounts += (PartMount(name=name, fraction=fraction, yaw=yaw),)
+        self.part_mounts += (mount,)
         return len(self.part_mounts) - 1
 
     def _index(self, key: str, part: PartRule, name: str, *, on_base: bool) -> int:
@@ -194,6 +195,18 @@ class AttachmentTables:
                 f"{part.hinge!r}"
             )
         return self._hinge_names.index(part.hinge)
+
+
+def _direction(rule: MountRule | PartRule) -> dict[str, float]:
+    return {
+        "yaw": math.radians(rule.yaw_deg or 0.0),
+        "elevation": math.radians(rule.elevation_deg),
+    }
+
+
+def _said(part: PartRule) -> str:
+    raised = f", {part.elevation_deg:+g}° up" if part.elevation_deg else ""
+    return f"{part.yaw_deg or 0.0:g}°{raised}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -12,6 +12,7 @@ from estimator.problem.values import (
     Axis,
     Count,
     Densities,
+    Elevation,
     Length,
     Misalignment,
     Name,
@@ -47,11 +48,13 @@ class MountRule(Strict):
         name: Its own among those on the main body, or on parts.
         at: A point, m, or a fraction of the carrier's length.
         yaw_deg: From the carrier's direction to that of the part that sits there.
+        elevation_deg: How far that rises over the carrier's plane; −90 hangs down.
     """
 
     name: Name
     at: Place
     yaw_deg: Yaw
+    elevation_deg: Elevation = 0.0
 
 
 class HingeRule(Strict):
@@ -74,7 +77,7 @@ class PartRule(Strict):
         parent: Index of an earlier part, or ``morphology.BASE``.
         mount: Name of what it sits on; empty where ``at`` says it.
         at: The same as a place of its own; see ``MountRule``.
-        yaw_deg: Belongs to ``at``.
+        yaw_deg: Belongs to ``at``, as ``elevation_deg`` does.
         hinge: Name of its hinge; empty where ``axis`` says it.
         axis: The same as an axis of its own; see ``HingeRule``.
         length: Shortest and longest, m; equal where the length is known.
@@ -90,6 +93,7 @@ class PartRule(Strict):
     mount: NameOrUnknown = ""
     at: Place | None = None
     yaw_deg: Yaw | None = None
+    elevation_deg: Elevation = 0.0
     hinge: NameOrUnknown = ""
     axis: Axis | None = None
     length: Length
@@ -114,6 +118,8 @@ class PartRule(Strict):
             raise ValueError(
                 'give either mount, which may be "unknown", or a place of its own by at and yaw_deg'
             )
+        if self.at is None and self.elevation_deg:
+            raise ValueError("elevation_deg belongs to at and yaw_deg; a mount has its own")
         if (self.axis is None) == (self.hinge == ""):
             raise ValueError('give either hinge, which may be "unknown", or an axis of its own')
         if self.motor is not None and self.locked is not None:

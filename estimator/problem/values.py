@@ -104,6 +104,12 @@ def _parse_axis(value: Any) -> Vector:
     return x, y, z
 
 
+def _parse_elevation(value: Any) -> float:
+    if not _is_number(value) or abs(value) > 90:
+        raise ValueError(f"must be an angle within -90, down, to 90 degrees, up, not {value!r}")
+    return float(value)
+
+
 def _parse_yaw(value: Any) -> float:
     if not _is_number(value) or abs(value) > 360:
         raise ValueError(f"must be an angle within -360 to 360 degrees, not {value!r}")
@@ -159,6 +165,7 @@ Place: TypeAlias = Annotated[Vector | float, BeforeValidator(_parse_place)]
 """A point on the main body, m from its middle, or a fraction of a part's length."""
 
 Yaw: TypeAlias = Annotated[float, BeforeValidator(_parse_yaw)]
+Elevation: TypeAlias = Annotated[float, BeforeValidator(_parse_elevation)]
 Axis: TypeAlias = Annotated[Vector, BeforeValidator(_parse_axis)]
 """A unit vector; in the file of any length but 0."""
 

@@ -83,7 +83,8 @@ def random_tree() -> MakeBody:
 
 @pytest.fixture(scope="session")
 def random_tree_of_own_tables(random_tree: MakeBody) -> MakeBody:
-    """The same with mounts anywhere, also off the main body's middle plane, and hinges aslant."""
+    """The same with mounts anywhere, also off the main body's middle plane and rising from it,
+    and hinges aslant."""
 
     def make(rng: np.random.Generator) -> Morphology:
         tree = random_tree(rng)
@@ -97,13 +98,15 @@ def random_tree_of_own_tables(random_tree: MakeBody) -> MakeBody:
             base=replace(
                 tree.base,
                 mounts=tuple(
-                    BaseMount(name="own", at=tuple(at.tolist()), yaw=float(yaw))
-                    for at, yaw in places
+                    BaseMount(
+                        name="own", at=tuple(at.tolist()), yaw=float(yaw), elevation=0.2 * row
+                    )
+                    for row, (at, yaw) in enumerate(places)
                 ),
             ),
             part_mounts=tuple(
-                PartMount(name="own", fraction=float(fraction), yaw=float(yaw))
-                for fraction, yaw in rng.uniform((0, -4), (1, 4), (4, 2))
+                PartMount(name="own", fraction=float(fraction), yaw=float(yaw), elevation=0.3 * row)
+                for row, (fraction, yaw) in enumerate(rng.uniform((0, -4), (1, 4), (4, 2)))
             ),
             hinges=(
                 *HINGES[:3],

@@ -12,13 +12,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from estimator.body.limbs import Limb
-from estimator.body.morphology import BASE, Array, rotation
-from estimator.body.mounts import BaseMount, heading
+from estimator.body.morphology import BASE, Array, direction, rotation
+from estimator.body.mounts import BaseMount
 from estimator.errors import TruthError
 from estimator.evaluation.truth.urdf import (
     Box,
@@ -127,9 +127,7 @@ class _Reader:
             places = self._places(parent, lengths)
             pointing, length, slant = self._direction(motor, pose.place, frames[parent], places)
             mount, offset = _nearest_mount(inside.place, places, pointing)
-            frames[motor] = _Pose(
-                frames[parent].turn @ rotation((0.0, 0.0, 1.0), places[pointing].yaw), pose.place
-            )
+            frames[motor] = _Pose(frames[parent].turn @ direction(places[pointing]), pose.place)
             axis = frames[motor].turn.T @ pose.turn @ _unit(numbers(joint.axis.xyz))
             hinge, twist = _nearest(axis, axes)
             lengths[motor] = length
@@ -140,7 +138,7 @@ class _Reader:
                 hinge=self._tables.hinges[hinge].name,
                 length=length,
             )
-            turn = abs(_wrapped(places[pointing].yaw - places[mount].yaw))
+            turn = _between(places[pointing], places[mount])
             by_motor[motor] = TrueLimb(
                 name=joint.name,
                 limb=limb,
@@ -163,7 +161,12 @@ class _Reader:
         if parent == BASE:
             return self._tables.base_mounts(self._base_size())
         return [
-            BaseMount(name=mount.name, at=(mount.fraction * lengths[parent], 0, 0), yaw=mount.yaw)
+            BaseMount(
+                name=mount.name,
+                at=(mount.fraction * lengths[parent], 0, 0),
+                yaw=mount.yaw,
+                elevation=mount.elevation,
+            )
             for mount in self._tables.part_mounts
         ]
 
@@ -174,7 +177,8 @@ class _Reader:
 
         It points to the middle of its furthest shape, so that a wide foot does not turn a leg.
         """
-        ways = np.array([parent.turn @ (*heading(place.yaw), 0.0) for place in places])
+        here = parent.turn.T @ (start - parent.place)
+        ways = np.array([parent.turn @ direction(place)[:, 0] for place in places])
         shapes = [
             (self._poses[name] @ _pose(collision.origin), collision)
             for name, link in self._links.items()
@@ -189,7 +193,10 @@ class _Reader:
         if distance <= PLACE_TOLERANCE:
             pointing, slant = int(np.argmax(reach)), 0.0
         else:
-            pointing, slant = _nearest(far / distance, ways)
+            _, slant = _nearest(far / distance, ways)
+            alike = np.flatnonzero(ways @ far / distance >= math.cos(slant) - 1e-9)
+            apart = [float(np.linalg.norm(here - places[way].at)) for way in alike.tolist()]
+            pointing = int(alike[np.argmin(apart)])  # of several that hang down, its own
         return pointing, max(0.0, reach[pointing]), slant
 
     def _base_size(self) -> tuple[float, float, float]:
@@ -208,8 +215,7 @@ def _nearest_mount(place: Array, places: Sequence[BaseMount], pointing: int) -> 
         pointing: One with the limb's direction.
     """
     distances = np.linalg.norm(np.array([mount.at for mount in places]) - place, axis=1)
-    yaws = np.array([mount.yaw for mount in places])
-    turns = np.abs(_wrapped(yaws - yaws[pointing]))
+    turns = np.array([_between(places[pointing], mount) for mount in places])
     nearest = np.flatnonzero(distances <= distances.min() + 1e-9)
     mount = int(nearest[np.argmin(turns[nearest])])
     return mount, float(distances[mount])
@@ -266,15 +272,15 @@ def _unit(vector: tuple[float, float, float]) -> Array:
     return np.array(vector) / math.hypot(*vector)
 
 
-def _nearest(direction: Array, choices: Array) -> tuple[int, float]:
+def _nearest(way: Array, choices: Array) -> tuple[int, float]:
     """The choice that is nearest in direction, and the angle between, rad."""
-    index = int(np.argmax(choices @ direction))
-    return index, _angle(choices[index], direction)
+    index = int(np.argmax(choices @ way))
+    return index, _angle(choices[index], way)
 
 
-def _wrapped(angle: Any) -> Any:
-    """Angles, or one, within ±π."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi
+def _between(one: BaseMount, other: BaseMount) -> float:
+    """The angle between the directions of two mounts, rad."""
+    return _angle(direction(one)[:, 0], direction(other)[:, 0])
 
 
 def _angle(one: Array, other: Array) -> float:

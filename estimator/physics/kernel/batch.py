@@ -10,7 +10,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.physics.kernel.contact import depth
-from estimator.physics.kernel.links import STEPS, Slew, Trees, assemble, work_space
+from estimator.physics.kernel.links import GROUP, STEPS, Slew, Trees, assemble, work_space
 from estimator.physics.kernel.path import gap, margin, right_itself, settle, undecided
 from estimator.physics.kernel.vectors import vector
 from protocol.wire import readings as definitions
@@ -74,12 +74,15 @@ def _make_rest(sources: int) -> Any:
             clearance[row], saturated[row] = _clearance_of(ray, cap)
             largest, longest = 0.0, 0
             for part in range(trees.parts[row]):
-                link = work.place[part]
-                longest = max(longest, work.tree[link, STEPS])
+                longest = max(longest, work.tree[work.place[part], STEPS])
                 if trees.motor[row, part] >= 0:
                     largest = max(largest, abs(program[trees.motor[row, part]]) - slew.reach)
                 if trees.sensor[row, part] >= 0:
-                    above = gap(work, link, deep)
+                    group = work.tree[work.place[part], GROUP]
+                    above = gap(work, group, deep)
+                    for link in range(group + 1, links):
+                        if work.tree[link, GROUP] == group:
+                            above = min(above, gap(work, link, deep))
                     touch[row, trees.sensor[row, part]] = _touches(above, touch_gap)
                     doubtful[row, trees.sensor[row, part]] = _touch_is_doubtful(above, doubtful_gap)
             miss[row] = largest

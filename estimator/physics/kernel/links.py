@@ -1,15 +1,16 @@
 """A tree of parts as rigid links, and where their points are at each step of the slew.
 
-Parts joined by locked hinges move as one link, so a link is what one touch sensor feels. Link 0 is
-the main body; every other has its frame where its first part has it. Locked parts lie in the link's
-own plane z = 0, so each of its points is two numbers.
+Parts joined by locked hinges move as one link. Link 0 is the main body; every other has its frame
+where its first part has it. Locked parts lie in the link's own plane z = 0, so each of its points
+is two numbers; one that rises out of it begins a link of its own, in the same group. A group is
+what one touch sensor feels.
 
 A capsule on a plane is its two end spheres. A sphere inside the cone between two others of its
 link never touches first and is left out: so a straight leg of two parts has three.
 
 Arrays, for at most n parts:
 
-* ``tree`` (n + 1, 6), integers, and ``joint`` (n + 1, 15), one row per link; columns below.
+* ``tree`` (n + 1, 7), integers, and ``joint`` (n + 1, 17), one row per link; columns below.
 * ``frame`` (n + 1, 15): origin, then the x, y and z axes, in the body frame; then mass times
   centre of mass.
 * ``points`` (6, 8 + 2 n): x, y, z in the body frame, radius, then the two numbers within the link.
@@ -35,12 +36,13 @@ FIRST: Final = 2  # its points, from here
 END: Final = 3  # to before here
 OWN_STEPS: Final = 4  # steps until its own hinge has reached its target
 STEPS: Final = 5  # steps until it moves no more
-TREE_COLUMNS: Final = 6
+GROUP: Final = 6  # the first link of those that are rigid on each other
+TREE_COLUMNS: Final = 7
 
 YAW: Final = 0
 PITCH: Final = 1
 ROLL: Final = 2
-FREE: Final = 3  # about any axis, on a mount at any height
+FREE: Final = 3  # about any axis, on any mount
 
 X: Final = 0  # where in its parent's frame it sits, m
 Y: Final = 1
@@ -55,7 +57,9 @@ MASS: Final = 9  # kg
 MOMENT_X: Final = 10  # mass times centre of mass within the link, kg·m
 MOMENT_Y: Final = 11
 AXIS: Final = 12  # of its hinge; x, y, z
-JOINT_COLUMNS: Final = 15
+LEVEL: Final = 15  # cosine and sine of its direction's elevation
+RISE: Final = 16
+JOINT_COLUMNS: Final = 17
 
 FRAME_COLUMNS: Final = 15
 POINT_ROWS: Final = 6
@@ -155,16 +159,20 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
             carrier, z = 0, base_mounts[where, 2]
             x, y = base_mounts[where, 0], base_mounts[where, 1]
             east, north = base_mounts[where, 3], base_mounts[where, 4]
+            level, rise = base_mounts[where, 5], base_mounts[where, 6]
         else:
             carrier, z = place[on], 0.0
             ahead, left = at[on, 2], at[on, 3]
             along = part_mounts[where, 0] * length[on]
             x, y = at[on, 0] + along * ahead, at[on, 1] + along * left
             cosine, sine = part_mounts[where, 1], part_mounts[where, 2]
+            level, rise = part_mounts[where, 3], part_mounts[where, 4]
             east, north = ahead * cosine - left * sine, left * cosine + ahead * sine
         link = carrier
-        if on < 0 or motor[part] >= 0:
+        if on < 0 or motor[part] >= 0 or level != 1.0:
             link = links
+            rigid = on >= 0 and motor[part] < 0
+            tree[link, GROUP] = tree[carrier, GROUP] if rigid else link
             links += 1
             target = program[motor[part]] if motor[part] >= 0 else 0.0
             angle = min(abs(target), slew.reach)
@@ -173,8 +181,9 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
             tree[link, STEPS] = max(tree[link, OWN_STEPS], tree[carrier, STEPS])
             joint[link, X], joint[link, Y], joint[link, Z] = x, y, z
             joint[link, EAST], joint[link, NORTH] = east, north
-            how = hinge[part]
-            tree[link, TURN], sign = _turn(hinges[how, 0], hinges[how, 1], hinges[how, 2], z)
+            joint[link, LEVEL], joint[link, RISE] = level, rise
+            how, planar = hinge[part], z == 0.0 and level == 1.0
+            tree[link, TURN], sign = _turn(hinges[how, 0], hinges[how, 1], hinges[how, 2], planar)
             joint[link, AXIS], joint[link, AXIS + 1] = hinges[how, 0], hinges[how, 1]
             joint[link, AXIS + 2] = hinges[how, 2]
             joint[link, SIGN], joint[link, ANGLE] = -sign if target < 0 else sign, angle
@@ -230,14 +239,14 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
 
 
 @compiled
-def _turn(x: float, y: float, z: float, height: float) -> tuple[int, float]:
+def _turn(x: float, y: float, z: float, planar: bool) -> tuple[int, float]:
     """About which axis of its frame a hinge turns, and the sign of the turn there.
 
     Args:
         x: Of its axis; likewise y and z.
-        height: Of its mount over the middle of the main body.
+        planar: Whether its mount lies, and points, in the plane of its carrier.
     """
-    if height == 0.0:
+    if planar:
         if abs(z) == 1.0:
             return YAW, z
         if abs(y) == 1.0:
@@ -257,16 +266,18 @@ def _move_freely(
     frame: Array,
     points: Array,
 ) -> None:
-    """Turns one link about any axis, on a mount at any height (Rodrigues); see ``move``."""
+    """Turns one link about any axis, on any mount (Rodrigues); see ``move``."""
     on = tree[link, PARENT]
+    level, rise = joint[link, LEVEL], joint[link, RISE]
     east, north = joint[link, EAST], joint[link, NORTH]
     axis_x, axis_y, axis_z = joint[link, AXIS], joint[link, AXIS + 1], joint[link, AXIS + 2]
     for row in range(3):
         origin = frame[on, row] + joint[link, X] * frame[on, 3 + row]
         origin += joint[link, Y] * frame[on, 6 + row] + joint[link, Z] * frame[on, 9 + row]
-        x = east * frame[on, 3 + row] + north * frame[on, 6 + row]
+        flat = east * frame[on, 3 + row] + north * frame[on, 6 + row]
+        x = level * flat + rise * frame[on, 9 + row]
         y = east * frame[on, 6 + row] - north * frame[on, 3 + row]
-        z = frame[on, 9 + row]
+        z = level * frame[on, 9 + row] - rise * flat
         along = (1 - cosine) * (axis_x * x + axis_y * y + axis_z * z)
         ahead = cosine * x + sine * (axis_z * y - axis_y * z) + along * axis_x
         left = cosine * y + sine * (axis_x * z - axis_z * x) + along * axis_y

@@ -13,7 +13,7 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from estimator.body.arrays import CENTRE, Bodies
+from estimator.body.arrays import BASE_YAW, CENTRE, PART_YAW, Bodies
 from estimator.body.morphology import BASE, Array
 
 _STUB: Final = 0.02  # of a part's length
@@ -183,10 +183,13 @@ class TurnedMount(Departure):
         mount = bodies.mount.copy()
         on_base = bodies.parent[:, self.part] == BASE
         tables = []
-        for table, here in ((bodies.base_mounts, on_base), (bodies.part_mounts, ~on_base)):
+        for table, here, yaw in (
+            (bodies.base_mounts, on_base, BASE_YAW),
+            (bodies.part_mounts, ~on_base, PART_YAW),
+        ):
             rows = np.flatnonzero(here)
             own = table[mount[rows, self.part]]
-            own[:, -2:] = _turned(own[:, -2:], amounts[rows])
+            own[:, yaw] = _turned(own[:, yaw], amounts[rows])
             mount[rows, self.part] = len(table) + np.arange(rows.size)
             tables.append(np.vstack([table, own]))
         return bodies.changed(mount=mount, base_mounts=tables[0], part_mounts=tables[1])

@@ -46,9 +46,10 @@ def described(body: Morphology) -> Description:
     )
 
 
-@pytest.fixture(params=range(3))
-def tree(request: pytest.FixtureRequest, random_tree: MakeBody) -> Morphology:
-    return random_tree(np.random.default_rng(request.param))
+@pytest.fixture(params=["random_tree", "random_tree_of_own_tables"])
+def tree(request: pytest.FixtureRequest) -> Morphology:
+    make: MakeBody = request.getfixturevalue(request.param)
+    return make(np.random.default_rng(0))
 
 
 def frames(body: Morphology, program: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -54,12 +54,19 @@ def test_without_tilt_a_square_body_may_be_turned_and_mirrored(
     assert blind.is_like(mirrored(BODY))
 
 
+def hanging(body: Morphology) -> Morphology:
+    """The body with its legs 20° below its plane."""
+    mounts = tuple(replace(mount, elevation=-0.35) for mount in body.base.mounts)
+    return replace(body, base=replace(body.base, mounts=mounts))
+
+
 @pytest.mark.parametrize("quarters", [1, 2, 3])
+@pytest.mark.parametrize("body", [BODY, hanging(BODY)], ids=["planar", "hanging"])
 def test_a_turned_body_feels_the_same_in_its_own_directions(
-    statics: StaticsPhysics, quarters: int
+    statics: StaticsPhysics, quarters: int, body: Morphology
 ) -> None:
-    straight = statics.read([(BODY, program) for program in PROGRAMS])
-    image = statics.read([(turned(BODY, quarters), program) for program in PROGRAMS])
+    straight = statics.read([(body, program) for program in PROGRAMS])
+    image = statics.read([(turned(body, quarters), program) for program in PROGRAMS])
     tilt = image.tilt
     for _ in range(quarters):
         tilt = np.column_stack([-tilt[:, 1], tilt[:, 0]])
@@ -67,8 +74,12 @@ def test_a_turned_body_feels_the_same_in_its_own_directions(
     assert np.mean(agree(straight, image, ALL)) < 0.5
 
 
-def test_the_image_in_a_mirror_leans_the_other_way(statics: StaticsPhysics) -> None:
-    yawing = changed(0, hinge=0)
+@pytest.mark.parametrize(
+    "yawing", [changed(0, hinge=0), hanging(changed(0, hinge=0))], ids=["planar", "hanging"]
+)
+def test_the_image_in_a_mirror_leans_the_other_way(
+    statics: StaticsPhysics, yawing: Morphology
+) -> None:
     straight = statics.read([(yawing, program) for program in PROGRAMS])
     image = statics.read([(mirrored(yawing), program) for program in PROGRAMS])
     assert np.mean(agree(straight, replace(image, tilt=image.tilt * (-1, 1)), ALL)) > 0.9

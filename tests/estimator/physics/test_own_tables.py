@@ -73,8 +73,12 @@ def test_a_mount_below_the_belly_lifts_it(
     statics: StaticsPhysics, random_tree_of_own_tables: MakeBody
 ) -> None:
     body = random_tree_of_own_tables(np.random.default_rng(1))
-    origins, _ = part_frames(body, np.zeros(8))
-    radii = np.array([part.radius for part in body.parts])
-    assert body.planar_height == pytest.approx(max(body.base.size[2] / 2, *(radii - origins[:, 2])))
+    origins, turns = part_frames(body, np.zeros(8))
+    lowest = [
+        part.radius - (origin + along * turn[:, 0])[2]
+        for part, origin, turn in zip(body.parts, origins, turns, strict=True)
+        for along in (part.near_centre, part.far_centre)
+    ]
+    assert body.planar_height == pytest.approx(max(body.base.size[2] / 2, *lowest))
     assert WorldSettings().inertia_floor(body) > 0
     assert np.max(np.linalg.norm(origins, axis=1)) <= body.reach

@@ -86,7 +86,7 @@ def test_a_mount_is_one_of_the_chosen_parents() -> None:
     assert genome.words(columns["hinge of b"], genes) == ("lift", "lift")
     arrays = genome.bodies(genes)
     assert arrays.base_mounts[arrays.mount[0, 1], :3].tolist() == [0.0, -0.05, 0.01]
-    assert arrays.part_mounts[arrays.mount[1, 1]].tolist() == [1.0, 1.0, 0.0]
+    assert arrays.part_mounts[arrays.mount[1, 1]].tolist() == [1.0, 1.0, 0.0, 1.0, 0.0]
     assert on_base.hinges[1].axis == pytest.approx((0, -math.sqrt(0.5), math.sqrt(0.5)))
 
 
