@@ -5,18 +5,19 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from estimator.body.limbs import leg_lengths
-from estimator.body.morphology import Morphology
 from estimator.exploration.situation import Models
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import next_program
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
-from estimator.physics.equivalence import PROGRAMS, Reference
+from estimator.physics.equivalence import PROGRAMS
+from estimator.posterior.alike import Alike, feel_alike
 from estimator.posterior.belief import believe
 from estimator.posterior.checks.departed import (
     clearly_better,
@@ -96,6 +97,9 @@ class PosteriorMethod:
         self._movements = np.array(
             [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
         )
+        self._alike: Alike = partial(
+            feel_alike, self._sampler.predictor, self._movements, store.settings.modalities
+        )
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -121,7 +125,7 @@ class PosteriorMethod:
             self._sampler.predictor,
             data,
             self._noise,
-            self._same_as,
+            self._alike,
             before=before,
         )
         with closing(self._open_reference()) as reference:
@@ -233,7 +237,7 @@ class PosteriorMethod:
             )
             doubted = self._doubts(checked.posterior, data, self._sampler.predictor, reference)
             self._count(reference)
-        final = believe(posterior, self._sampler.predictor, data, self._noise, self._same_as)
+        final = believe(posterior, self._sampler.predictor, data, self._noise, self._alike)
         if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
             final = _doubting(final, doubted)
         final = final.model_copy(
@@ -263,10 +267,6 @@ class PosteriorMethod:
         return SensorData.of(
             observations, self._store.settings.modalities, self._store.world.clearance_cap
         )
-
-    def _same_as(self, body: Morphology) -> Callable[[Morphology], bool]:
-        physics, modalities = self._make_physics(), self._store.settings.modalities
-        return Reference(body, self._movements, physics, modalities).is_like
 
     def _count(self, reference: Physics) -> None:
         before = self._counters

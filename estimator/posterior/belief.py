@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from estimator.body.arrays import Flags
-from estimator.body.morphology import Array, Morphology
+from estimator.body.morphology import Array
+from estimator.posterior.alike import Alike, alike_shares
 from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
@@ -21,12 +21,9 @@ from estimator.storage.beliefs import (
     UnexplainedInteraction,
 )
 
-LikeLeader = Callable[[Morphology], Callable[[Morphology], bool]]
-"""Of a body, the test whether another can be told from it."""
-
 _KEPT: Final = 120  # modes, as many as are weighed at most
 _RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
-_COMPARED: Final = 0.002  # probability of a mode that is compared
+_MOSTLY: Final = 0.5  # of a mode: it is told as one that no sensor can tell from the first
 
 
 def believe(
@@ -34,7 +31,7 @@ def believe(
     predictor: Predictor,
     data: SensorData,
     noise: Noise,
-    same_as: LikeLeader,
+    alike: Alike,
     *,
     before: Posterior | None = None,
 ) -> Belief:
@@ -45,13 +42,13 @@ def believe(
         predictor: Computes readings.
         data: What the robot felt.
         noise: How far readings stray.
-        same_as: The test of equivalence.
+        alike: The test of equivalence.
         before: The posterior before the last interaction, by which its information is measured.
     """
     modes = posterior.modes[:_KEPT]
     compared = modes if posterior.credible else modes[:_RIVALS]
-    alike = _like_the_first(compared, predictor, same_as)
-    alike += [False] * (len(modes) - len(alike))
+    shares = np.zeros(len(modes))
+    shares[: len(compared)] = alike_shares(compared, posterior, predictor, alike)
     verdict = judge(posterior, predictor, data, noise)
     gained = None
     if before is not None:
@@ -66,12 +63,12 @@ def believe(
                 probability=mode.probability,
                 effective=mode.effective,
                 genes=tuple(mode.point.tolist()),
-                like_the_first=one,
+                like_the_first=bool(share >= _MOSTLY),
                 met=mode.met,
             )
-            for mode, one in zip(modes, alike, strict=True)
+            for mode, share in zip(modes, shares.tolist(), strict=True)
         ),
-        within_problem=_vouched_for(modes, np.array(alike)) if posterior.credible else None,
+        within_problem=_vouched_for(modes, shares) if posterior.credible else None,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(
@@ -83,17 +80,15 @@ def believe(
     )
 
 
-def _vouched_for(modes: Sequence[Mode], alike: Flags) -> float:
+def _vouched_for(modes: Sequence[Mode], alike: Array) -> float:
     """Probability of attachments like the first mode's; no more than the populations have met.
 
     Which of those that feel alike a population has met makes no difference.
     """
     shares = np.array([mode.probability for mode in modes])
     met = np.array([mode.met for mode in modes])
-    together = float(shares[alike].sum())
-    in_common = share_met(
-        np.append(shares[~alike], together), np.vstack([met[~alike], met[alike].any(axis=0)])
-    )
+    together, others = float(shares @ alike), shares * (1 - alike)
+    in_common = share_met(np.append(others, together), np.vstack([met, met[alike > 0].any(axis=0)]))
     return min(together, in_common)
 
 
@@ -110,24 +105,6 @@ def _medians(posterior: Posterior, predictor: Predictor) -> Array:
         middle = np.take_along_axis(order, below.sum(axis=0)[None], axis=0)[0]
         best[unknowns.continuous] = lengths[middle, np.arange(lengths.shape[1])]
     return best
-
-
-def _like_the_first(
-    modes: tuple[Mode, ...], predictor: Predictor, same_as: LikeLeader
-) -> list[bool]:
-    """Which attachments, given the lengths of the first mode's body, feel as that body does."""
-    unknowns = predictor.unknowns
-    rivals = [index for index, mode in enumerate(modes) if index and mode.probability > _COMPARED]
-    alike = [index == 0 for index in range(len(modes))]
-    if not rivals:
-        return alike
-    points = np.array([modes[index].point for index in (0, *rivals)])
-    points[:, unknowns.continuous] = points[0, unknowns.continuous]
-    first, *others = unknowns.decode_all(points)
-    is_like = same_as(first)
-    for index, body in zip(rivals, others, strict=True):
-        alike[index] = is_like(body)
-    return alike
 
 
 def _foretold(

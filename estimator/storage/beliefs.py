@@ -26,8 +26,8 @@ class BelievedMode(_Record):
         probability: Share of the posterior.
         effective: Effective number of draws behind it.
         genes: The genome that fits best among those with these attachments.
-        like_the_first: Whether no sensor can tell its attachments, given the lengths of the first
-            mode's body, from that body's.
+        like_the_first: Whether no sensor can tell most of its samples from bodies of the same
+            lengths that have the first mode's attachments.
         met: Which populations have met it.
     """
 
@@ -93,7 +93,8 @@ class Belief(_Record):
         best: Genome of the first mode's attachments with the medians of its samples' lengths.
         modes: Sets of attachments, the most probable first.
         within_problem: Probability, if the robot is built as the problem says, that the attachments
-            are those of the first mode or such as no sensor can tell from them; never more than the
+            are those of the first mode or, at the robot's lengths, such as no sensor can tell from
+            them; never more than the
             search can vouch for. ``None``: it is not known, since the best body explains the
             readings poorly.
         departed: Probability that the robot is built otherwise; 0 until attachments are sure.

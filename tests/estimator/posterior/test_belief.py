@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Morphology
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array
 from estimator.posterior.belief import believe
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
@@ -26,11 +27,12 @@ def posterior(met: Callable[[int], tuple[bool, ...]]) -> Posterior:
 
 
 def stated(predictor: Predictor, one: Posterior, *, alike: bool) -> float | None:
-    def same_as(first: Morphology) -> Callable[[Morphology], bool]:
-        return lambda body: alike
-
     data = draw(predictor, POINT, programs(3), np.random.default_rng(2))
-    return believe(one, predictor, data, NOISE, same_as).probability
+
+    def same(ones: Array, others: Array) -> Flags:
+        return np.full(len(ones), alike)
+
+    return believe(one, predictor, data, NOISE, same).probability
 
 
 def test_all_that_feel_alike_count_together(predictor: Predictor) -> None:
