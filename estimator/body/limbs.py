@@ -37,15 +37,11 @@ class Limb:
 
 def limbs(morphology: Morphology) -> tuple[Limb, ...]:
     """The limbs of a body: those that a motor turns in the order of their motors, then the rest."""
-    planar = np.zeros(morphology.motors)
-    origins, rotations = part_frames(morphology, planar)
-    far = tips(morphology, planar)
     groups = morphology.rigid_groups
     unordered = []
     for root in sorted(set(groups)):
         members = [index for index, group in enumerate(groups) if group == root]
         part = morphology.parts[root]
-        along = rotations[root, :, 0]
         sensors = (morphology.parts[index].sensor for index in members)
         parent = None if part.parent == BASE else morphology.parts[groups[part.parent]].motor
         unordered.append(
@@ -54,11 +50,19 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
                 parent=BASE if parent is None else parent,
                 mount=morphology.mount(root).name,
                 hinge=morphology.hinge(root).name,
-                length=max(float((far[index] - origins[root]) @ along) for index in members),
+                length=part.length if members == [root] else _reach(morphology, root, members),
                 sensors=tuple(sorted(sensor for sensor in sensors if sensor is not None)),
             )
         )
     return tuple(sorted(unordered, key=lambda limb: (limb.motor is None, limb.motor or 0)))
+
+
+def _reach(morphology: Morphology, root: int, members: Sequence[int]) -> float:
+    """How far a limb of several rigid parts extends along its first, m."""
+    planar = np.zeros(morphology.motors)
+    origins, rotations = part_frames(morphology, planar)
+    far, along = tips(morphology, planar), rotations[root, :, 0]
+    return max(float((far[index] - origins[root]) @ along) for index in members)
 
 
 def driven_limbs(body: Morphology) -> tuple[Limb, ...]:

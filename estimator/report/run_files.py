@@ -69,10 +69,11 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
             lambda path: posterior_csv.write(path, store.genome, belief),
         )
     if plots:
-        for plot in run_plots(store, [leg.joint for leg in result.legs]):
+        drawn = run_plots(store, [leg.joint for leg in result.legs])
+        for plot in drawn:
             replace_bytes(store.directory / PLOTS / f"{plot.name}.png", as_png(plot.figure))
         if page or result.complete:
-            sources = PageSources.of(store, result)
+            sources = PageSources.of(store, result, drawn)
             if sources.picture is not None:
                 replace_bytes(store.directory / BODY, sources.picture)
             replace_text(store.directory / PAGE, run_page(store, sources))

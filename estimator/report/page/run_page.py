@@ -60,16 +60,27 @@ class PageSources:
     validation: Validation | None
 
     @classmethod
-    def of(cls, store: RunStore, result: Result) -> Self:
-        """Collects them; ``result`` is what ``summarise`` says of the run."""
+    def of(
+        cls, store: RunStore, result: Result, without_truth: Sequence[RunPlot] | None = None
+    ) -> Self:
+        """Collects them.
+
+        Args:
+            store: The run.
+            result: What ``summarise`` says of it.
+            without_truth: Its plots, if they are drawn already; a run that was scored has others.
+        """
         legs = [leg.joint for leg in result.legs]
         score = score_of(store.directory, result)
         true_body = None if score is None else read_true_body(store.directory)
         bodies = shown_bodies(store, result, true_body)
+        plots = without_truth
+        if score or plots is None:
+            plots = run_plots(store, legs, score.true_lengths_m if score else ())
         return cls(
             result=result,
             bodies=bodies,
-            plots=run_plots(store, legs, score.true_lengths_m if score else ()),
+            plots=plots,
             picture=_picture(bodies, legs),
             score=score,
             validation=read_validation(store.directory),
