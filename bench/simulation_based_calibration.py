@@ -30,8 +30,9 @@ from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.base import Readings
-from estimator.physics.equivalence import PROGRAMS, Reference
+from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.alike import feel_alike
 from estimator.posterior.belief import believe
 from estimator.posterior.information import SAMPLES, information_gained
 from estimator.posterior.model.likelihood import LEANS, Noise, SensorData, apart
@@ -134,7 +135,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
         values=body[None], scales=robot.scales[None], weights=np.ones(1), modes=(), credible=True
     )
     programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
-    like = partial(Reference, programs=programs, physics=StaticsPhysics(world))
+    alike = partial(feel_alike, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
     posterior, felt, told = sampler.prior(), [], []
     for _ in range(interactions):
@@ -143,27 +144,17 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
         felt.append(robot.perform(chosen.program))
         data, before = SensorData.of(felt, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)
-        belief = believe(
-            posterior,
-            predictor,
-            data,
-            noise,
-            lambda one: like(one, modalities=tuple(MODALITIES)).is_like,
-            before=before,
-        )
-        alike = body.copy()
-        leader = posterior.modes[0].point
-        alike[unknowns.continuous] = leader[unknowns.continuous]
-        one, other = unknowns.decode_all(np.stack([leader, alike]))
-        right = unknowns.keys(body[None])[0] == posterior.modes[0].attachments
-        right = right or like(one, modalities=tuple(MODALITIES)).is_like(other)
+        belief = believe(posterior, predictor, data, noise, alike, before=before)
+        leader = posterior.modes[0].point.copy()
+        leader[unknowns.continuous] = body[unknowns.continuous]
+        right = bool(alike(leader[None], body[None])[0])
         sampled = leg_lengths(unknowns.decode_all(posterior.values))[:, open_legs]
         low, high = np.quantile(
             sampled, (0.05, 0.95), axis=0, weights=posterior.weights, method="inverted_cdf"
         )
         told.append(
             {
-                "right": bool(right),
+                "right": right,
                 "probability": belief.probability,
                 "ranks": (posterior.weights @ (sampled < lengths)).tolist(),
                 "inside": ((low <= lengths) & (lengths <= high)).tolist(),

@@ -1,11 +1,14 @@
 """A real browser for the pages that we make: Debian's Chromium, without a screen."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from playwright.sync_api import Browser, Page, sync_playwright
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 _PROGRAM: Final = Path("/usr/bin/chromium")
 _ARGUMENTS: Final = (
@@ -22,6 +25,8 @@ _HANGS: Final = 300_000  # ms: a busy machine draws slowly
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """Starts the browser; a test that needs it fails where it is missing."""
+    from playwright.sync_api import sync_playwright  # other tests need not wait for it
+
     if not _PROGRAM.exists():
         raise RuntimeError(f"{_PROGRAM} is missing: apt-get install chromium")
     with sync_playwright() as playwright:

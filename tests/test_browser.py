@@ -1,11 +1,16 @@
 """The browser of the tests sees when a page does not keep to itself."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from playwright.sync_api import Browser
 
 from tests.browser import watched_page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 
 def test_opens_a_page_from_disk(browser: Browser, tmp_path: Path) -> None:

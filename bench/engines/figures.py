@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from scipy.stats import binomtest
 
 from bench.engines.runs import CEILINGS, RIVALS
 from bench.engines.simulate import Simulated
@@ -80,7 +80,8 @@ def share(close: Flags) -> dict[str, float]:
     count = len(close)
     if not count:
         return {"n": 0, "share": math.nan, "low": math.nan, "high": math.nan}
-    low, high = binomtest(int(np.sum(close)), count).proportion_ci(method="wilson")
+    stats = importlib.import_module("scipy.stats")  # takes a second
+    low, high = stats.binomtest(int(np.sum(close)), count).proportion_ci(method="wilson")
     return {"n": count, "share": float(np.mean(close)), "low": float(low), "high": float(high)}
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from scipy.stats import binomtest
 
 from bench.power.study import KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import SURE, Figures, Step, Trial
@@ -56,7 +56,8 @@ def success_table(runs: Runs) -> str:
 
 def _success(reached: Sequence[tuple[Figures, Step]]) -> str:
     right = [step.cells == one.cells for one, step in reached]
-    low, high = binomtest(sum(right), len(right)).proportion_ci(method="wilson")
+    stats = importlib.import_module("scipy.stats")  # takes a second
+    low, high = stats.binomtest(sum(right), len(right)).proportion_ci(method="wilson")
     sure = [
         good
         for good, (_, step) in zip(right, reached, strict=True)

@@ -12,7 +12,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-import yourdfpy
 
 from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames
 from estimator.export.description import Description, describe
@@ -59,6 +58,8 @@ def frames(body: Morphology, program: np.ndarray) -> dict[str, tuple[np.ndarray,
 
 
 def test_yourdfpy_finds_each_link_where_it_is(tree: Morphology, tmp_path: Path) -> None:
+    import yourdfpy  # takes a second, which other tests need not wait for
+
     path = tmp_path / "tree.urdf"
     path.write_text(urdf(described(tree)), encoding="utf-8")
     robot = yourdfpy.URDF.load(str(path), build_scene_graph=True, load_meshes=False)

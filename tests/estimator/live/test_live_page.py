@@ -10,23 +10,29 @@ from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Page
 
 from estimator.errors import EstimatorError
-from estimator.live.live_page import LivePage
 from estimator.live.run_view import RunState
 from tests.browser import watched_page
 from tests.estimator.live.followed_run import FollowedRun
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+    from estimator.live.live_page import LivePage
 
 SMALL = {"width": 760, "height": 340}
 
 
 @pytest.fixture
 def live() -> Iterator[LivePage]:
+    from estimator.live.live_page import LivePage  # takes a second; others need not wait for it
+
     with closing(LivePage(Path("runs/mine"), "127.0.0.1", 0)) as page:
         yield page
 
@@ -93,6 +99,8 @@ def test_nobody_can_have_it_put_on_the_internet(live: LivePage) -> None:
 
 
 def test_an_address_that_is_taken_is_a_sentence(live: LivePage) -> None:
+    from estimator.live.live_page import LivePage
+
     port = int(live.uri.rpartition(":")[2])
     with pytest.raises(EstimatorError, match=f"cannot be served on 127.0.0.1:{port} .*in use"):
         LivePage(Path("runs/mine"), "127.0.0.1", port)

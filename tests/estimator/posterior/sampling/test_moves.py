@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scipy import stats
 
 from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.sampling.moves import exchange_parts, propose, reflected
@@ -13,6 +12,8 @@ def test_values_are_folded_back_at_both_ends() -> None:
 
 
 def test_proposals_leave_the_prior_as_it_is(unknowns: Unknowns) -> None:
+    from scipy import stats  # takes a second, which other tests need not wait for
+
     rng = np.random.default_rng(1)
     count = 4000
     values = rng.random((count, unknowns.size))

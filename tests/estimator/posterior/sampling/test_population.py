@@ -5,7 +5,6 @@ from collections import Counter, defaultdict
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Attachments, Predictor
@@ -18,6 +17,8 @@ WIDE = Noise(tilt=0.12, clearance=0.03)
 
 
 def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -> None:
+    from scipy import stats  # takes a second, which other tests need not wait for
+
     nothing = Observation(angles=(0.1, 0.2, 0.0, 0.0), touch=(None,) * 4)
     blind = SensorData.of([nothing], MODALITIES, CAP)
     population = Population.of_prior(predictor, np.random.default_rng(1), levels=4, width=32)
@@ -40,6 +41,8 @@ def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
     Every chain begins with an exact draw from its level's target, by enumeration, so any bias comes
     from the steps.
     """
+    from scipy import stats  # takes a second, which other tests need not wait for
+
     moved = programs(2, seed=8)
     replications, chains, scales = 80, [], []
     for seed in range(replications):

@@ -6,12 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
-
-from playwright.sync_api import Browser
+from typing import TYPE_CHECKING, Any, Final
 
 from bench.daemons import simulator
 from tests.browser import chromium, watched_page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 _DRAWN: Final = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
 LOOKS: Final[dict[str, dict[str, Any]]] = {

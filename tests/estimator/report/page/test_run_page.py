@@ -7,10 +7,10 @@ import math
 from collections.abc import Iterator
 from itertools import cycle
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
 from typer.testing import CliRunner
 
 from estimator.body.morphology import tips
@@ -22,6 +22,9 @@ from estimator.storage.store import RunStore
 from tests.browser import watched_page
 from tests.estimator.report.made_runs import capabilities_with, made_run
 from tests.estimator.report.page.screenshots import LOOKS, take_screenshots
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 SHIPPED = ("parametric", "topological", "topological-20", "topological-24")
 OWN = ("file:", "data:")

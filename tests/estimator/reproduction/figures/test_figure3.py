@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from scipy import stats
 
 from estimator.body.morphology import Base
 from estimator.problem.genome import Genome
@@ -16,6 +15,8 @@ def test_measures_by_hand() -> None:
 
 
 def test_random_legs_are_sums_of_two_uniform_parts() -> None:
+    from scipy import stats  # takes a second, which other tests need not wait for
+
     genome = Genome(Problem.load("parametric"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
     measures = random_models(genome, np.array([0.22] * 4))
     leg = stats.triang(c=0.5, loc=0.02, scale=0.38)
