@@ -26,6 +26,7 @@ def _read_all(client: TrialClient, reads: Sequence[Map]) -> list[Map]:
     while waiting:
         reply = client.connection.first_of(waiting)
         if reply is None:
+            client.connection.expect_ids()  # an error without its id may have ended a read
             raise Unanswered(f"{len(waiting)} of {len(reads)} reads were not answered to the end.")
         replies.append(reply)
         if reply["type"] in FINAL:
@@ -105,7 +106,6 @@ def commands_go_before_reads(robot: RobotOnTrial) -> None:
         expect(not wrong, f"Before a clear, reads ended with {', '.join(sorted(wrong))}.")
         if any(end["type"] == "error" for end in ends):
             return
-        client.connection.expect_ids()  # an error without its id may have ended a read
         expect(
             waited < max(each * len(reads) / 2, GRACE),
             f"A clear waited {waited:.2f} s for {len(reads)} reads.",

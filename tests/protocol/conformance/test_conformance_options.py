@@ -14,16 +14,17 @@ import pytest
 from bench.still_robot import still_robot
 from protocol.conformance.settings import SuiteSettings
 from protocol.conformance.suite import CheckStatus, run
-from protocol.errors import RobotUnreachableError
+from protocol.errors import RobotError, RobotUnreachableError
 from protocol.rules import server_core
 from protocol.rules.at_most_once import Clients
 from protocol.rules.robot_interface import Finished, Robot, RobotEvent
 from protocol.security.keys import KeyDirectory
-from protocol.wire.messages import RobotRequest
+from protocol.wire.messages import ErrorReply, RobotRequest
 from robot.control.controller import Controller
 from robot.host.clock import WallClock
 from tests.protocol.conformance.spoilt import Fault
 from tests.protocol.conformance.trials import broken, quick_clock, serving, untried
+from tests.protocol.transport.faults import FAULTS
 
 if TYPE_CHECKING:
     from tests.protocol.conftest import FakeRobot, Keyring, Serve
@@ -100,6 +101,54 @@ def test_commands_that_wait_for_reads(calm: Controller, monkeypatch: pytest.Monk
         (told,) = run(SuiteSettings(uri=uri, motion=10.0), only=["5.16"])
     assert told.verdict is CheckStatus.BROKEN, told.sentence
     assert told.sentence.startswith("A clear waited ")
+
+
+class Interrupted:
+    """A robot whose reads, while somebody controls it, go on until a command ends them."""
+
+    def __init__(self, robot: Robot):
+        self._robot = robot
+        self._controlled = False
+        self._reads: list[tuple[int, int]] = []
+        self._ended: list[RobotEvent] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._robot, name)
+
+    def controller_changed(self, client: str | None) -> None:
+        self._controlled = client is not None
+        self._robot.controller_changed(client)
+
+    def submit(self, ticket: int, request: RobotRequest) -> None:
+        if request.TYPE == "read" and self._controlled:
+            self._reads.append((ticket, request.id))
+            return
+        error = RobotError("aborted_read", "A command of the controller ended the read.")
+        self._ended += [
+            Finished(ticket=read, reply=ErrorReply.of(error, request_id=number))
+            for read, number in self._reads
+        ]
+        self._reads = []
+        self._robot.submit(ticket, request)
+
+    def events(self) -> Sequence[RobotEvent]:
+        ended, self._ended = self._ended, []
+        return [*ended, *self._robot.events()]
+
+
+@pytest.mark.parametrize(
+    ("name", "clause"), [(None, None), ("leaves the id out of errors", "2.12")]
+)
+def test_reads_that_a_command_ends(
+    name: str | None, clause: str | None, calm: Controller, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fault = FAULTS[name][1] if name else Fault()
+    fault.patch(monkeypatch)
+    monkeypatch.setattr("protocol.conformance.checks.floods._time_of_a_read", lambda client: 0.0)
+    with serving(Interrupted(calm), fault) as uri:
+        results = run(SuiteSettings(uri=uri, patience=1.0), only=["5.16", "2.12"])
+    blamed = {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN}
+    assert blamed == ({clause} if clause else set())
 
 
 @pytest.mark.parametrize(
