@@ -83,7 +83,7 @@ def _numbers(data: bytes, word: bytes) -> Points:
 
 def _of_collada(data: bytes) -> Points:
     """The corners in a Collada scene, m; which axis it calls up is ignored, as ROS's tools do."""
-    import collada  # noqa: PLC0415 - few robots need it
+    import collada  # noqa: PLC0415 - takes half a second, and few robots need it
 
     try:
         document = collada.Collada(io.BytesIO(data), ignore=[collada.DaeError])
