@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,6 +26,21 @@ SIZES: Final = (0.85, 1.5)
 SCALE_SPREAD: Final = 0.5
 """Standard deviation of the prior of each noise factor's logarithm."""
 
+_JOINED: Final = 3  # parts, of which legs seldom have more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joined:
+    """Parts of which each carries the next: one, two or three that have something to choose.
+
+    Attributes:
+        columns: All of theirs.
+        kept: Those of them that stay: of three, where the first one sits.
+    """
+
+    columns: Columns
+    kept: tuple[int, ...]
+
 
 class Unknowns:
     """The unit cube of one problem: its uniform measure, where bodies are allowed, is the prior.
@@ -44,8 +60,7 @@ class Unknowns:
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
         hinges: Columns of these parts' hinges, part by part.
-        joined: Columns of parts that are best put on in another way together, where all parents are
-            known: of two with something to choose of which one sits on the other, or of one alone.
+        joined: What is best put on in another way together, where all parents are known.
     """
 
     def __init__(self, genome: Genome):
@@ -69,7 +84,7 @@ class Unknowns:
             )
             for places in self.places
         )
-        self.joined: tuple[Columns, ...] = () if self.parents.any() else _joined(genome)
+        self.joined: tuple[Joined, ...] = () if self.parents.any() else _joined(genome)
 
     def forbidden(self, values: Array) -> Flags:
         """Which of n points the problem does not allow: there the prior is 0."""
@@ -239,16 +254,29 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
     return tuple(np.array(some) for kind, some in rows.items() if kind and len(some) > 1)
 
 
-def _joined(genome: Genome) -> tuple[Columns, ...]:
+def _joined(genome: Genome) -> tuple[Joined, ...]:
     own: dict[int, list[int]] = {}
     for column, gene in enumerate(genome.genes):
         own.setdefault(gene.part, []).append(column)
-    carriers = {gene.part: gene.parent for gene in genome.genes if gene.choices > 1}
-    pairs = [(parent, part) for part, parent in carriers.items() if parent in carriers]
-    alone = [(part,) for part in carriers if not any(part in pair for pair in pairs)]
-    return tuple(
-        np.array([column for part in one for column in own[part]]) for one in pairs + alone
-    )
+    chosen = {gene.part: gene.parent for gene in genome.genes if gene.choices > 1}
+    carriers = {
+        part: parent for part, parent in chosen.items() if parent is not None and parent in chosen
+    }
+    joined = []
+    for part in chosen:
+        chain = [part]
+        while len(chain) < _JOINED and chain[0] in carriers:
+            chain.insert(0, carriers[chain[0]])
+        if chain == [part] and part in carriers.values():
+            continue  # it is tried with those that it carries
+        mounts = [column for column in own[chain[0]] if genome.genes[column].trait == "mount"]
+        joined.append(
+            Joined(
+                columns=np.array([column for one in chain for column in own[one]]),
+                kept=tuple(mounts) if len(chain) == _JOINED else (),
+            )
+        )
+    return tuple(joined)
 
 
 def _where(chosen: list[bool]) -> Columns:

@@ -20,9 +20,9 @@ from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.rows import exchange_places
 
-_LENGTHS: Final = 5  # tried with each choice: those that the parts have, and random ones
+_LENGTHS: Final = 3  # tried with each choice: those that the parts have, and random ones
 _WIDTH: Final = 4.0  # of the noise, by which they are compared
-_KEPT: Final = 8  # of the rows of one pair of parts
+_KEPT: Final = 16  # of the rows of parts that are joined
 _NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
 _SETTLED: Final = 2  # rows of that other one are kept
 _POLISHED: Final = 32  # of all
@@ -62,21 +62,21 @@ class Neighbours:
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
         near = []
-        for columns in self._unknowns.joined:
-            points = self._ranked(self._rows(leader[None], columns))
+        for joined in self._unknowns.joined:
+            points = self._ranked(self._rows(leader[None], joined.columns, joined.kept))
             near.append(points[:_KEPT])
-            for newcomers, displaced in self._newcomers(points, leader, columns):
+            for newcomers, displaced in self._newcomers(points, leader, joined.columns):
                 near += [
-                    self._ranked(self._rows(newcomers, other, kept=(displaced,)))[:_SETTLED]
+                    self._ranked(self._rows(newcomers, other.columns, (displaced,)))[:_SETTLED]
                     for other in self._unknowns.joined
-                    if displaced in other
+                    if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
         fits = self._lengths.fits(points, _WIDTH, surely=True)
         best = best_of_each(self._unknowns.keys(points), fits)[:_POLISHED]
         return self._lengths.polished(points[best])
 
-    def _rows(self, leaders: Array, columns: Columns, kept: Collection[int] = ()) -> Array:
+    def _rows(self, leaders: Array, columns: Columns, kept: Collection[int]) -> Array:
         """Leaders with all that some columns choose, but for those kept, each at several lengths.
 
         A part that takes another's place leaves its own to it.

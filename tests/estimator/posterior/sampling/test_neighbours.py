@@ -46,25 +46,45 @@ def confused(truth: Array, unknowns: Unknowns) -> Array:
     point[places[[1, 4], 0]] = truth[places[[4, 1], 0]]
     for leg in (1, 4):
         hinges = [
-            column for column in unknowns.joined[leg].tolist() if unknowns.counts[column] == 4
+            column
+            for column in unknowns.joined[leg].columns.tolist()
+            if unknowns.counts[column] == 4
         ]
         point[hinges] = (point[hinges] + 0.5) % 1
     return point
 
 
-def joined(problem: str) -> list[list[int]]:
-    """Parts that are put on together."""
-    genome = genome_of(problem)
-    return sorted(
-        sorted({genome.genes[column].part for column in columns.tolist()})
-        for columns in Unknowns(genome).joined
-    )
+def joined(problem: str) -> set[tuple[tuple[int, ...], bool]]:
+    """Parts that are put on together, and whether the first stays on its mount."""
+    genes = genome_of(problem).genes
+    return {
+        (tuple(sorted({genes[column].part for column in one.columns.tolist()})), bool(one.kept))
+        for one in Unknowns(genome_of(problem)).joined
+    }
 
 
 def test_parts_are_joined_where_one_sits_on_the_other_and_parents_are_known() -> None:
-    assert joined("hexapod-18") == [[part, part + 6] for part in range(12)]
-    assert Unknowns(genome_of("topological")).joined == ()
-    assert Unknowns(genome_of("parametric")).joined == ()
+    pairs = {((leg, leg + 6), False) for leg in range(6)}
+    assert joined("hexapod-12") == pairs
+    assert joined("hexapod-18") == pairs | {((leg, leg + 6, leg + 12), True) for leg in range(6)}
+    assert not joined("topological")
+    assert not joined("parametric")
+
+
+def test_a_leg_of_which_all_three_parts_are_put_on_otherwise_is_put_right() -> None:
+    predictor = Predictor(Unknowns(genome_of("hexapod-18")), StaticsPhysics())
+    unknowns, rng = predictor.unknowns, np.random.default_rng(1)
+    truth = unknowns.permitted(rng.random((1, unknowns.size)))[0]
+    data = draw(predictor, truth, rng.uniform(-0.5, 0.5, (9, 18)), rng, outlier=0.0)
+    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    leader, (places,) = truth.copy(), unknowns.places
+    leg = np.concatenate([unknowns.parts[part] for part in (0, 6, 12)])
+    anew = np.setdiff1d(leg, places)
+    leader[anew] = (leader[anew] + 0.5) % 1
+    _, (wanted, before) = lengths.polished(np.stack([truth, leader]))
+    assert before < wanted - 10
+    _, fits = Neighbours(predictor, data, Likelihood(data, NOISE), rng).of(leader)
+    assert fits.max() > wanted - 2
 
 
 def test_two_legs_in_each_others_places_are_put_right(
