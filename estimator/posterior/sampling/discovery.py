@@ -68,7 +68,8 @@ class Discovery:
         population: Its chains are moved.
         predictor: The population's own.
         rng: The population's own, apart from its chains'.
-        climbs: Whether it tries the neighbours of the best bodies, not other rows of single parts.
+        wanders: Whether its chains have so much to find that they, and the neighbours of the best
+            bodies, are all that is worth the time: other rows of single parts are not tried.
 
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
@@ -81,13 +82,13 @@ class Discovery:
         predictor: Predictor,
         rng: np.random.Generator,
         *,
-        climbs: bool,
+        wanders: bool,
     ) -> None:
         self.population = population
         self.predictor = predictor
         self.rng = rng
         self.met = np.empty((0, predictor.unknowns.size))
-        self._climbs = climbs
+        self._wanders = wanders
 
     def observe(self, data: SensorData, noise: Noise) -> None:
         """Begins anew, from where the chains are and what they have met.
@@ -100,10 +101,9 @@ class Discovery:
         self._data, self._noise = data, noise
         self.population.observe(data, noise, surely=True)
         self._lengths = Lengths(predictor, data, likelihood)
-        self._neighbours = (
-            Neighbours(predictor, data, likelihood, self.rng) if self._climbs else None
-        )
-        self._several = len(data) >= _SEVERAL
+        self._neighbours = None
+        if predictor.unknowns.joined and len(data) >= _SEVERAL:
+            self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
         self._visited = _Visited(predictor)
         self._visited.add(self.met, self._lengths.fits(self.met))
         self._before = self._visited.best()
@@ -120,16 +120,12 @@ class Discovery:
             if step % EVERY == EVERY - 1:
                 levels = slice(0, _WATCHED * population.width)
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
+        visited.polish(self._lengths, _POLISHED_BESIDE if self._wanders else _POLISHED)
         if self._neighbours:
-            visited.polish(self._lengths, _POLISHED_BESIDE)
-            for _ in range(_CLIMBS if self._several else 0):
-                if not visited.climb(self._neighbours):
-                    break
-        else:
-            visited.polish(self._lengths, _POLISHED)
-            for nats in _SWEPT:
-                if not visited.sweep(self._lengths, self.rng, nats):
-                    break
+            visited.climb(self._neighbours)
+        for nats in () if self._wanders else _SWEPT:
+            if not visited.sweep(self._lengths, self.rng, nats):
+                break
         bodies = self.best()
         self.met = bodies.values[:_REMEMBERED]
         return bodies
@@ -171,6 +167,7 @@ class _Visited:
         self._points: dict[Attachments, tuple[float, Array]] = {}
         self._polished: set[Attachments] = set()
         self._swept: set[Attachments] = set()
+        self._climbed: set[Attachments] = set()
 
     def add(self, values: Array, fits: Array) -> None:
         for key, fit, value in zip(self._unknowns.keys(values), fits.tolist(), values, strict=True):
@@ -212,17 +209,19 @@ class _Visited:
             self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
         return bool(chosen)
 
-    def climb(self, neighbours: Neighbours) -> bool:
-        """Tries the neighbours of the best few; False when that finds nothing much better."""
-        bodies = self.best()
-        keys = self._unknowns.keys(bodies.values)
-        fresh = [row for row, key in enumerate(keys) if key not in self._swept][:_CLIMBING]
-        for row in fresh:
-            self._swept.add(keys[row])
-            better, fits = neighbours.of(bodies.values[row])
-            self._polished.update(self._unknowns.keys(better))
-            self.add(better, fits)
-        return bool(self.best().fits[0] > bodies.fits[0] + _HIGHER)
+    def climb(self, neighbours: Neighbours) -> None:
+        """Tries the neighbours of the best few, as long as that finds something much better."""
+        for _ in range(_CLIMBS):
+            bodies = self.best()
+            keys = self._unknowns.keys(bodies.values)
+            fresh = [row for row, key in enumerate(keys) if key not in self._climbed][:_CLIMBING]
+            for row in fresh:
+                self._climbed.add(keys[row])
+                better, fits = neighbours.of(bodies.values[row])
+                self._polished.update(self._unknowns.keys(better))
+                self.add(better, fits)
+            if self.best().fits[0] <= bodies.fits[0] + _HIGHER:
+                break
 
     def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
         """The same attachments from other lengths: one start may lead to a lesser peak."""

@@ -104,7 +104,9 @@ class Sampler:
             population = Population.of_prior(
                 predictor, of_chains, levels=effort.levels, width=effort.width
             )
-            self._searches.append(Discovery(population, predictor, of_search, climbs=self._wanders))
+            self._searches.append(
+                Discovery(population, predictor, of_search, wanders=self._wanders)
+            )
         self._rng = np.random.default_rng(common)
         self._known: set[Attachments] = set()
         self._cleared: set[Attachments] = set()  # nothing better was found

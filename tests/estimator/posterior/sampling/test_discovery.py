@@ -20,7 +20,7 @@ def data(predictor: Predictor) -> SensorData:
 def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorData) -> None:
     chains, own = np.random.default_rng(1), np.random.default_rng(2)
     population = Population.of_prior(predictor, chains, levels=4, width=8)
-    search = Discovery(population, predictor, own, climbs=False)
+    search = Discovery(population, predictor, own, wanders=False)
     search.observe(data, NOISE)
     before = search.search(10)
     places = population.values.copy()

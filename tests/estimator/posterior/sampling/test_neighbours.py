@@ -12,7 +12,9 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling.discovery import Discovery
 from estimator.posterior.sampling.neighbours import Neighbours
+from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.rows import other_rows
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw
@@ -104,3 +106,16 @@ def test_two_legs_in_each_others_places_are_put_right(
     assert not unknowns.forbidden(points).any()
     assert fits.max() > wanted[0] - 2
     assert np.array_equal(fits, lengths.fits(points))
+
+
+def test_a_search_that_does_not_wander_puts_them_right_too(
+    predictor: Predictor, truth: Array, data: SensorData
+) -> None:
+    chains, own = np.random.default_rng(5), np.random.default_rng(6)
+    population = Population.of_prior(predictor, chains, levels=4, width=8)
+    search = Discovery(population, predictor, own, wanders=False)
+    search.met = confused(truth, predictor.unknowns)[None]
+    search.observe(data, NOISE)
+    _, wanted = Lengths(predictor, data, Likelihood(data, NOISE)).polished(truth[None])
+    assert search.best().fits[0] < wanted[0] - 10
+    assert search.search(1).fits[0] > wanted[0] - 2
