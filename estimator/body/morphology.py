@@ -229,6 +229,11 @@ class Morphology:
                 lowest = max(lowest, part.radius - float(origin[2] + along * turn[2, 0]))
         return lowest
 
+    @property
+    def stands(self) -> bool:
+        """Whether its main body is off the ground in the planar pose."""
+        return self.planar_height > self.base.size[2] / 2 + 1e-9
+
     @cached_property
     def motors(self) -> int:
         """How many angles a motor program for this body must hold at least."""

@@ -1,7 +1,8 @@
 """The interface of physics back-ends: bodies and motor programs in, readings out.
 
-An interaction starts planar: the body upright, all angles 0, its lowest point on the ground. Each
-joint then turns at the slew speed to its own target, the body comes to rest, and is read.
+An interaction starts planar: the body upright, all angles 0, its lowest point on the ground. A body
+that does not lie on its main body there comes to rest first, as a robot does. Each joint then turns
+at the slew speed to its own target, the body comes to rest, and is read.
 
 What tilt, clearance and touch are is defined in ``protocol.wire.readings``.
 """

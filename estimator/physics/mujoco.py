@@ -89,7 +89,9 @@ class MuJoCoPhysics(BackEnd):
             driven = [index for index, part in enumerate(body.parts) if part.motor is not None]
             targets = np.array([angles[index] for index in driven])
             data = self._engine.MjData(model)
-            self._run(model, data, targets)
+            if body.stands:
+                self._turn(model, data, np.zeros_like(targets))
+            self._turn(model, data, targets)
             # MuJoCo sorts joints and bodies depth first; actuators stay in the order added.
             at = [int(model.joint(f"joint {index}").qposadr[0]) for index in driven]
             if not (np.all(np.isfinite(data.qpos)) and np.all(np.isfinite(data.qvel))):
@@ -100,8 +102,8 @@ class MuJoCoPhysics(BackEnd):
             self._sense(model, data, body, readings, row)
         return readings
 
-    def _run(self, model: Any, data: Any, targets: Array) -> None:
-        """Steps until the body rests, or through all steps."""
+    def _turn(self, model: Any, data: Any, targets: Array) -> None:
+        """Turns the joints from 0 to their targets; steps until the body rests, or all steps."""
         step, settings = self._engine.mj_step, self._settings
         pace = settings.slew * settings.step
         slewing = math.ceil(np.abs(targets).max(initial=0.0) / pace)

@@ -106,8 +106,10 @@ class PyBulletPhysics(BackEnd):
                 raise PhysicsError(f"a motor program must be finite, not {list(program)}")
             self.simulations += 1
             try:
-                body = self._build(morphology, angles)
-                self._run(body, angles)
+                body = self._build(morphology)
+                if morphology.stands:
+                    self._turn(body, morphology, [0.0] * len(angles))
+                self._turn(body, morphology, angles)
                 self._sense(body, morphology, angles, readings, row)
             except self._engine.error as error:
                 if not self._engine.isConnected(physicsClientId=self._client):
@@ -117,8 +119,8 @@ class PyBulletPhysics(BackEnd):
                 readings.joint_miss[row] = math.inf
         return readings
 
-    def _build(self, morphology: Morphology, angles: Sequence[float]) -> int:
-        """A body in the planar pose, its motors set to their targets, alone on the ground."""
+    def _build(self, morphology: Morphology) -> int:
+        """A body in the planar pose, alone on the ground."""
         engine, client, settings = self._engine, self._client, self._settings
         if self._bodies % _BODIES_PER_WORLD == 0:
             self._make_world()
@@ -168,19 +170,6 @@ class PyBulletPhysics(BackEnd):
                 localInertiaDiagonal=[max(moment, floor) for moment in inertia],
                 physicsClientId=client,
             )
-        for link, (part, angle) in enumerate(zip(parts, angles, strict=True)):
-            if part.motor is not None:
-                engine.setJointMotorControl2(
-                    self._body,
-                    link,
-                    engine.POSITION_CONTROL,
-                    targetPosition=angle,
-                    positionGain=1.0,
-                    velocityGain=1.0,
-                    force=_FORCE,
-                    maxVelocity=settings.slew,
-                    physicsClientId=client,
-                )
         return self._body
 
     def _make_world(self) -> None:
@@ -213,17 +202,30 @@ class PyBulletPhysics(BackEnd):
             )
         return shape
 
-    def _run(self, body: int, angles: Sequence[float]) -> None:
-        """Steps until the body rests, or through all steps."""
-        step, client, settings = self._engine.stepSimulation, self._client, self._settings
+    def _turn(self, body: int, morphology: Morphology, angles: Sequence[float]) -> None:
+        """Turns the joints to their targets, and steps until the body rests or steps run out."""
+        engine, client, settings = self._engine, self._client, self._settings
+        for link, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):
+            if part.motor is not None:
+                engine.setJointMotorControl2(
+                    body,
+                    link,
+                    engine.POSITION_CONTROL,
+                    targetPosition=angle,
+                    positionGain=1.0,
+                    velocityGain=1.0,
+                    force=_FORCE,
+                    maxVelocity=settings.slew,
+                    physicsClientId=client,
+                )
         slewing = max(map(abs, angles), default=0.0) / (settings.slew * settings.step)
         unwatched = settings.steps if settings.full_steps else slewing + 3
         watch, done = RestWatch(settings), 0
         while done < settings.steps and not watch.rests:
-            step(physicsClientId=client)
+            engine.stepSimulation(physicsClientId=client)
             done += 1
             if done > unwatched and done % watch.STEPS_PER_LOOK == 0:
-                watch.look(*self._engine.getBaseVelocity(body, physicsClientId=client))
+                watch.look(*engine.getBaseVelocity(body, physicsClientId=client))
         self.steps += done
 
     def _sense(

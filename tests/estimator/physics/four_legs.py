@@ -72,7 +72,7 @@ def assert_links_where_kinematics_says(
     """PyBullet's links, at given angles of the motors, stand as ``part_frames`` says."""
     engine, client = physics._engine, physics._client
     turned = body.part_angles(angles)
-    number = physics._build(body, turned)
+    number = physics._build(body)
     for link, angle in enumerate(turned):
         engine.resetJointState(number, link, angle, physicsClientId=client)
     base, _ = engine.getBasePositionAndOrientation(number, physicsClientId=client)

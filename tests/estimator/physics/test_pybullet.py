@@ -34,7 +34,7 @@ def test_kinematics_agree_link_by_link(physics: PyBulletPhysics, random_tree: Ma
 def sense(physics: PyBulletPhysics, height: float, turn: list[float]) -> Readings:
     """Reads a body that hangs in the air, turned by a quaternion (x, y, z, w)."""
     body, angles = legs(0.1), [0.0] * 4
-    number, engine = physics._build(body, angles), physics._engine
+    number, engine = physics._build(body), physics._engine
     place = {"physicsClientId": physics._client}
     engine.resetBasePositionAndOrientation(number, [0.3, -0.2, height], turn, **place)
     readings = Readings.empty(1, 4)
@@ -66,7 +66,7 @@ def test_an_upside_down_body_sees_no_ground(physics: PyBulletPhysics) -> None:
 
 def test_a_body_that_flies_apart_is_invalid(physics: PyBulletPhysics) -> None:
     body, angles = legs(0.1), [0.0] * 4
-    number, engine = physics._build(body, angles), physics._engine
+    number, engine = physics._build(body), physics._engine
     engine.resetBaseVelocity(number, [math.nan] * 3, physicsClientId=physics._client)
     readings = Readings.empty(1, 4)
     physics._sense(number, body, angles, readings, 0)

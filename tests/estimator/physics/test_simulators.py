@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
+from estimator.body.mounts import BaseMount, Hinge, PartMount
 from estimator.errors import PhysicsError
 from estimator.physics.base import Pair, Physics, Readings, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from tests.estimator.physics.four_legs import (
@@ -220,3 +222,39 @@ def test_stopping_at_rest_reads_what_all_steps_read(engine: Engine, problem: str
     assert np.degrees(np.abs(quick.tilt - full.tilt)).max() < 0.05
     assert 1000 * np.abs(quick.clearance - full.clearance).max() < 0.2
     assert (quick.touch == full.touch).mean() >= 0.995
+
+
+def test_a_body_that_does_not_lie_flat_rests_before_it_moves(
+    engine: Engine, statics: StaticsPhysics
+) -> None:
+    corners = [
+        BaseMount(name="", at=(x, y, 0.0), yaw=0.0, elevation=-math.pi / 6)
+        for x, y in ((0.09, 0.06), (0.09, -0.06), (-0.09, 0.06), (-0.09, -0.06))
+    ]
+    backward, forward, left, right = ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0, 0, 1.0), (0, 0, -1.0))
+    axes = (backward, backward, forward, right, left, backward, left, backward)
+    lengths = (0.095, 0.051, 0.127, 0.102, 0.068, 0.096, 0.089, 0.127)
+    body = Morphology(
+        base=Base(size=(0.14, 0.14, 0.085), mass=0.6, mounts=tuple(corners)),
+        parts=tuple(
+            Part(
+                parent=BASE if row < 4 else row - 4,
+                mount=row if row < 4 else 0,
+                hinge=row,
+                length=length,
+                radius=0.01 if row < 4 else 0.008,
+                motor=row,
+            )
+            for row, length in enumerate(lengths)
+        ),
+        part_mounts=(PartMount(name="end", fraction=1.0, yaw=0.0),),
+        hinges=tuple(Hinge(name="", axis=axis) for axis in axes),
+        density=1500.0,
+    )
+    program = np.radians([27.9, -26.5, 15.4, 17.2, -28.6, -5.6, 2.7, 18.1])
+    assert body.stands
+    assert not legs(0.1).stands
+    pair = (body, program)
+    assert statics.path_margins([pair]) > np.radians(5)
+    with engine(WorldSettings(step=1 / 240, steps=1200)) as simulator:
+        assert simulator.read([pair]).tilt == pytest.approx(statics.read([pair]).tilt, abs=0.01)
