@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 
+from estimator.body.morphology import Array
 from estimator.export.formats import in_words_of
 from estimator.export.urdf import urdf
 from estimator.problem.genome import Genome
@@ -22,10 +23,16 @@ from sim_robot.world.sensor_noise import NoiseLevels
 
 
 def drawn_body(problem: str, seed: int) -> str:
-    """A body of a problem, every gene uniform in its range, with the default robot's joints."""
+    """A body that a problem allows, drawn from its prior, with the default robot's joints."""
     known, genome, robot = on_default_robot(problem)
-    body = genome.decode(np.random.default_rng([seed, 1]).random(genome.size))
+    body = genome.decode(drawn_genes(genome, np.random.default_rng([seed, 1])))
     return urdf(in_words_of(known, robot, body))
+
+
+def drawn_genes(genome: Genome, rng: np.random.Generator) -> Array:
+    """Genes of one body that the problem allows, shape (size,)."""
+    genes: Array = genome.permitted(rng.random((1, genome.size)))[0]
+    return genes
 
 
 @cache

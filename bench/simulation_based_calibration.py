@@ -22,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 from scipy import stats
 
-from bench.prior_bodies import on_default_robot
+from bench.prior_bodies import drawn_genes, on_default_robot
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
@@ -118,7 +118,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
         unknowns, partial(StaticsPhysics, world), noise, effort, seeds, workers=ThisProcess()
     )
     predictor, ends = sampler.predictor, problem.program_range(capabilities)
-    body = unknowns.permitted(rng.random((1, unknowns.size)))[0]
+    body = drawn_genes(genome, rng)
     robot = StaticsRobot(
         predictor=predictor,
         body=body,

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from bench.prior_bodies import on_default_robot
+from bench.prior_bodies import drawn_genes, on_default_robot
 from estimator.body.morphology import Morphology
 from estimator.physics.base import Pair
 
@@ -17,7 +17,7 @@ NUDGE: Final = np.radians(0.1)
 
 
 def draw(name: str, seed: int, number: int) -> tuple[Morphology, Pair, Pair]:
-    """Body ``number`` of a problem: genes and motor program uniform in their ranges.
+    """Body ``number`` of a problem: genes and motor program uniform where they are allowed.
 
     Args:
         name: Of the problem.
@@ -29,7 +29,7 @@ def draw(name: str, seed: int, number: int) -> tuple[Morphology, Pair, Pair]:
     """
     problem, genome, capabilities = on_default_robot(name)
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
-    body = genome.decode(rng.random(genome.size))
+    body = genome.decode(drawn_genes(genome, rng))
     program = problem.random_program(rng, capabilities)
     nudged = program + NUDGE * rng.choice([-1.0, 1.0], len(program)) * (program != 0)
     return body, (body, program), (body, nudged)

@@ -6,6 +6,7 @@ import pickle
 from pathlib import Path
 
 import pytest
+from lxml import etree
 
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
@@ -53,6 +54,24 @@ def test_every_robot_of_the_study_can_be_started(tmp_path: Path) -> None:
 def test_a_body_of_the_prior_is_drawn_again_for_its_seed() -> None:
     assert drawn_body("topological", 3) == drawn_body("topological", 3)
     assert drawn_body("topological", 3) != drawn_body("topological", 4)
+
+
+def test_a_body_of_the_prior_is_one_that_the_problem_allows(tmp_path: Path) -> None:
+    path, library = tmp_path / "one_each.toml", Path("estimator/problem/library")
+    path.write_text(f"share_mounts = false\n{(library / 'topological.toml').read_text()}")
+    for seed in range(10):
+        body = etree.fromstring(drawn_body(str(path), seed).encode())
+        hips = [joint for joint in body.findall("joint") if joint.get("type") == "revolute"]
+        places = {
+            tuple(
+                value
+                for tag in ("parent", "origin")
+                for one in hip.findall(tag)
+                for value in one.attrib.values()
+            )
+            for hip in hips
+        }
+        assert len(places) == len(hips) == 4
 
 
 def test_what_was_done_is_not_repeated(tmp_path: Path) -> None:
