@@ -42,10 +42,17 @@ DENSITIES: Final = (10.0, 20_000.0)
 
 @dataclass(frozen=True, kw_only=True)
 class BodyConfig:
-    """What ``hello`` makes public about the body: size (x, y, z) in m and mass in kg."""
+    """The main body.
+
+    Attributes:
+        size: x, y, z, m; ``hello`` makes it public.
+        mass: kg; likewise.
+        lies_flat: Whether it lies on the ground with all joints at 0.
+    """
 
     size: tuple[float, ...]
     mass: float
+    lies_flat: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -312,6 +319,7 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
             body=BodyConfig(
                 size=size,
                 mass=_dense_enough(body, size, body.number("mass_kg", 0.01, 100)),
+                lies_flat=body.choice("zero_pose", ("flat", "standing"), "flat") == "flat",
             ),
             servos=servos,
             joints=tuple(read_joint(section, servos) for section in root.tables("joint")),

@@ -70,8 +70,8 @@ class MotorProgramRunner:
         clock: The robot clock.
         revive: Makes the devices work again after a fault, or raises ``DeviceError``.
         attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
-            pose is compared with the first one since a client took control, and a robot that does
-            not lie flat is refused with ``not_planar``.
+            pose is compared with the first one since a client took control, which must be flat
+            unless the robot stands then; else the robot is refused with ``not_planar``.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class MotorProgramRunner:
 
         Raises:
             RobotError: ``report`` ended it; or ``not_settled``, ``not_planar``: in its zero pose
-                the robot does not come to rest, or does not lie flat.
+                the robot does not come to rest, or not as it should.
             DeviceError: A device failed.
         """
         self._verify(partial(report, "homing", 0.0))
@@ -296,15 +296,16 @@ class MotorProgramRunner:
             samples=1,
             time=0.0,
         )
-        reference = self._flat or level
+        reference = self._flat or (level if self._config.body.lies_flat else reading)
         tilts = zip(reading.tilt or (0.0, 0.0), reference.tilt or (0.0, 0.0), strict=True)
         lean = max(abs(a - b) for a, b in tilts)
         lift = abs((reading.clearance or 0.0) - (reference.clearance or 0.0))
         if lean > FLAT_TILT or lift > FLAT_CLEARANCE:
+            where = "" if self._config.body.lies_flat else " where it stood at first"
             raise RobotError(
                 "not_planar",
                 f"In its zero pose the robot leans by {math.degrees(lean):.1f}° "
-                f"and stands {lift * 1000:.0f} mm off.",
+                f"and stands {lift * 1000:.0f} mm off{where}.",
             )
         self._flat = reference if self._flat else reading
 

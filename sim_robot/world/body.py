@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,10 +27,11 @@ from sim_robot.world.urdf.declarations import (
     Sphere,
     vector,
 )
-from sim_robot.world.urdf.frames import frame_of
+from sim_robot.world.urdf.frames import Frame, frame_of
 from sim_robot.world.urdf.reading import read_urdf
 
 DEFAULT = "quadruped"
+_HARDLY: Final = 1e-3  # m
 Vector: TypeAlias = tuple[float, float, float]
 Points: TypeAlias = NDArray[np.float64]
 
@@ -89,6 +90,7 @@ class Body:
         base_size: Its box, or the box around its shapes, m.
         base_center: The middle of that box in the root link's frame, m.
         base_mass: Its mass, kg.
+        lies_flat: Whether nothing is below it with all joints at 0.
         mass: Of all links together, kg.
         motors: In document order.
         touch: For each touch sensor its link and the links that are fixed to it.
@@ -101,6 +103,7 @@ class Body:
     base_size: tuple[float, float, float]
     base_center: tuple[float, float, float]
     base_mass: float
+    lies_flat: bool
     mass: float
     motors: tuple[Motor, ...]
     touch: dict[str, frozenset[str]]
@@ -152,6 +155,7 @@ def _body(robot: Robot) -> Body:
         base_size=size,
         base_center=center,
         base_mass=root.inertial.mass.value if root.inertial else 0.0,
+        lies_flat=_lowest(robot, root.name) > center[2] - size[2] / 2 - _HARDLY,
         mass=sum(link.inertial.mass.value for link in robot.links if link.inertial),
         motors=tuple(_motor(joint, robot) for joint in moving),
         touch=_touch(robot, moving),
@@ -165,7 +169,7 @@ def _main_box(link: Link) -> tuple[Vector, Vector, tuple[str, ...]]:
     shape = first.geometry.shape
     if len(link.collisions) == 1 and isinstance(shape, Box) and not any(vector(first.origin.rpy)):
         return vector(shape.size), vector(first.origin.xyz), ()
-    ends = np.array([_ends(collision) for collision in link.collisions])
+    ends = np.array([_ends(collision, np.eye(4)) for collision in link.collisions])
     low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     x, y, z = (high - low).tolist()
     extents = " × ".join(f"{1000 * extent:.0f}" for extent in (x, y, z))
@@ -174,9 +178,21 @@ def _main_box(link: Link) -> tuple[Vector, Vector, tuple[str, ...]]:
     return (x, y, z), (middle_x, middle_y, middle_z), (note,)
 
 
-def _ends(collision: Collision) -> tuple[Points, Points]:
-    """Least and greatest coordinates of a shape in its link's frame."""
-    frame = frame_of(vector(collision.origin.xyz), vector(collision.origin.rpy))
+def _lowest(robot: Robot, root: str) -> float:
+    """The lowest point of all parts with all joints at 0, in the root link's frame, m."""
+    frames = {root: np.eye(4)}
+    for joint in robot.joints:  # parents come first
+        own = frame_of(vector(joint.origin.xyz), vector(joint.origin.rpy))
+        frames[joint.child.link] = frames[joint.parent.link] @ own
+    ends = [
+        _ends(collision, frames[link.name]) for link in robot.links for collision in link.collisions
+    ]
+    return float(min(low[2] for low, _ in ends))
+
+
+def _ends(collision: Collision, link: Frame) -> tuple[Points, Points]:
+    """Least and greatest coordinates of a shape, where its link has a pose."""
+    frame = link @ frame_of(vector(collision.origin.xyz), vector(collision.origin.rpy))
     shape = collision.geometry.shape
     if isinstance(shape, Box):
         reach = np.abs(frame[:3, :3]) @ np.array(vector(shape.size)) / 2

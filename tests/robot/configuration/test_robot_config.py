@@ -50,6 +50,7 @@ def test_the_example_holds_table_1_and_2_of_the_paper() -> None:
         ("baud = 9600", "bauds = 9600", ["servos.bauds", "Did you mean 'baud'?"]),
         ("mass_kg = 0.6", "", ["body.mass_kg", "missing"]),
         ("mass_kg = 0.6", 'mass_kg = "heavy"', ["body.mass_kg", "number"]),
+        ("[body]", '[body]\nzero_pose = "sits"', ["body.zero_pose", "flat, standing", "'sits'"]),
         ("size_mm = [140, 140, 85]", "size_mm = [140, 140]", ["body.size_mm", "3 numbers"]),
         ("speed_deg_s = 60", "speed_deg_s = 90", ["motion.speed_deg_s", "60"]),
         ("speed_deg_s = 60", "speed_deg_s = nan", ["motion.speed_deg_s"]),
@@ -162,6 +163,14 @@ def test_noise_may_be_none(tmp_path: Path) -> None:
     text = EXAMPLE.read_text(encoding="utf-8")
     file.write_text(text.replace("clearance_mm = 1.0", "clearance_mm = 0"), encoding="utf-8")
     assert load_config(file).noise.clearance == 0.0
+
+
+def test_whether_the_zero_pose_is_flat(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    text = EXAMPLE.read_text(encoding="utf-8")
+    assert load_config(EXAMPLE).body.lies_flat
+    file.write_text(text.replace("# zero_pose", "zero_pose"), encoding="utf-8")
+    assert not load_config(file).body.lies_flat
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -214,6 +215,22 @@ def test_a_level_that_is_slightly_off_is_the_reference(bench: Bench) -> None:
     assert refused.code == "not_planar"
     bench.robot.controller.controller_changed("another")
     bench.perform()
+
+
+def test_a_robot_that_stands_need_only_stand_as_it_did_first(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    config = bench.robot.config
+    standing = replace(config, body=replace(config.body, lies_flat=False))
+    monkeypatch.setattr(bench.robot.controller._interaction, "_config", standing)
+    lean = math.sin(math.radians(10))
+    bench.robot.world.volts[0] += lean
+    bench.perform()
+    bench.perform(hip_left=30.0)
+    bench.robot.world.volts[0] -= lean
+    refused = bench.end_of(bench.submit(program(bench.robot)))
+    assert isinstance(refused, ErrorReply)
+    assert refused.code == "not_planar"
 
 
 def test_unplugging_while_moving_is_a_fault_until_cleared(bench: Bench) -> None:

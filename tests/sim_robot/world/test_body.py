@@ -51,6 +51,16 @@ def test_the_default_body_is_table_1_and_2() -> None:
     assert degrees == [pytest.approx((-96, 74))] * 4 + [pytest.approx((-96, 94))] * 4
 
 
+@pytest.mark.parametrize(("below", "flat"), [("0.04", True), ("0.06", False)])
+def test_a_body_stands_whose_legs_reach_below_it(tmp_path: Path, below: str, flat: bool) -> None:
+    file = tmp_path / "body.urdf"
+    leg = LEG.replace("</link>", f"{BOX.replace('0.1 0.1 0.1', '0.02 0.02 0.02')}</link>")
+    low = joint().replace("<axis", f'<origin xyz="0 0 -{below}"/><axis')
+    file.write_text(robot(BASE, leg, low))
+    assert load_body(file).lies_flat is flat
+    assert load_body(default_body_path()).lies_flat
+
+
 def test_visuals_and_hints_are_dropped(tmp_path: Path) -> None:
     file = tmp_path / "body.urdf"
     leg = LEG.replace("</link>", '<visual><geometry><mesh filename="x.stl"/></geometry></visual>')
