@@ -109,8 +109,9 @@ def test_two_legs_in_each_others_places_are_put_right(
 
 
 def test_a_search_that_does_not_wander_puts_them_right_too(
-    predictor: Predictor, truth: Array, data: SensorData
+    predictor: Predictor, truth: Array, data: SensorData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("estimator.posterior.sampling.discovery._SWEPT", ())  # to save time
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
     population = Population.of_prior(predictor, chains, levels=4, width=8)
     search = Discovery(population, predictor, own, wanders=False)
