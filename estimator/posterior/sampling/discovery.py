@@ -34,7 +34,8 @@ _STARTS: Final = 24
 _SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
-_CLIMBS: Final = 6  # so often in one round
+_CLIMBS: Final = 8  # so often in one round,
+_FRUITLESS: Final = 2  # and not more often without that
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
 _ALIKE: Final = 16  # chains of each population, as further centres of a mode
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
@@ -211,6 +212,7 @@ class _Visited:
 
     def climb(self, neighbours: Neighbours) -> None:
         """Tries the neighbours of the best few, as long as that finds something much better."""
+        fruitless = 0
         for _ in range(_CLIMBS):
             bodies = self.best()
             keys = self._unknowns.keys(bodies.values)
@@ -220,7 +222,9 @@ class _Visited:
                 better, fits = neighbours.of(bodies.values[row])
                 self._polished.update(self._unknowns.keys(better))
                 self.add(better, fits)
-            if self.best().fits[0] <= bodies.fits[0] + _HIGHER:
+            higher = self.best().fits[0] > bodies.fits[0] + _HIGHER
+            fruitless = 0 if higher else fruitless + 1
+            if fruitless == _FRUITLESS:
                 break
 
     def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
