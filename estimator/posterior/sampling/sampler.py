@@ -33,8 +33,7 @@ _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to
-_ENOUGH: Final = 2  # rounds, where chains have wandered before and readings are explained, and
-_DRAWS: Final = 8  # times as many draws for a mode's evidence, which has more lengths
+_DRAWS: Final = 8  # times as many draws for a mode's evidence, where chains wander: more lengths
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -210,7 +209,7 @@ class Sampler:
         They end when the readings are explained, the populations agree, and a round has found
         nothing that matters and was not known before.
         The rounds that it may take grow with the interactions, since few readings leave many
-        bodies; where chains have wandered before, and explain the readings, few are left to do.
+        bodies.
         Where populations that ought to agree do not, or the readings are not explained well, all
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
         truth. For the sake of one body this is done once.
@@ -234,7 +233,7 @@ class Sampler:
             settled = agreement.credible and agreed and fresh <= _NEGLIGIBLE
             if self._wanders:
                 settled |= agreement.explained and not late
-                rounds = effort.rounds if agreement.doubtful else _ENOUGH
+                rounds = effort.rounds
             else:
                 settled &= not (0 < anew <= _MORE and doubtful)
                 rounds = min(effort.rounds, len(data)) if agreement.credible else effort.rounds
