@@ -230,9 +230,9 @@ class Morphology:
         return lowest
 
     @property
-    def stands(self) -> bool:
-        """Whether its main body is off the ground in the planar pose."""
-        return self.planar_height > self.base.size[2] / 2 + 1e-9
+    def lies_flat(self) -> bool:
+        """Whether its main body lies on the ground in the planar pose."""
+        return self.planar_height < self.base.size[2] / 2 + 1e-9
 
     @cached_property
     def motors(self) -> int:

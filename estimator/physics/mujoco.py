@@ -89,7 +89,7 @@ class MuJoCoPhysics(BackEnd):
             driven = [index for index, part in enumerate(body.parts) if part.motor is not None]
             targets = np.array([angles[index] for index in driven])
             data = self._engine.MjData(model)
-            if body.stands:
+            if not body.lies_flat:
                 self._turn(model, data, np.zeros_like(targets))
             self._turn(model, data, targets)
             # MuJoCo sorts joints and bodies depth first; actuators stay in the order added.

@@ -107,7 +107,7 @@ class PyBulletPhysics(BackEnd):
             self.simulations += 1
             try:
                 body = self._build(morphology)
-                if morphology.stands:
+                if not morphology.lies_flat:
                     self._turn(body, morphology, [0.0] * len(angles))
                 self._turn(body, morphology, angles)
                 self._sense(body, morphology, angles, readings, row)

@@ -90,7 +90,7 @@ class Body:
         base_size: Its box, or the box around its shapes, m.
         base_center: The middle of that box in the root link's frame, m.
         base_mass: Its mass, kg.
-        lies_flat: Whether nothing is below it with all joints at 0.
+        lies_flat: Whether it lies on the ground with all joints at 0.
         mass: Of all links together, kg.
         motors: In document order.
         touch: For each touch sensor its link and the links that are fixed to it.

@@ -209,7 +209,7 @@ class Sampler:
         They end when the readings are explained, the populations agree, and a round has found
         nothing that matters and was not known before.
         The rounds that it may take grow with the interactions, since few readings leave many
-        bodies.
+        bodies, but for chains that have wandered before.
         Where populations that ought to agree do not, or the readings are not explained well, all
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
         truth. For the sake of one body this is done once.

@@ -252,8 +252,8 @@ def test_a_body_that_does_not_lie_flat_rests_before_it_moves(
         density=1500.0,
     )
     program = np.radians([27.9, -26.5, 15.4, 17.2, -28.6, -5.6, 2.7, 18.1])
-    assert body.stands
-    assert not legs(0.1).stands
+    assert not body.lies_flat
+    assert legs(0.1).lies_flat
     pair = (body, program)
     assert statics.path_margins([pair]) > np.radians(5)
     with engine(WorldSettings(step=1 / 240, steps=1200)) as simulator:
