@@ -172,8 +172,8 @@ ERROR_CODES: Final = MappingProxyType(
         ),
         "not_planar": _kind(
             True,
-            "The robot does not lie flat in its zero pose.",
-            "Put the robot back on its belly, then retry.",
+            "In its zero pose the robot does not lie flat, or stand as it did at first.",
+            "Put the robot back as it lay or stood at first, then retry.",
         ),
         "not_settled": _kind(
             True, "The robot did not come to rest in time.", "Retry, or take away what shakes it."

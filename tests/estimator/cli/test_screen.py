@@ -32,7 +32,7 @@ def test_a_person_reads_the_advice_and_presses_enter(monkeypatch: pytest.MonkeyP
     console, text = make(terminal=True)
     with Screen(console, interactive=True) as screen:
         assert screen.may_retry(NOT_PLANAR)
-    assert "It leans. Put the robot back on its belly" in text.getvalue()
+    assert "It leans. Put the robot back as it lay or stood at first" in text.getvalue()
 
 
 def test_without_a_person_nobody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:

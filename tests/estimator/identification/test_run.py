@@ -260,7 +260,7 @@ def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
     robot = ModelRobot()
     robot.refusals.append(RobotError("not_planar", "It leans."))
     with serving(robot) as uri:
-        with pytest.raises(InteractionError, match="back on its belly"):
+        with pytest.raises(InteractionError, match="as it lay or stood"):
             identify(
                 tmp_path / "run",
                 make_order(tmp_path, uri),
