@@ -26,8 +26,9 @@ _LIKELY: Final = 100  # of the best candidates, which are looked at for forks
 _REFINED: Final = 8  # of the best of these, each by
 _VARIANTS: Final = 8
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
-_FINALISTS: Final = 10  # compared by more readings
+_FINALISTS: Final = 20  # compared by more readings, and by their path margins
 _MORE_DRAWS: Final = 800
+_SURE_PATH: Final = math.radians(2.0)  # of so many candidates, those near forks look best
 _DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
 _KNOWN: Final = 0.01  # m: lengths that are told apart no further while there are doubts
 
@@ -122,10 +123,11 @@ class Chooser:
             more = self._bits(known, self._sure_forecast(known, near), rng, _DRAWS)
             bits = np.concatenate([bits, more])
         programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
-        sure = self._bits(known, self._sure_forecast(known, programs), rng, _MORE_DRAWS)
+        forecast = self._surest_forecast(known, programs)
+        sure = self._bits(known, forecast, rng, _MORE_DRAWS)
         winner = int(np.argmax(sure))
         chosen, bits = programs[[winner]], sure[[winner]]
-        forecast = self._sure_forecast(models, chosen)
+        forecast = self._surest_forecast(models, chosen)
         if samples.doubts:
             bits = self._bits(models, forecast, rng, _MORE_DRAWS)
         return InformativeProgram(
@@ -204,12 +206,18 @@ class Chooser:
             forecast.silent[forks.reshape(forecast.silent.shape)] = True
         return forecast
 
+    def _surest_forecast(self, known: _Hypotheses, programs: Array) -> Forecast:
+        """The same, silent also where path margins are small; they are dear."""
+        forecast = self._sure_forecast(known, programs)
+        rows, repeated = _each_with_each(len(known), programs)
+        margins = self._predictor.margins(known.bodies, rows, repeated)
+        forecast.silent[(margins < _SURE_PATH).reshape(forecast.silent.shape)] = True
+        return forecast
+
     def _read(
         self, known: _Hypotheses, programs: Array, lean: Array, *, quickly: bool = False
     ) -> Readings:
-        count = len(known)
-        rows = np.tile(np.arange(count), len(programs))
-        repeated = np.repeat(programs, count, axis=0)
+        rows, repeated = _each_with_each(len(known), programs)
         return self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
 
     def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
@@ -229,6 +237,11 @@ class Chooser:
                 forecast, samples.scales, halves, rng, draws=4 * len(halves)
             )[0]
         return np.maximum(about, 0.0)
+
+
+def _each_with_each(count: int, programs: Array) -> tuple[Columns, Array]:
+    """Numbers of all bodies with the first program, then with the next; and their programs."""
+    return np.tile(np.arange(count), len(programs)), np.repeat(programs, count, axis=0)
 
 
 def _groups(

@@ -53,7 +53,7 @@ comes to where it explains what was felt."""
 
 MISFITS: Final = ASTRAY + 1
 
-LEANS: Final = math.tan(math.radians(1.0)) * np.array(
+LEANS: Final = math.tan(math.radians(2.0)) * np.array(
     [
         (0.0, 0.0),
         *((math.cos(turn), math.sin(turn)) for turn in np.radians([22.5, 202.5, 112.5, 292.5])),

@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from estimator.body.morphology import Base
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
+from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.departures import Departure, Doubt, Limp, TurnedHinge
 from estimator.posterior.model.likelihood import apart
-from estimator.posterior.model.unknowns import Predictor, departing_points
+from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
 
 ENDS = np.radians([[-30.0, 30.0]] * 4)
@@ -95,6 +99,20 @@ def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
     models = replace(Models.equally_likely(points), doubts=(doubt,))
     choice = chooser(predictor).choose(models, np.random.default_rng(1))
     assert choice.about[predictor.unknowns.choices[-1]] > 0.8
+
+
+def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
+    rng = np.random.default_rng(0)
+    genome = Genome(Problem.load("parametric"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor = Predictor(Unknowns(genome), StaticsPhysics())
+    points = 0.26 + rng.uniform(-0.03, 0.03, (40, predictor.unknowns.size))  # of the range
+    ends = np.radians([[-30.0, 30.0]] * 8)
+    gain = InformationGain(NOISE, CAP, MODALITIES)
+    choice = Chooser(predictor, gain, ends).choose(Models.equally_likely(points), rng)
+    rows = np.arange(len(points))
+    programs = np.tile(choice.program, (len(points), 1))
+    margins = predictor.margins(predictor.unknowns.bodies(points), rows, programs)
+    assert np.mean(margins < np.radians(2.0)) < 0.1
 
 
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
