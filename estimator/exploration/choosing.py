@@ -28,7 +28,7 @@ _VARIANTS: Final = 8
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
 _FINALISTS: Final = 20  # compared by more readings, and by their path margins
 _MORE_DRAWS: Final = 800
-_SURE_PATH: Final = math.radians(2.0)  # of so many candidates, those near forks look best
+_FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
 _DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
 _KNOWN: Final = 0.01  # m: lengths that are told apart no further while there are doubts
 
@@ -211,7 +211,7 @@ class Chooser:
         forecast = self._sure_forecast(known, programs)
         rows, repeated = _each_with_each(len(known), programs)
         margins = self._predictor.margins(known.bodies, rows, repeated)
-        forecast.silent[(margins < _SURE_PATH).reshape(forecast.silent.shape)] = True
+        forecast.silent[(margins < _FORESEEABLE).reshape(forecast.silent.shape)] = True
         return forecast
 
     def _read(
