@@ -17,7 +17,7 @@ from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
 from estimator.posterior.model.departures import Doubt
-from estimator.posterior.model.likelihood import LEANS
+from estimator.posterior.model.likelihood import FORKS, LEANS
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 _CANDIDATES: Final = 1000
@@ -201,7 +201,7 @@ class Chooser:
         """What bodies will feel, silent where a body may fall to more sides than one."""
         plumb = self._read(known, programs, LEANS[0])
         forecast = Forecast.of(plumb, len(known))
-        for lean in LEANS[1:]:
+        for lean in FORKS:
             forks = self._gain.apart(plumb, self._read(known, programs, lean))
             forecast.silent[forks.reshape(forecast.silent.shape)] = True
         return forecast

@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import Physics, WorldSettings
-from estimator.posterior.model.likelihood import LEANS, Likelihood, Noise, SensorData, apart
+from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, SensorData, apart
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
@@ -149,6 +149,6 @@ def _forks(predictor: Predictor, points: Array, data: SensorData, noise: Noise) 
     """Where a trifle decides to which side a body falls, so that no simulation tells, (n, k)."""
     plumb = predictor.read_all(points, data.programs)
     forks = np.zeros(len(plumb), dtype=bool)
-    for lean in LEANS[1:]:
+    for lean in FORKS:
         forks |= apart(plumb, predictor.read_all(points, data.programs, lean), noise)
     return forks.reshape(len(points), len(data))

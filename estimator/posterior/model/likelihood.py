@@ -53,16 +53,21 @@ comes to where it explains what was felt."""
 
 MISFITS: Final = ASTRAY + 1
 
-LEANS: Final = math.tan(math.radians(2.0)) * np.array(
-    [
-        (0.0, 0.0),
-        *((math.cos(turn), math.sin(turn)) for turn in np.radians([22.5, 202.5, 112.5, 292.5])),
-    ]
-)
-"""Inclinations of gravity on the way, by number, shape (5, 2): what momentum may do to a body that
-falls at a fork. They lie in no plane of symmetry that bodies are likely to have."""
+_SIDES: Final = np.radians([22.5, 202.5, 112.5, 292.5])
+_INCLINED: Final = [
+    math.tan(math.radians(angle)) * np.column_stack([np.cos(_SIDES), np.sin(_SIDES)])
+    for angle in (2.0, 6.0)
+]
 
-_LOG_ASTRAY: Final = math.log(0.5)
+LEANS: Final = np.vstack([np.zeros((1, 2)), *_INCLINED])
+"""Inclinations of gravity on the way, by number, shape (9, 2): none, what decides at a fork, and
+what momentum may rarely do elsewhere. They lie in no plane of symmetry that bodies are likely to
+have."""
+
+FORKS: Final = LEANS[1:5]
+"""Those that decide at a fork."""
+
+_LOG_ASTRAY: Final = np.log(np.repeat([1.0, 0.5, 0.05], [1, 4, 4]))  # by number of the lean
 _PLAINLY: Final = 3.0  # standard deviations
 
 
@@ -241,20 +246,20 @@ class Likelihood:
             misfits[:, ASTRAY] = ways
             return misfits
         misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
-        left = self._unexplained(misfits, turns)
-        if not left.size:
-            return misfits
-        sides = len(LEANS) - 1
-        each = np.repeat(left, sides)
-        leans = np.tile(LEANS[1:], (len(left), 1))
-        readings = predictor.read(bodies, rows[each], data.programs[turns[each]], leans)
-        others = data.misfits(readings, turns[each])
-        others[:, ASTRAY] = np.tile(np.arange(1, len(LEANS)), len(left))
-        explained = np.ones((len(left), sides), dtype=bool)
-        explained.flat[self._unexplained(others, turns[each])] = False
-        astray = np.flatnonzero(explained.any(axis=1))
-        first = np.argmax(explained[astray], axis=1)
-        misfits[left[astray]] = others[astray * sides + first]
+        for numbers in np.split(np.arange(1, len(LEANS)), 2):
+            left = self._unexplained(misfits, turns)
+            if not left.size:
+                break
+            each, leans = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
+            programs = data.programs[turns[each]]
+            readings = predictor.read(bodies, rows[each], programs, LEANS[leans])
+            others = data.misfits(readings, turns[each])
+            others[:, ASTRAY] = leans
+            explained = np.ones((len(left), len(numbers)), dtype=bool)
+            explained.flat[self._unexplained(others, turns[each])] = False
+            astray = np.flatnonzero(explained.any(axis=1))
+            first = np.argmax(explained[astray], axis=1)
+            misfits[left[astray]] = others[astray * len(numbers) + first]
         return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> Readings:
@@ -325,7 +330,7 @@ class Likelihood:
             own = misfits[..., _COLUMNS[name]]
             density.add_logs(inlier, own, known, noise)
             density.add_logs(nearby, own, known, np.hypot(noise, density.beside))
-        inlier += np.where(misfits[..., ASTRAY] > 0, _LOG_ASTRAY, 0.0)
+        inlier += _LOG_ASTRAY[misfits[..., ASTRAY].astype(np.intp)]
         silent = misfits[..., SILENT] > 0
         outlier: Array = np.logaddexp(
             math.log1p(-nearby_share) + anywhere,

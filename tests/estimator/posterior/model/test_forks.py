@@ -40,15 +40,18 @@ def test_an_inclined_gravity_decides_at_a_fork_and_not_elsewhere(statics: Static
         assert values == pytest.approx(np.broadcast_to(values[0], values.shape), abs=1e-9)
 
 
-def test_inclined_gravity_comes_to_all_sides_of_narrow_paths(statics: StaticsPhysics) -> None:
+@pytest.mark.parametrize(("low", "high", "lean"), [(1.0, 1.4, 1.6), (3.0, 4.8, 5.2)])
+def test_inclined_gravity_comes_to_all_sides_of_narrow_paths(
+    statics: StaticsPhysics, low: float, high: float, lean: float
+) -> None:
     lengths = (0.22, 0.15, 0.3, 0.1)
     parts = zip(EQUAL_LEGS.parts, lengths, strict=True)
     unequal = replace(EQUAL_LEGS, parts=tuple(replace(one, length=each) for one, each in parts))
     programs = np.random.default_rng(0).uniform(-0.5, 0.5, (1500, 4))
     bodies = Bodies.of([unequal] * len(programs))
     margins = np.degrees(statics.path_margins_of_bodies(bodies, programs))
-    programs = programs[(margins > 1.0) & (margins < 1.4)]
-    sides = math.tan(math.radians(1.6)) * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    programs = programs[(margins > low) & (margins < high)]
+    sides = math.tan(math.radians(lean)) * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
     reached = []
     for program in programs:
         ends = statics.read_bodies(bodies[: len(sides)], program, sides)
