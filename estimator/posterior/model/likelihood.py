@@ -64,10 +64,10 @@ LEANS: Final = np.vstack([np.zeros((1, 2)), *_INCLINED])
 what momentum may rarely do elsewhere. They lie in no plane of symmetry that bodies are likely to
 have."""
 
-FORKS: Final = LEANS[1:5]
+FORKS: Final = LEANS[1 : 1 + len(_SIDES)]
 """Those that decide at a fork."""
 
-_LOG_ASTRAY: Final = np.log(np.repeat([1.0, 0.5, 0.05], [1, 4, 4]))  # by number of the lean
+_LOG_ASTRAY: Final = np.log(np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)]))
 _PLAINLY: Final = 3.0  # standard deviations
 
 
@@ -246,7 +246,7 @@ class Likelihood:
             misfits[:, ASTRAY] = ways
             return misfits
         misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
-        for numbers in np.split(np.arange(1, len(LEANS)), 2):
+        for numbers in np.split(np.arange(1, len(LEANS)), len(_INCLINED)):
             left = self._unexplained(misfits, turns)
             if not left.size:
                 break

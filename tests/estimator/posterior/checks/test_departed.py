@@ -104,7 +104,7 @@ def test_a_robot_that_does_not_is_not_suspected(predictor: Predictor) -> None:
     felt = felt_by(predictor)
     assert clearly_better(doubted(predictor, felt)) is None
     left = {doubt.departure.text for doubt in doubted(predictor, felt) if doubt.is_left}
-    assert left <= {ONE_THICK.text, HEAVY.text}  # a little thicker, or heavier
+    assert left <= {HEAVY.text}  # one movement of 32 tells, and that may be an accident
 
 
 class Engine(StaticsPhysics):
