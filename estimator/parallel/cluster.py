@@ -135,7 +135,7 @@ class Cluster(Closable):
 
     def _wait_for_one(self, futures: Collection[Future]) -> None:
         with self._client.as_current():
-            self._dask.wait(futures, timeout=_LOOK, return_when="FIRST_COMPLETED")
+            self._dask.wait(list(futures), timeout=_LOOK, return_when="FIRST_COMPLETED")
 
     def _failure(self, future: Future) -> NoReturn:
         try:

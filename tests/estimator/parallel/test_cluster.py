@@ -140,6 +140,20 @@ def test_a_worker_killed_in_its_work_costs_time_not_results(
     assert victims[0] not in [worker.pid for worker in cluster.workers]
 
 
+def test_to_wait_is_to_sleep(connected: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[object] = []
+    wait = connected._dask.wait
+
+    def watched(futures: object, **options: object) -> object:
+        looks.append(futures)
+        return wait(futures, **options)
+
+    monkeypatch.setattr(connected._dask, "wait", watched)
+    future = connected.submit("nap", time.sleep, 0.5)
+    assert connected.wait({future: "which run it is"}) == [future]
+    assert len(looks) <= 2
+
+
 def test_a_cluster_that_loses_all_workers_is_a_sentence(
     cluster: Dask, connected: Cluster, pairs: list[Pair]
 ) -> None:
