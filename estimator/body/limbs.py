@@ -6,7 +6,7 @@ where one part ends and the next begins. For a quadruped with locked knees the l
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,9 +38,13 @@ class Limb:
 def limbs(morphology: Morphology) -> tuple[Limb, ...]:
     """The limbs of a body: those that a motor turns in the order of their motors, then the rest."""
     groups = morphology.rigid_groups
+    members_of = {
+        root: [index for index, group in enumerate(groups) if group == root]
+        for root in sorted(set(groups))
+    }
+    reaches = _reaches(morphology, members_of)
     unordered = []
-    for root in sorted(set(groups)):
-        members = [index for index, group in enumerate(groups) if group == root]
+    for root, members in members_of.items():
         part = morphology.parts[root]
         sensors = (morphology.parts[index].sensor for index in members)
         parent = None if part.parent == BASE else morphology.parts[groups[part.parent]].motor
@@ -50,19 +54,25 @@ def limbs(morphology: Morphology) -> tuple[Limb, ...]:
                 parent=BASE if parent is None else parent,
                 mount=morphology.mount(root).name,
                 hinge=morphology.hinge(root).name,
-                length=part.length if members == [root] else _reach(morphology, root, members),
+                length=reaches.get(root, part.length),
                 sensors=tuple(sorted(sensor for sensor in sensors if sensor is not None)),
             )
         )
     return tuple(sorted(unordered, key=lambda limb: (limb.motor is None, limb.motor or 0)))
 
 
-def _reach(morphology: Morphology, root: int, members: Sequence[int]) -> float:
-    """How far a limb of several rigid parts extends along its first, m."""
+def _reaches(morphology: Morphology, members_of: Mapping[int, Sequence[int]]) -> dict[int, float]:
+    """How far each limb of several rigid parts extends along its first, m, by its first part."""
+    several = {root: members for root, members in members_of.items() if len(members) > 1}
+    if not several:
+        return {}
     planar = np.zeros(morphology.motors)
     origins, rotations = part_frames(morphology, planar)
-    far, along = tips(morphology, planar), rotations[root, :, 0]
-    return max(float((far[index] - origins[root]) @ along) for index in members)
+    far_ends = tips(morphology, planar)
+    return {
+        root: max(float((far_ends[one] - origins[root]) @ rotations[root, :, 0]) for one in members)
+        for root, members in several.items()
+    }
 
 
 def driven_limbs(body: Morphology) -> tuple[Limb, ...]:

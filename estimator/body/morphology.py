@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -317,10 +317,13 @@ def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
     return far_ends
 
 
+@lru_cache(maxsize=1024)
 def direction(mount: Mount) -> Array:
-    """How what sits on a mount lies in its carrier's frame, its hinge at 0, shape (3, 3)."""
+    """How what sits on a mount lies in its carrier's frame, its hinge at 0; read-only, (3, 3)."""
     turn: Array = rotation((0.0, 0.0, 1.0), mount.yaw)
-    return turn @ rotation((0.0, -1.0, 0.0), mount.elevation)
+    turn = turn @ rotation((0.0, -1.0, 0.0), mount.elevation)
+    turn.flags.writeable = False  # all who ask share it
+    return turn
 
 
 def rotation(axis: Vector, angle: float) -> Array:
