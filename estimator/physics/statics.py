@@ -74,6 +74,7 @@ class StaticsPhysics(BackEnd):
         self._jobs = jobs
         self._pace = pace
         self._threads: ThreadPoolExecutor | None = None
+        self._compiled: set[Any] = set()  # of the kernel's functions
         try:
             with interrupts_deferred():
                 self._kernel: Any = importlib.import_module("estimator.physics.kernel.batch")
@@ -196,9 +197,11 @@ class StaticsPhysics(BackEnd):
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
         """Has all rows computed, each by one thread alone, so that sums have one order."""
-        if not function.signatures:
-            with interrupts_deferred(), self._compiling.announced():
-                function(0, 0, *arguments)
+        if function not in self._compiled:
+            if not function.signatures:
+                with interrupts_deferred(), self._compiling.announced():
+                    function(0, 0, *arguments)
+            self._compiled.add(function)  # to ask Numba costs a tenth of a small batch
         pieces = min(self._jobs, max(1, count // _FEWEST))
         if pieces == 1:
             return int(function(0, count, *arguments))

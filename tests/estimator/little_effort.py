@@ -14,7 +14,7 @@ import pytest
 from estimator.__main__ import main
 from estimator.exploration import choosing, information
 from estimator.identification import posterior_method
-from estimator.posterior.checks import recheck
+from estimator.posterior.checks import left_out, recheck
 from estimator.posterior.model.departures import Departure
 from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.sampling import discovery, weighing
@@ -30,9 +30,24 @@ def _few_departures(problem: Problem) -> tuple[Departure, ...]:
 
 
 @contextmanager
+def little_search() -> Iterator[None]:
+    """Samplers within it, but not in other processes, do less of everything."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(discovery, "_POLISHED", 20)
+        patch.setattr(discovery, "_PROMISING", 10)
+        patch.setattr(discovery, "_STARTS", 6)
+        patch.setattr(discovery, "_ELSEWHERE", 100)
+        patch.setattr(weighing, "_MOST", 24)
+        patch.setattr(weighing, "_BURN_INS", 1)
+        patch.setattr(weighing, "_BURN_IN", 10)
+        patch.setattr(weighing, "_STEPS", 5)
+        yield
+
+
+@contextmanager
 def little_effort() -> Iterator[None]:
     """Runs that begin or go on within it take less time, and find out less."""
-    with pytest.MonkeyPatch.context() as patch:
+    with little_search(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_method, "Effort", lambda: _LITTLE)
         patch.setattr(information, "SAMPLES", 50)
         patch.setattr(choosing, "_CANDIDATES", 100)
@@ -40,10 +55,8 @@ def little_effort() -> Iterator[None]:
         patch.setattr(choosing, "_MORE_DRAWS", 200)
         patch.setattr(recheck, "SAMPLES", 6)
         patch.setattr(posterior_method, "possible_departures", _few_departures)
-        patch.setattr(discovery, "_POLISHED", 20)
-        patch.setattr(discovery, "_PROMISING", 10)
-        patch.setattr(discovery, "_STARTS", 6)
-        patch.setattr(weighing, "_BURN_IN", 10)
+        patch.setattr(left_out, "_DRAWS", 32)
+        patch.setattr(left_out, "_SIMULATED", 4)
         patch.setattr(camera, "_FINER", 1)
         yield
 

@@ -89,7 +89,8 @@ def test_plots_are_drawn_once_a_run_is_finished_or_when_its_page_is_asked_for(
         with RunStore.open(place, to_write=False) as store:
             assert write_report(store).complete is complete
             assert (place / "plots").exists() is complete
-            write_report(store, page=True)
+            if not complete:
+                write_report(store, page=True)
         assert (place / "plots" / "lengths.png").exists()
 
 

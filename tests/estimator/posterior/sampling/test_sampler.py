@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 from typing import Any
 
@@ -19,11 +19,18 @@ from estimator.posterior.sampling.discovery import Discovery
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
+from tests.estimator.little_effort import little_search
 from tests.estimator.posterior.sampling.enumeration import distance, enumerated
 from tests.estimator.two_unknown_rows import QUICK, draw, make_sampler, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+
+
+@pytest.fixture
+def little() -> Iterator[None]:
+    with little_search():
+        yield
 
 
 def test_probabilities_of_attachments_agree_with_enumeration(narrow: Predictor) -> None:
@@ -80,6 +87,7 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     assert mode.effective > 100
 
 
+@pytest.mark.usefixtures("little")
 def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody(
     predictor: Predictor,
 ) -> None:
@@ -99,6 +107,7 @@ class Watched(ThisProcess):
         return results
 
 
+@pytest.mark.usefixtures("little")
 def test_no_population_goes_on_from_what_only_another_has_met(predictor: Predictor) -> None:
     """Else both would agree on what one of them has looked for."""
     watched, unknowns = Watched(), predictor.unknowns
@@ -134,6 +143,7 @@ def test_the_state_of_another_version_is_refused_in_words(predictor: Predictor) 
         make_sampler(predictor).restore(state)
 
 
+@pytest.mark.usefixtures("little")
 def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,6 +155,7 @@ def test_nothing_is_certain_of_four_interactions_that_are_explained_poorly(
     assert believing.learn(data).credible
 
 
+@pytest.mark.usefixtures("little")
 def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     predictor: Predictor, monkeypatch: pytest.MonkeyPatch
 ) -> None:

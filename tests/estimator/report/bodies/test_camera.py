@@ -17,6 +17,11 @@ from estimator.report.bodies.jointed_body import model_links
 from estimator.report.bodies.scene import Solid, at_rest, solids_of
 
 
+@pytest.fixture(scope="module", autouse=True)
+def coarse_pictures() -> None:
+    """Here they are what is looked at."""
+
+
 def scene(length: float) -> list[Solid]:
     """A body whose only leg points ahead, towards the camera's right."""
     part = Part(parent=BASE, mount=1, hinge=2, length=length, radius=0.01, motor=0)
