@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from estimator.report.leg_styles import leg_colour, leg_label
 from protocol.system.interrupts import interrupts_deferred
@@ -42,8 +42,7 @@ def leg_patches(names: Sequence[str]) -> list[Patch]:
 def as_png(figure: Figure) -> bytes:
     """A figure as a picture."""
     content = io.BytesIO()
-    backend = importlib.import_module("matplotlib.backends.backend_agg")
-    backend.FigureCanvasAgg(figure).print_png(content)  # Figure.savefig draws twice
+    _laid_out(figure).print_png(content)  # Figure.savefig draws twice
     return content.getvalue()
 
 
@@ -52,9 +51,21 @@ def as_svg(figure: Figure) -> str:
     content = io.StringIO()
     for background in (figure.patch, *(axes.patch for axes in figure.axes)):
         background.set_facecolor("none")
+    _laid_out(figure)
     fixed = {"svg.fonttype": "none", "svg.hashsalt": "bodyschema"}
     backend = importlib.import_module("matplotlib.backends.backend_svg")
     with importlib.import_module("matplotlib").rc_context(fixed):
         backend.FigureCanvasSVG(figure).print_svg(content, metadata=_NO_METADATA)
     text = content.getvalue()
     return text[text.index("<svg") :]
+
+
+def _laid_out(figure: Figure) -> Any:
+    """A figure's canvas, all in its place: found once, for one format as for another."""
+    backend = importlib.import_module("matplotlib.backends.backend_agg")
+    canvas = backend.FigureCanvasAgg(figure)
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")
+    return canvas

@@ -58,7 +58,7 @@ for line in sys.stdin:
     print(child, flush=True)
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
-BUDGET = ("--population", "4", "--generations", "3", "--interactions", "2")
+BUDGET = ("--population", "4", "--generations", "2", "--interactions", "2")
 INTERRUPTIONS = 3  # at least, with either physics
 SIGNALS = itertools.cycle((signal.SIGKILL, signal.SIGINT))
 OF_ONE_RUN = 3  # then it is let be: on a machine that has become busy it would get nowhere
