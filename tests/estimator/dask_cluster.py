@@ -141,15 +141,20 @@ class HeldPhysics(PyBulletPhysics):
         self._address = address
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
-        with socket.create_connection(self._address) as gate:
-            gate.sendall(f"{os.getpid()}\n".encode())
-            gate.recv(1)
+        held(self._address)
         return super().read(pairs)
+
+
+def held(address: tuple[str, int]) -> None:
+    """Returns once the gate at an address lets it go on."""
+    with socket.create_connection(address) as gate:
+        gate.sendall(f"{os.getpid()}\n".encode())
+        gate.recv(1)
 
 
 @contextmanager
 def gate(asked: Callable[[int], object]) -> Iterator[tuple[str, int]]:
-    """Where ``HeldPhysics`` asks; it goes on when ``asked``, called with its process, returns."""
+    """Where ``held`` asks; it goes on when ``asked``, called with its process, returns."""
 
     def serve() -> None:
         while True:

@@ -45,6 +45,7 @@ from tests.estimator.dask_cluster import (
     Process,
     dask,
     gate,
+    held,
     pretend,
     robots,
 )
@@ -140,18 +141,23 @@ def test_a_worker_killed_in_its_work_costs_time_not_results(
     assert victims[0] not in [worker.pid for worker in cluster.workers]
 
 
-def test_to_wait_is_to_sleep(connected: Cluster, monkeypatch: pytest.MonkeyPatch) -> None:
-    looks: list[object] = []
+def test_a_wait_ends_when_something_is_done_and_not_before(
+    connected: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waiting, done = threading.Event(), []
     wait = connected._dask.wait
 
-    def watched(futures: object, **options: object) -> object:
-        looks.append(futures)
-        return wait(futures, **options)
+    def watched(futures: object, **options: object) -> None:
+        waiting.set()
+        wait(futures, **options)
+        done.append(future.done())
 
     monkeypatch.setattr(connected._dask, "wait", watched)
-    future = connected.submit("nap", time.sleep, 0.5)
-    assert connected.wait({future: "which run it is"}) == [future]
-    assert len(looks) <= 2
+    with gate(lambda pid: waiting.wait(120)) as address:
+        future = connected.submit("held", held, address)
+        assert connected.wait({future: "which run it is"}) == [future]
+    assert done
+    assert all(done)
 
 
 def test_a_cluster_that_loses_all_workers_is_a_sentence(
