@@ -29,12 +29,12 @@ demo: $(READY) ## A simulated robot is identified over the wire, and the result 
 # Tests start hundreds of processes: what these import is compiled once.
 unexport PYTHONDONTWRITEBYTECODE
 
-TEST_JOBS ?= 4
+TEST_JOBS ?= 7
 $(COMPILED): $(READY)  # what all of them import is compiled by one of them
 	$(BIN)/python -m pytest --collect-only --quiet > /dev/null
 	@touch $@
 
-test: $(COMPILED) ## Run all tests, TEST_JOBS=4 side by side: many wait for processes
+test: $(COMPILED) ## Run all tests, TEST_JOBS=7 side by side: many wait for processes
 	$(BIN)/python -m pytest --numprocesses $(TEST_JOBS) --dist worksteal
 
 NEWEST ?= python3.13

@@ -14,8 +14,12 @@ class or function.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib import metadata
 from typing import Final, Generic, TypeVar, cast
 
@@ -33,6 +37,20 @@ def installed_packages() -> dict[str, str]:
         if any(entry.group.startswith(_GROUPS) for entry in package.entry_points):
             versions.setdefault(package.name, package.version)  # the first on the path counts
     return versions
+
+
+def _entry_points(group: str) -> metadata.EntryPoints:
+    """Those of all packages that are installed now."""
+    changed = []
+    for place in sys.path:
+        with suppress(OSError):
+            changed.append((place, os.stat(place or ".").st_mtime_ns))
+    return _entry_points_of(tuple(changed), group)
+
+
+@lru_cache(maxsize=16)  # a hundred packages take 15 ms, and a run asks twenty times
+def _entry_points_of(changed: tuple[tuple[str, int], ...], group: str) -> metadata.EntryPoints:
+    return metadata.entry_points(group=group)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +71,7 @@ class Registry(Generic[T]):
     def names(self) -> tuple[str, ...]:
         """All names there are: our own, the calling program's, those of installed packages."""
         here = {**self.own, **self._added}
-        return (*here, *sorted(metadata.entry_points(group=self.group).names - here.keys()))
+        return (*here, *sorted(_entry_points(self.group).names - here.keys()))
 
     def add(self, implementation: T) -> str:
         """Takes in an implementation of the calling program's own, as long as this process runs.
@@ -123,7 +141,7 @@ class Registry(Generic[T]):
         return f"{name!r} of {packages}" if packages else repr(name)
 
     def _entry(self, name: str) -> metadata.EntryPoint:
-        entries = list(metadata.entry_points(group=self.group, name=name))
+        entries = list(_entry_points(self.group).select(name=name))
         if name in self.own:
             entries.insert(0, metadata.EntryPoint(name, self.own[name], self.group))
         if not entries and ":" in name:

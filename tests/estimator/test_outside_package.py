@@ -7,6 +7,7 @@ A physics from outside is in ``physics/test_backends.py``, servos and sensors in
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from estimator.cli.command_line import app
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
+from estimator.search.searches import SEARCHES
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 from tests.estimator import outside_parts
@@ -69,6 +71,14 @@ def run(folder: Path, **choices: str) -> tuple[Result, list[Generation], list[st
 def show(directory: Path, form: str) -> str:
     """What ``estimator show`` prints, or complains."""
     return CliRunner().invoke(app, ["show", str(directory), "--format", form]).output
+
+
+def test_a_package_that_is_installed_while_we_run_is_there(tmp_path: Path) -> None:
+    outside = tmp_path / "outside"
+    os.utime(outside, ns=(0, 0))  # else it may change within one tick of the clock of files
+    assert "other" not in SEARCHES.names()
+    install(outside, "[bodyschema.search]\nother = other:Search\n", name="other")
+    assert {"random", "other"} <= set(SEARCHES.names())
 
 
 def test_an_exploration_rule_that_looks_at_the_models(tmp_path: Path) -> None:
