@@ -123,24 +123,6 @@ def test_a_cluster_moves_chains_as_this_process_does(
     assert there.simulations == here.simulations > 0
 
 
-def test_a_worker_killed_in_its_work_costs_time_not_results(
-    cluster: Dask, connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
-) -> None:
-    victims: list[int] = []
-
-    def asked(pid: int) -> None:
-        if not victims:
-            os.kill(pid, signal.SIGKILL)
-            victims.append(pid)
-
-    with gate(asked) as address:
-        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
-        assert_same(physics.read(pairs), expected[0])
-    assert (physics.simulations, physics.steps) == (21, expected[1])
-    assert len(victims) == 1
-    assert victims[0] not in [worker.pid for worker in cluster.workers]
-
-
 def test_a_wait_ends_when_something_is_done_and_not_before(
     connected: Cluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -158,16 +140,6 @@ def test_a_wait_ends_when_something_is_done_and_not_before(
         assert connected.wait({future: "which run it is"}) == [future]
     assert done
     assert all(done)
-
-
-def test_a_cluster_that_loses_all_workers_is_a_sentence(
-    cluster: Dask, connected: Cluster, pairs: list[Pair]
-) -> None:
-    with gate(lambda pid: os.kill(pid, signal.SIGKILL)) as address:
-        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
-        with pytest.raises(ClusterError, match="has no worker: start one with `dask worker tcp://"):
-            physics.read(pairs)
-    assert not cluster.workers
 
 
 def test_an_interrupt_cancels_what_is_outstanding(
@@ -344,29 +316,6 @@ def when_robots_run(
     return thread
 
 
-def test_a_run_in_turns_whose_worker_is_killed_ends_as_it_would_have(
-    tmp_path: Path, two_workers: list[Process], connected: Cluster, truth: str, done_here: Path
-) -> None:
-    orphans: list[psutil.Process] = []
-
-    def kill(robot: psutil.Process) -> None:
-        orphans.append(robot)
-        os.kill(robot.ppid(), signal.SIGKILL)
-
-    (tmp_path / TRUTH).write_text(truth)
-    watch = when_robots_run(two_workers, kill)
-    with ClusterWorkers(connected, tmp_path, turn=0.0) as workers:
-        news = [item for _, item in workers.do([RUN])]
-    watch.join()
-    assert [item for item in news if isinstance(item, Ended)] == [Ended(None)]
-    assert [item.work for item in news if isinstance(item, Worked) and item.work] == [4, 4]
-    assert content(RUN.directory(tmp_path)) == content(done_here)
-    for name in ("score.json", "readings.csv"):
-        here, there = done_here / name, RUN.directory(tmp_path) / name
-        assert there.read_text() == here.read_text()
-    assert psutil.wait_procs(orphans, timeout=120)[1] == []
-
-
 def test_an_interrupt_ends_runs_and_their_robots(
     tmp_path: Path, two_workers: list[Process], connected: Cluster, truth: str
 ) -> None:
@@ -396,3 +345,57 @@ def test_a_figure_from_runs_on_a_cluster(
     assert reproduced.exit_code == 0, reproduced.output
     assert (tmp_path / "fig2.png").stat().st_size > 0
     assert content(RUN.directory(tmp_path)) == content(done_here)
+
+
+# --- workers that die: last, since each must be replaced ------------------------------------------
+
+
+def test_a_worker_killed_in_its_work_costs_time_not_results(
+    cluster: Dask, connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+) -> None:
+    victims: list[int] = []
+
+    def asked(pid: int) -> None:
+        if not victims:
+            os.kill(pid, signal.SIGKILL)
+            victims.append(pid)
+
+    with gate(asked) as address:
+        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        assert_same(physics.read(pairs), expected[0])
+    assert (physics.simulations, physics.steps) == (21, expected[1])
+    assert len(victims) == 1
+    assert victims[0] not in [worker.pid for worker in cluster.workers]
+
+
+def test_a_run_in_turns_whose_worker_is_killed_ends_as_it_would_have(
+    tmp_path: Path, two_workers: list[Process], connected: Cluster, truth: str, done_here: Path
+) -> None:
+    orphans: list[psutil.Process] = []
+
+    def kill(robot: psutil.Process) -> None:
+        orphans.append(robot)
+        os.kill(robot.ppid(), signal.SIGKILL)
+
+    (tmp_path / TRUTH).write_text(truth)
+    watch = when_robots_run(two_workers, kill)
+    with ClusterWorkers(connected, tmp_path, turn=0.0) as workers:
+        news = [item for _, item in workers.do([RUN])]
+    watch.join()
+    assert [item for item in news if isinstance(item, Ended)] == [Ended(None)]
+    assert [item.work for item in news if isinstance(item, Worked) and item.work] == [4, 4]
+    assert content(RUN.directory(tmp_path)) == content(done_here)
+    for name in ("score.json", "readings.csv"):
+        here, there = done_here / name, RUN.directory(tmp_path) / name
+        assert there.read_text() == here.read_text()
+    assert psutil.wait_procs(orphans, timeout=120)[1] == []
+
+
+def test_a_cluster_that_loses_all_workers_is_a_sentence(
+    cluster: Dask, connected: Cluster, pairs: list[Pair]
+) -> None:
+    with gate(lambda pid: os.kill(pid, signal.SIGKILL)) as address:
+        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        with pytest.raises(ClusterError, match="has no worker: start one with `dask worker tcp://"):
+            physics.read(pairs)
+    assert not cluster.workers
