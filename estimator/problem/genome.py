@@ -93,7 +93,7 @@ class Genome:
             low, high = self._problem.parts[gene.part].length
             return 1000 * (low + genes * (high - low))
         one = self._nuisances.listed[column - self.size]
-        return one.factor * one.quantile(genes)
+        return one.factor * one.prior.quantile(genes)
 
     def decode(self, genes: Array) -> Morphology:
         """Returns the body that a genome encodes.

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 
@@ -22,7 +22,37 @@ from estimator.problem.sections import NuisanceSection, PartRule
 _FARTHEST: Final = 1e-4  # share of a normal prior that is cut off at either end
 _FIRST_ZERO: Final = 6  # column
 
-Quantile = Callable[[Array], Array]
+
+class Prior(Protocol):
+    """The distribution of a parameter before the readings; travels to worker processes."""
+
+    def quantile(self, share: Array) -> Array:
+        """From shares of the distribution, 0 to 1, to values, SI."""
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Around 0, with a standard deviation; the farthest tails cut off."""
+
+    spread: float
+
+    def quantile(self, share: Array) -> Array:
+        """See ``Prior``."""
+        values: Array = self.spread * _scipy().ndtri(np.clip(share, _FARTHEST, 1 - _FARTHEST))
+        return values
+
+
+@dataclass(frozen=True)
+class LogUniform:
+    """Uniform in the logarithm."""
+
+    low: float
+    high: float
+
+    def quantile(self, share: Array) -> Array:
+        """See ``Prior``."""
+        values: Array = self.low * (self.high / self.low) ** share
+        return values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +65,14 @@ class Nuisance:
         factor: From SI to that unit.
         column: In the row of all parameters, known ones too: density, centre of mass,
             accelerometer, zeros of all parts.
-        quantile: From shares of the prior to values, SI.
+        prior: Of its values, SI.
     """
 
     name: str
     unit: str
     factor: float
     column: int
-    quantile: Quantile
+    prior: Prior
 
 
 class Nuisances:
@@ -74,19 +104,18 @@ class Nuisances:
         """
         values = np.tile(self._known, (len(genes), 1))
         for one, shares in zip(self.listed, genes.T, strict=True):
-            values[:, one.column] = one.quantile(shares)
+            values[:, one.column] = one.prior.quantile(shares)
         return values[:, :_FIRST_ZERO], values[:, _FIRST_ZERO:]
 
 
 def _open(section: NuisanceSection, parts: Sequence[PartRule]) -> Iterator[Nuisance]:
     if section.density is not None:
-        low, high = map(math.log, section.density)
         yield Nuisance(
             name="density of the parts",
             unit="kg/m³",
             factor=1.0,
             column=0,
-            quantile=lambda share: np.exp(low + share * (high - low)),
+            prior=LogUniform(*section.density),
         )
     millimetres, degrees = ("mm", 1e3), ("deg", math.degrees(1.0))
     centre = [f"main body's centre of mass, {axis}" for axis in ("forward", "left", "up")]
@@ -102,19 +131,9 @@ def _open(section: NuisanceSection, parts: Sequence[PartRule]) -> Iterator[Nuisa
         (section.joint_zero_deg, degrees, zeros),
     ):
         if spread is not None:
-            quantile = _normal(spread / factor)
+            prior = Normal(spread / factor)
             for column, name in names.items():
-                yield Nuisance(
-                    name=name, unit=unit, factor=factor, column=column, quantile=quantile
-                )
-
-
-def _normal(spread: float) -> Quantile:
-    def quantile(share: Array) -> Array:
-        values: Array = spread * _scipy().ndtri(np.clip(share, _FARTHEST, 1 - _FARTHEST))
-        return values
-
-    return quantile
+                yield Nuisance(name=name, unit=unit, factor=factor, column=column, prior=prior)
 
 
 @cache

@@ -93,10 +93,11 @@ class ModelRobot:
     """Feels what its model feels, at once or, when manual, when told to.
 
     ``refusals`` are errors with which the next motions end; ``motions`` are all that were begun.
-    With a ``travel`` other than 1 its servos turn so many times as far as they are told.
+    With a ``travel`` other than 1 its servos turn so many times as far as they are told, and its
+    accelerometer is turned by ``askew`` (rad) left/right.
     """
 
-    def __init__(self, *, manual: bool = False, travel: float = 1.0):
+    def __init__(self, *, manual: bool = False, travel: float = 1.0, askew: float = 0.0):
         self.capabilities = make_capabilities()
         self.manual = manual
         self.motions: list[Perform] = []
@@ -104,6 +105,7 @@ class ModelRobot:
         self.refusals: list[RobotError] = []
         self._body = true_body(make_problem(), self.capabilities)
         self._travel = travel
+        self._askew = np.array([askew, 0.0])
         self._sequence = 0
         self._under_way: list[tuple[int, Perform]] = []
         self._events: list[RobotEvent] = []
@@ -161,7 +163,7 @@ class ModelRobot:
             angles=request.targets,
             saturated_joints=(),
             touch=tuple(readings.touch[0].tolist()),
-            tilt=tuple(readings.tilt[0].tolist()),
+            tilt=tuple((readings.tilt[0] + self._askew).tolist()),
             clearance=float(readings.clearance[0]),
             clearance_saturated=False,
             settled=True,

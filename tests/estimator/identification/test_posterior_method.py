@@ -143,6 +143,26 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(
     assert all(abs(angle) <= np.radians(30) for angle in movement.program)
 
 
+def test_what_is_only_roughly_known_is_found_along(tmp_path: Path) -> None:
+    section = """
+[nuisance]
+density = [500.0, 2000.0]
+accelerometer_deg = 2.0
+"""
+    listener = Interrupting()
+    with serving(ModelRobot(askew=np.radians(1.5))) as uri:
+        asked = order(tmp_path, uri)
+        (tmp_path / "legs.toml").write_text(PROBLEM + section)
+        result = identify(tmp_path / "run", asked, IN_THIS_PROCESS, listener, report=without_plots)
+    assert "accelerometer's own tilt" in listener.reasons[0]
+    assert result.posterior is not None
+    of = {item.name: item for item in result.posterior.nuisances}
+    assert len(of) == 1 + 2
+    tilt = of["accelerometer's own tilt, left/right"]
+    assert tilt.interval.low < 1.5 < tilt.interval.high < tilt.interval.low + 3.0  # before: 6.6
+    assert tilt.learnt
+
+
 def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=9, sure=0.9)
