@@ -15,7 +15,7 @@ from estimator.report.result import Result
 WHAT_TO_CHECK: Final = (
     "Check that the problem describes this robot: where legs can sit, radii, units, the order and "
     "direction of the servos, the sign of the tilts, whether every servo moves and "
-    "holds its angle, and each foot's gauge."
+    "holds its angle, each foot's gauge, and whether the ground is level."
 )
 
 _NAMED: Final = 3  # of what is untested

@@ -25,6 +25,7 @@ from estimator.posterior.model.departures import (
     TurnedMount,
 )
 from estimator.problem.problem import Problem
+from estimator.problem.sections import NuisanceSection
 
 _THICKNESSES: Final = (0.35, 0.5, 0.7, 1.4, 2.0, 2.8)  # of all parts
 _ONE_THICKNESS: Final = (0.5, 1.5, 2.5)
@@ -52,31 +53,38 @@ def possible_departures(problem: Problem) -> tuple[Departure, ...]:
 
     Parts of another thickness or mass, a main body that is heavier at one end, sensors that were
     put on askew or calibrated wrongly, servos that are dead, off their zero or turn by other angles
-    than they are told, hinges and mounts turned by up to 30°.
+    than they are told, hinges and mounts turned by up to 30°. What the problem leaves open is no
+    departure.
     """
+    left_open = problem.nuisance
     of_parts = (
         departure
         for index, part in enumerate(problem.parts)
-        for departure in (*_of_a_part(part.name, index), *_of_a_servo(part.name, index, part.motor))
+        for departure in (
+            *_of_a_part(part.name, index),
+            *(() if part.motor is None else _of_a_servo(part.name, index, left_open)),
+        )
     )
-    return (*_of_all_parts(), *_of_the_main_body(), *of_parts)
+    return (*_of_all_parts(left_open), *_of_the_main_body(left_open), *of_parts)
 
 
-def _of_all_parts() -> Iterator[Departure]:
+def _of_all_parts(left_open: NuisanceSection) -> Iterator[Departure]:
     for factor in _THICKNESSES:
         yield Thickness(text="parts {} times as thick", amount=factor)
-    for factor in _HEAVIER:
+    for factor in _HEAVIER if left_open.density is None else ():
         text = "parts {} times as heavy for their size"
         yield ScaledFigure(text=text, column=DENSITY, amount=factor)
     for factor in _TRAVELS:
         yield Travel(text="all servos turning {} times as far as told", amount=factor)
 
 
-def _of_the_main_body() -> Iterator[Departure]:
-    for axis, share in product((0, 1), _OFF_CENTRE):
+def _of_the_main_body(left_open: NuisanceSection) -> Iterator[Departure]:
+    off_centre = _OFF_CENTRE if left_open.centre_of_mass_mm is None else ()
+    askew = _ASKEW if left_open.accelerometer_deg is None else ()
+    for axis, share in product((0, 1), off_centre):
         text = f"the main body's centre of mass {{}} % of its extent {_TOWARDS[axis][share > 0]}"
         yield OffCentre(text=text, axis=axis, amount=share, unit=100)
-    for about, degrees in product((0, 1), _ASKEW):
+    for about, degrees in product((0, 1), askew):
         text = f"the accelerometer turned by {_minus(degrees)}{{}}° {_TILTS[about]}"
         yield ShiftedFigure(text=text, column=ACCELEROMETER + about, **_angle(degrees))
     for factor in _GAINS:
@@ -96,14 +104,12 @@ def _of_a_part(part: str, index: int) -> Iterator[Departure]:
         yield TurnedMount(text=text, part=index, **_angle(degrees))
 
 
-def _of_a_servo(part: str, index: int, motor: int | None) -> Iterator[Departure]:
-    if motor is None:
-        return
+def _of_a_servo(part: str, index: int, left_open: NuisanceSection) -> Iterator[Departure]:
     yield Limp(text=f"the servo of {part} dead", part=index)
     for factor in _ONE_TRAVEL:
         text = f"the servo of {part} turning {{}} times as far as told"
         yield Travel(text=text, amount=factor, part=index)
-    for degrees in _OFFSETS:
+    for degrees in _OFFSETS if left_open.joint_zero_deg is None else ():
         text = f"the zero of {part}'s servo off by {_minus(degrees)}{{}}°"
         yield OffZero(text=text, part=index, **_angle(degrees))
     for degrees, about in product(_TURNS, range(len(_DIRECTIONS))):

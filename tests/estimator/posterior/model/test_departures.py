@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies
 from estimator.posterior.model.departures import (
@@ -95,3 +96,21 @@ def test_every_part_with_a_servo_may_have_a_dead_one() -> None:
     limp = [one for one in possible_departures(Problem.load("parametric")) if type(one) is Limp]
     driven = [part.name for part in Problem.load("parametric").parts if part.motor is not None]
     assert [one.name for one in limp] == [f"the servo of {name} dead" for name in driven]
+
+
+@pytest.mark.parametrize(
+    ("left_open", "word", "fewer"),
+    [
+        ("density = [500.0, 2000.0]", "heavy", 3),
+        ("joint_zero_deg = 1.0", "zero of", 4 * 6),
+        ("accelerometer_deg = 2.0", "accelerometer turned", 2 * 4),
+        ("centre_of_mass_mm = 10.0", "centre of mass", 2 * 4),
+    ],
+)
+def test_what_a_problem_leaves_open_is_no_departure(left_open: str, word: str, fewer: int) -> None:
+    source = Problem.load("parametric").source
+    known = possible_departures(Problem.parse(source, "known.toml"))
+    problem = Problem.parse(f"{source}\n[nuisance]\n{left_open}\n", "open.toml")
+    gone = set(known) - set(possible_departures(problem))
+    assert len(gone) == fewer
+    assert all(word in one.text for one in gone)
