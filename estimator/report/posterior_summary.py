@@ -26,6 +26,7 @@ _INTERVAL: Final = (0.05, 0.5, 0.95)
 _LEARNT: Final = 0.7  # of the prior's interval
 _TOGETHER: Final = 0.5  # of either length's interval
 _VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
+_SQUARE: Final = 0.05  # of the longer side; else a leg that sits elsewhere is felt
 
 
 class _Record(BaseModel):
@@ -244,8 +245,10 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
             f"explains {' and '.join(belief.noisy)} without more than twice the announced noise"
         )
     if belief.contradicting:
-        listed = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
-        reasons.append(f"explains what touch sensor {listed} feels")
+        several = len(belief.contradicting) > 1
+        those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
+        felt = f"sensors {those} feel" if several else f"sensor {those} feels"
+        reasons.append(f"explains what touch {felt}")
     if belief.departure:
         reasons.append(
             f"explains the readings as well as one with {belief.departure}, so neither attachments "
@@ -308,6 +311,12 @@ def _equivalent(
     told = []
     if mounts and "tilt" in modalities:
         told.append("a tilt whose sign is reversed feels like the mirror image of the body")
+        length, width, _ = best.base.size
+        if math.isclose(length, width, rel_tol=_SQUARE):
+            told.append(
+                "an accelerometer turned by 90°, or whose axes are exchanged, feels like the body "
+                "turned so, or its mirror image"
+            )
     if len(mounts) > 1:
         told.append("servos that have exchanged plugs, and gauges with them, feel like other legs")
     carriers = {part.parent for part in best.parts}

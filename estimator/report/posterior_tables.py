@@ -163,4 +163,5 @@ def _mm(length: float) -> str:
 
 
 def _between(interval: Interval, factor: float, digits: int = 1) -> str:
-    return f"{factor * interval.low:.{digits}f}–{factor * interval.high:.{digits}f}"
+    dash = "–" if interval.low >= 0 else " to "
+    return f"{factor * interval.low:.{digits}f}{dash}{factor * interval.high:.{digits}f}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,7 @@ def make_posterior_run(
     lengths: Sequence[tuple[float, ...]],
     *,
     hinge: float | None = None,
+    trait: Literal["hinge", "mount"] = "hinge",
     radius: float = 0.006,
     rivals: Sequence[BelievedMode] = (),
     decides: NextMovement | None = None,
@@ -32,6 +34,7 @@ def make_posterior_run(
         folder: Where it is to be, as ``posterior``.
         lengths: Of the four legs of each body, m.
         hinge: Gene of the back leg's hinge, where that is to be found.
+        trait: What is to be found in its place.
         radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
         decides: What would tell most.
@@ -40,7 +43,8 @@ def make_posterior_run(
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
     if hinge is not None:
-        text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
+        known = {"hinge": "up", "mount": "back"}[trait]
+        text = f'{trait} = "unknown"'.join(text.rsplit(f'{trait} = "{known}"', 1))
     with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,)) as model:
         settings = model.settings.model_copy(update={"method": "posterior"})
     bodies = []

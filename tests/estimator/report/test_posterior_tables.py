@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,8 @@ from estimator.report.posterior_summary import sums_of_lengths, verdict_on_fit
 from estimator.report.result import summarise
 from estimator.report.terminal_tables import print_result
 from estimator.storage.beliefs import BelievedMode, NextMovement
-from tests.estimator.model_robot import TRUE_LENGTHS
+from tests.estimator import posterior_run
+from tests.estimator.model_robot import TRUE_LENGTHS, make_capabilities
 from tests.estimator.posterior_run import make_posterior_run
 
 UP = 2.5 / 6
@@ -111,6 +113,21 @@ def test_what_no_movement_could_tell_is_said(tmp_path: Path) -> None:
         result = summarise(run)
     assert result.posterior is not None
     assert result.posterior.equivalent == ("a servo of back that never moves feels like a roll",)
+
+
+@pytest.mark.parametrize(("length", "told"), [(0.14, True), (0.16, False)])
+def test_exchanged_tilts_feel_like_a_square_body_turned(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, length: float, told: bool
+) -> None:
+    robot = replace(make_capabilities(), base_size=(length, 0.14, 0.03))
+    monkeypatch.setattr(posterior_run, "make_capabilities", lambda: robot)
+    lengths = [TRUE_LENGTHS] * 3
+    with make_posterior_run(tmp_path, lengths, hinge=7 / 8, trait="mount") as run:
+        result = summarise(run)
+    assert result.posterior is not None
+    mirrored, *turned = result.posterior.equivalent
+    assert "mirror image" in mirrored
+    assert ["axes are exchanged" in one for one in turned] == [True] * told
 
 
 def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
