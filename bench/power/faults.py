@@ -95,6 +95,11 @@ def _reversed_tilt(axis: int) -> Robot:
     return _believing(_felt_by(gains), partial(exchanged, *opposite))
 
 
+def _along_the_diagonal(urdf: str) -> str:
+    """The mirror image of a body with equal legs that puts its left to the front."""
+    return exchanged("hip_left", "hip_front", exchanged("hip_right", "hip_back", urdf))
+
+
 def _felt_by(volts_per_g: Sequence[float]) -> Calibration:
     axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g))
     return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
@@ -137,6 +142,11 @@ FAULTS: Final = {
         options=("--fault", "servos.swapped=1"),
     ),
     "left/right tilt reversed": _reversed_tilt(1),
+    "tilt axes exchanged": Robot(
+        body=shipped(DEFAULT),
+        truth=_along_the_diagonal,
+        options=("--fault", "daq.swapped_channels=0"),
+    ),
     "gauge torn off": Robot(body=shipped(DEFAULT), options=("--fault", "daq.stuck_channel=3")),
     "gauge that hardly feels": _believing(Calibration(robot=DEFAULT, revision=1, gauges=_DULL)),
     "servos turning 1.2 times as far": _turning(1.2, servos=8),

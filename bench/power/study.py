@@ -30,8 +30,8 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "faults": "Robots that are not as their problem says. *Certain and wrong*: the run finds that "
     "a body explains the\nreadings, states at least 0.95, and an attachment is wrong, or a length "
     "by more than 10 mm and outside\nits own 90 % interval. Where no sensor can tell a fault from "
-    "another body (a reversed tilt from a\nmirrored body, a servo that is jammed at 0 from a roll "
-    "hinge, swapped servos from swapped legs), that\nbody counts as right.",
+    "another body (a reversed tilt, or\nexchanged tilts, from a mirrored body, a servo that is "
+    "jammed at 0 from a roll hinge, swapped\nservos from swapped legs), that body counts as right.",
 }
 """What each group is about."""
 
