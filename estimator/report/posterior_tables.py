@@ -9,7 +9,13 @@ from rich.console import Console
 from rich.text import Text
 
 from estimator.report.plain_table import plain_table
-from estimator.report.posterior_summary import Interval, PosteriorSummary, Step, SumOfLengths
+from estimator.report.posterior_summary import (
+    FoundAlong,
+    Interval,
+    PosteriorSummary,
+    Step,
+    SumOfLengths,
+)
 from estimator.report.result import Result
 
 WHAT_TO_CHECK: Final = (
@@ -81,9 +87,15 @@ def _print_nuisances(console: Console, posterior: PosteriorSummary) -> None:
         return
     table = plain_table("found along", "median", "90 % interval", "", justify="left")
     for item in posterior.nuisances:
-        median, unknown = f"{item.interval.median:.1f} {item.unit}", "" if item.learnt else _UNKNOWN
-        table.add_row(item.name, median, f"{_between(item.interval, 1)} {item.unit}", unknown)
+        table.add_row(item.name, *nuisance_in_words(item))
     console.print(table)
+
+
+def nuisance_in_words(item: FoundAlong) -> tuple[str, str, str]:
+    """Median and interval of a nuisance parameter, and whether it cannot be known."""
+    median = f"{item.interval.median:.1f} {item.unit}"
+    interval = f"{_between(item.interval, 1)} {item.unit}"
+    return median, interval, "" if item.learnt else _UNKNOWN
 
 
 def _print_rivals(console: Console, result: Result, posterior: PosteriorSummary) -> None:

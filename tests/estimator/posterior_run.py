@@ -22,6 +22,7 @@ def make_posterior_run(
     *,
     hinge: float | None = None,
     trait: Literal["hinge", "mount"] = "hinge",
+    askew: float | None = None,
     radius: float = 0.006,
     rivals: Sequence[BelievedMode] = (),
     decides: NextMovement | None = None,
@@ -35,6 +36,7 @@ def make_posterior_run(
         lengths: Of the four legs of each body, m.
         hinge: Gene of the back leg's hinge, where that is to be found.
         trait: What is to be found in its place.
+        askew: Gene of the accelerometer's tilt left/right, where its tilt is to be found.
         radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
         decides: What would tell most.
@@ -45,12 +47,16 @@ def make_posterior_run(
     if hinge is not None:
         known = {"hinge": "up", "mount": "back"}[trait]
         text = f'{trait} = "unknown"'.join(text.rsplit(f'{trait} = "{known}"', 1))
+    if askew is not None:
+        text += "[nuisance]\naccelerometer_deg = 2.0\n"
     with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,)) as model:
         settings = model.settings.model_copy(update={"method": "posterior"})
     bodies = []
     for row in lengths:
         genes = ((np.array(row) - 0.05) / 0.2).tolist()
-        bodies.append(tuple(genes if hinge is None else [*genes[:-1], hinge, genes[-1]]))
+        if hinge is not None:
+            genes.insert(-1, hinge)
+        bodies.append((*genes, *(() if askew is None else (askew, 0.5))))
     best, *samples = bodies
     first = BelievedMode(
         probability=0.75, effective=50.0, genes=best, like_the_first=True, met=(True,)

@@ -23,6 +23,7 @@ from estimator.report.page.commands import commands
 from estimator.report.page.templates import render
 from estimator.report.posterior_tables import (
     WHAT_TO_CHECK,
+    nuisance_in_words,
     percent,
     sum_of_lengths,
     sureness,
@@ -121,6 +122,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
         sureness="" if posterior is None else sureness(posterior),
         sums=[] if posterior is None else [sum_of_lengths(result, one) for one in posterior.sums],
+        nuisance_in_words=nuisance_in_words,
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
         sureness_after=sureness_after,

@@ -78,6 +78,22 @@ def test_that_the_robot_may_be_built_otherwise_is_taken_off_and_said(tmp_path: P
     assert said in page
 
 
+def test_what_was_found_along_is_in_terminal_and_page(tmp_path: Path) -> None:
+    untested = ["parts 1.4 times as thick"]
+    lengths = [TRUE_LENGTHS] * 3
+    with make_posterior_run(tmp_path, lengths, askew=0.25, untested=untested) as run:
+        result = summarise(run)
+        page = run_page(run, PageSources.of(run, result))
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result)
+    terminal = text.getvalue()
+    for said in (terminal, page):
+        assert "accelerometer's own tilt, left/right" in said.replace("&#39;", "'")
+        assert "-1.3 deg" in said
+        assert "-1.3 to -1.3 deg" in said
+        assert "What these movements have not tested: parts 1.4 times as thick." in said
+
+
 def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) -> None:
     """Where one grows as the other shrinks; the third is known by itself."""
     first, second, *others = TRUE_LENGTHS
