@@ -1,4 +1,4 @@
-"""Random bodies and one engine of each kind for the estimator's tests."""
+"""Random bodies, one engine of each kind and a cluster for the estimator's tests."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -11,12 +11,14 @@ from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.body.mounts import HINGES, BaseMount, Hinge, PartMount
 from estimator.exploration.rules import RULES
 from estimator.identification.objectives import OBJECTIVES
+from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import BACKENDS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.report.bodies import camera
 from estimator.search.searches import SEARCHES
+from tests.estimator.dask_cluster import Dask, Process, dask
 from tests.estimator.two_unknown_rows import make_predictor
 
 MakeBody: TypeAlias = Callable[[np.random.Generator], Morphology]
@@ -147,3 +149,21 @@ def short() -> Predictor:
 @pytest.fixture
 def unknowns(predictor: Predictor) -> Unknowns:
     return predictor.unknowns
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Dask]:
+    with dask(tmp_path_factory.mktemp("dask")) as processes:
+        yield processes
+
+
+@pytest.fixture
+def two_workers(cluster: Dask) -> list[Process]:
+    cluster.have_workers(2)
+    return cluster.workers
+
+
+@pytest.fixture
+def connected(cluster: Dask, two_workers: list[Process]) -> Iterator[Cluster]:
+    with Cluster(cluster.address, patience=1.0) as connection:
+        yield connection

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -21,7 +20,7 @@ def make_posterior_run(
     lengths: Sequence[tuple[float, ...]],
     *,
     hinge: float | None = None,
-    trait: Literal["hinge", "mount"] = "hinge",
+    mount: float | None = None,
     askew: float | None = None,
     radius: float = 0.006,
     rivals: Sequence[BelievedMode] = (),
@@ -35,7 +34,7 @@ def make_posterior_run(
         folder: Where it is to be, as ``posterior``.
         lengths: Of the four legs of each body, m.
         hinge: Gene of the back leg's hinge, where that is to be found.
-        trait: What is to be found in its place.
+        mount: The same of its mount.
         askew: Gene of the accelerometer's tilt left/right, where its tilt is to be found.
         radius: Of the left leg, as the problem has it, m.
         rivals: Modes after the first.
@@ -44,19 +43,20 @@ def make_posterior_run(
         departed: How probably it is.
     """
     text = PROBLEM.replace("radius = 0.006", f"radius = {radius}", 1)
+    if mount is not None:
+        text = text.replace('mount = "back"', 'mount = "unknown"')
     if hinge is not None:
-        known = {"hinge": "up", "mount": "back"}[trait]
-        text = f'{trait} = "unknown"'.join(text.rsplit(f'{trait} = "{known}"', 1))
+        text = 'hinge = "unknown"'.join(text.rsplit('hinge = "up"', 1))
     if askew is not None:
         text += "[nuisance]\naccelerometer_deg = 2.0\n"
-    with make_run(folder, TRUE_LENGTHS, text, () if hinge is None else (hinge,)) as model:
+    choices = [gene for gene in (mount, hinge) if gene is not None]
+    with make_run(folder, TRUE_LENGTHS, text, tuple(choices)) as model:
         settings = model.settings.model_copy(update={"method": "posterior"})
     bodies = []
     for row in lengths:
         genes = ((np.array(row) - 0.05) / 0.2).tolist()
-        if hinge is not None:
-            genes.insert(-1, hinge)
-        bodies.append((*genes, *(() if askew is None else (askew, 0.5))))
+        tilt = () if askew is None else (askew, 0.5)
+        bodies.append((*genes[:-1], *choices, genes[-1], *tilt))
     best, *samples = bodies
     first = BelievedMode(
         probability=0.75, effective=50.0, genes=best, like_the_first=True, met=(True,)

@@ -138,7 +138,7 @@ def test_exchanged_tilts_feel_like_a_square_body_turned(
     robot = replace(make_capabilities(), base_size=(length, 0.14, 0.03))
     monkeypatch.setattr(posterior_run, "make_capabilities", lambda: robot)
     lengths = [TRUE_LENGTHS] * 3
-    with make_posterior_run(tmp_path, lengths, hinge=7 / 8, trait="mount") as run:
+    with make_posterior_run(tmp_path, lengths, mount=7 / 8) as run:
         result = summarise(run)
     assert result.posterior is not None
     mirrored, *turned = result.posterior.equivalent
