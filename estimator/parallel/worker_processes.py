@@ -168,7 +168,7 @@ class WorkerProcesses(Closable, Generic[Task, Message, Result]):
 
 
 def _serve(connection: Connection, start: bytes) -> None:
-    """The main function of a worker: does tasks until the pipe is closed."""
+    """The main function of a worker: does tasks until the other end of the pipe is gone."""
     _silence_stdout()
     threading.Thread(target=_follow_parent, name="follow parent", daemon=True).start()
     work: Work[Any, Any, Any]
@@ -176,17 +176,15 @@ def _serve(connection: Connection, start: bytes) -> None:
         work = pickle.loads(start)()
     except Exception as error:  # raised here it would look like a death
         work = partial(_fail, error)
-    while True:
-        try:
+    event: Returned[Any] | Raised
+    with suppress(EOFError, OSError):  # a pipe with unread messages is reset where it is closed
+        while True:
             task = connection.recv_bytes()
-        except EOFError:
-            return
-        event: Returned[Any] | Raised
-        try:
-            event = Returned(work(pickle.loads(task), connection.send))
-        except Exception as error:
-            event = Raised(_portable(error))
-        connection.send(event)
+            try:
+                event = Returned(work(pickle.loads(task), connection.send))
+            except Exception as error:
+                event = Raised(_portable(error))
+            connection.send(event)
 
 
 def _fail(error: Exception, *_: object) -> NoReturn:

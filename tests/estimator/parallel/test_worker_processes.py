@@ -1,6 +1,9 @@
 """Worker processes: tasks, messages, errors and deaths."""
 
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import partial
@@ -103,3 +106,31 @@ def test_what_goes_wrong_at_the_start_is_told(begin: Callable[[], Work[int, str,
         pytest.raises((PhysicsError, ValueError), match=r"no engine|invalid literal"),
     ):
         processes.results([1])
+
+
+def talk(task: int, tell: Callable[[str], None]) -> int:
+    """Says as many things as the task's number."""
+    for number in range(task):
+        tell(f"thing {number}")
+    return task
+
+
+def start_talking() -> Work[int, str, int]:
+    return talk
+
+
+def die_with_workers() -> None:
+    """Kills this process while some workers talk and others have ended, unheard."""
+    workers = WorkerProcesses[int, str, int](start_talking, 8)
+    workers.results([0] * 8)
+    with closing(workers.do([100, 10**6] * 4)) as events:
+        for _ in range(100):
+            next(events)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_workers_of_a_process_that_is_killed_end_without_a_word() -> None:
+    script = f"from {__name__} import die_with_workers; die_with_workers()"
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (-signal.SIGKILL, "")
