@@ -79,15 +79,15 @@ class SoundRobot(FakeRobot):
         return replace(super().observe(request_id), monotonic=time.monotonic())
 
 
-BUSY = {"latency", "telemetry"}  # a computer with much to do may be too slow for the robot
+@pytest.fixture(autouse=True)
+def busy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A computer that runs many tests holds up answers, and the doctor would say so."""
+    for name in ("HEARTBEAT", "SLOW", "_JITTER"):
+        monkeypatch.setattr(examination, name, 60.0)
 
 
 def remarkable(findings: Iterable[ExaminedItem]) -> list[ExaminedItem]:
-    return [
-        finding
-        for finding in findings
-        if finding.verdict is not Fitness.FINE and finding.subject not in BUSY
-    ]
+    return [finding for finding in findings if finding.verdict is not Fitness.FINE]
 
 
 # --- all is well ----------------------------------------------------------------------------------
@@ -216,8 +216,7 @@ def test_stopped() -> None:
 def test_another_software_is_worth_a_note() -> None:
     with serving(SoundRobot()) as uri:
         notes = [item for item in examine(uri) if item.verdict is Fitness.NOTE]
-    subjects = [note.subject for note in notes]
-    assert subjects in (["version"], ["version", "latency"])  # of a computer that is busy
+    assert [note.subject for note in notes] == ["version"]
     assert notes[0].sentence.startswith("The robot runs fake 1, this is bodyschema ")
 
 
