@@ -132,7 +132,7 @@ class PosteriorMethod:
             predictor = self._sampler.predictor
             self._doubted = self._doubts_once_sure(belief, data, predictor, reference)
             self._count(reference)
-        belief = _doubting(belief, self._doubted)
+        belief = self._doubting(belief, self._doubted)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -206,6 +206,17 @@ class PosteriorMethod:
         )
         return doubts(posterior, predictor, data, self._noise, departures, reference=reference)
 
+    def _doubting(self, belief: Belief, doubted: Sequence[Doubt]) -> Belief:
+        """What is believed, in the light of bodies that depart from the problem."""
+        better = clearly_better(doubted)
+        outliers = np.array([one.outlier for one in belief.foretold])
+        return belief.model_copy(
+            update={
+                "departed": probability_departed(doubted, outliers, self._noise),
+                "departure": None if better is None else better.name,
+            }
+        )
+
     def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
         decode_all = self._store.genome.decode_all
         rows = systematic(posterior.weights, len(posterior.values), 0.5)
@@ -239,7 +250,7 @@ class PosteriorMethod:
             self._count(reference)
         final = believe(posterior, self._sampler.predictor, data, self._noise, self._alike)
         if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
-            final = _doubting(final, doubted)
+            final = self._doubting(final, doubted)
         final = final.model_copy(
             update={
                 "untested": self._untested(doubted, posterior),
@@ -302,17 +313,6 @@ def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
             for key, mode, point in zip(keys, belief.modes, points, strict=True)
         ),
         credible=belief.probability is not None,
-    )
-
-
-def _doubting(belief: Belief, doubted: Sequence[Doubt]) -> Belief:
-    """What is believed, in the light of bodies that depart from the problem."""
-    better = clearly_better(doubted)
-    return belief.model_copy(
-        update={
-            "departed": probability_departed(doubted),
-            "departure": None if better is None else better.name,
-        }
     )
 
 

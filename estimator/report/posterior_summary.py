@@ -227,11 +227,10 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         listed = "; ".join(contradictions)
         return f"THIS PROBLEM IS NOT THE ROBOT'S: {listed}. {verdict_on_fit(belief)}"
     if belief.explained:
-        rest = (
-            f" but interaction {belief.unexplained[0].interaction + 1}, which may be an accident"
-            if belief.unexplained
-            else ""
-        )
+        rest = ""
+        if belief.unexplained:
+            number = belief.unexplained[0].interaction + 1
+            rest = f" but interaction {number}, an accident or a fault that came or went"
         return f"Some body that this problem allows explains every interaction{rest}."
     reasons = []
     if len(belief.unexplained) > 1:

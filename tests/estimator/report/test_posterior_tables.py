@@ -14,7 +14,7 @@ from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior_summary import sums_of_lengths, verdict_on_fit
 from estimator.report.result import summarise
 from estimator.report.terminal_tables import print_result
-from estimator.storage.beliefs import BelievedMode, NextMovement
+from estimator.storage.beliefs import BelievedMode, NextMovement, UnexplainedInteraction
 from tests.estimator import posterior_run
 from tests.estimator.model_robot import TRUE_LENGTHS, make_capabilities
 from tests.estimator.posterior_run import make_posterior_run
@@ -163,6 +163,19 @@ def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Pa
         "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one with parts 0.5 "
         "times as thick, so neither attachments nor lengths can be trusted."
     )
+
+
+def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        (belief, _) = run.beliefs()[-1]
+    odd = UnexplainedInteraction(interaction=2, sensors=("tilt",))
+    one, two = (belief.model_copy(update={"unexplained": (odd,) * count}) for count in (1, 2))
+    assert one.explained
+    assert verdict_on_fit(one) == (
+        "Some body that this problem allows explains every interaction but interaction 3, an "
+        "accident or a fault that came or went."
+    )
+    assert not two.explained
 
 
 def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> None:

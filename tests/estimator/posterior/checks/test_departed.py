@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
-from estimator.body.morphology import Base
+from estimator.body.morphology import Array, Base
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
@@ -47,6 +47,7 @@ ONE_THICK = Thickness(text="a thick leg", amount=2.5, part=1)
 ASKEW = TurnedHinge(text="a turned hinge", part=0, about=0, amount=math.radians(30))
 ROUND = TurnedHinge(text="a hinge turned about its axis", part=0, about=1, amount=1.0)
 ASIDE = TurnedMount(text="a leg that points aside", part=0, amount=math.radians(30))
+EXPLAINED = np.zeros(3)
 DEAD = Limp(text="a dead servo", part=0)
 OFF_ZERO = OffZero(text="a servo off its zero", part=0, amount=math.radians(12))
 HEAVY = ScaledFigure(text="heavy parts", column=DENSITY, amount=4.0)
@@ -158,20 +159,41 @@ def test_a_hinge_turned_about_its_own_axis_is_the_same_hinge(predictor: Predicto
     assert without_tilt == ()
 
 
+def odds_departed(doubted: Sequence[Doubt], outliers: Array) -> float:
+    share = probability_departed(doubted, outliers, NOISE)
+    return share / (1 - share)
+
+
 def test_what_departs_has_the_prior_s_share_until_movements_have_told(predictor: Predictor) -> None:
     fitted = doubted(predictor, felt_by(predictor))
     untold = [replace(doubt, gains=np.zeros(3), log_share=0.0) for doubt in fitted]
-    assert probability_departed(untold) == pytest.approx(0.1)
-    assert probability_departed(untold[:1]) == pytest.approx(0.1)
+    assert probability_departed(untold, np.zeros(0), NOISE) == pytest.approx(0.1)
+    assert probability_departed(untold[:1], np.zeros(0), NOISE) == pytest.approx(0.1)
     told = [replace(doubt, gains=np.array([-3.0, 0.0, -4.0])) for doubt in untold]
     one_left = [untold[0], *told[1:]]
     one_size_left = [replace(untold[0], log_share=-1.0), *told[1:]]
-    assert probability_departed(told) < 0.001
-    assert probability_departed(one_left) == pytest.approx(0.1 / 0.9 / len(fitted), rel=0.05)
-    assert probability_departed(one_size_left) < 0.5 * probability_departed(one_left)
+    others = odds_departed(told, EXPLAINED)
+    assert 0.1 / 3 * 0.7**3 < others < 0.1 / 2 * 0.7**3
+    one = odds_departed(one_left, EXPLAINED) - others
+    assert one == pytest.approx(0.2 / 3 / 0.9 / len(fitted), rel=0.05)
+    assert odds_departed(one_size_left, EXPLAINED) - others < 0.5 * one
     clear = [replace(untold[0], gains=np.full(3, 400.0)), *told[1:]]
-    assert probability_departed(clear) == pytest.approx(1.0)
-    assert probability_departed(()) == 0.0
+    assert probability_departed(clear, EXPLAINED, NOISE) == pytest.approx(1.0)
+    assert probability_departed((), np.ones(3), NOISE) == 0.0
+
+
+def test_what_no_body_explains_speaks_for_ways_that_are_not_looked_at(predictor: Predictor) -> None:
+    told = [replace(one, gains=np.full(3, -9.0)) for one in doubted(predictor, felt_by(predictor))]
+    shares = [
+        probability_departed(told, np.repeat([1.0, 0.05, 0.0], counts), NOISE)
+        for counts in ((0, 0, 6), (0, 1, 6), (1, 0, 6), (2, 0, 5), (1, 0, 16))
+    ]
+    explained, perhaps, one, two, one_of_many = shares
+    assert explained < 0.006
+    assert perhaps == pytest.approx(explained)  # 0.05 is what the mixture takes of any
+    assert 0.2 < one < 0.5
+    assert two > 0.9
+    assert one_of_many < 0.02
 
 
 def test_nothing_is_doubted_where_no_departure_can_be_felt(predictor: Predictor) -> None:
