@@ -22,6 +22,7 @@ from estimator.posterior.belief import believe
 from estimator.posterior.checks.departed import (
     clearly_better,
     doubts,
+    outliers_left,
     probability_departed,
     that_can_be_felt,
     with_consequence,
@@ -131,8 +132,8 @@ class PosteriorMethod:
         with closing(self._open_reference()) as reference:
             predictor = self._sampler.predictor
             self._doubted = self._doubts_once_sure(belief, data, predictor, reference)
+            belief = self._doubting(belief, self._doubted, self._posterior, data, reference)
             self._count(reference)
-        belief = self._doubting(belief, self._doubted)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -206,10 +207,27 @@ class PosteriorMethod:
         )
         return doubts(posterior, predictor, data, self._noise, departures, reference=reference)
 
-    def _doubting(self, belief: Belief, doubted: Sequence[Doubt]) -> Belief:
+    def _doubting(
+        self,
+        belief: Belief,
+        doubted: Sequence[Doubt],
+        posterior: Posterior,
+        data: SensorData,
+        reference: Physics,
+    ) -> Belief:
         """What is believed, in the light of bodies that depart from the problem."""
+        if not doubted:
+            return belief
+        by_statics = np.array([one.outlier for one in belief.foretold])
+        outliers = outliers_left(
+            by_statics,
+            posterior,
+            self._sampler.predictor,
+            data,
+            self._noise,
+            reference=reference,
+        )
         better = clearly_better(doubted)
-        outliers = np.array([one.outlier for one in belief.foretold])
         return belief.model_copy(
             update={
                 "departed": probability_departed(doubted, outliers, self._noise),
@@ -247,10 +265,10 @@ class PosteriorMethod:
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
             doubted = self._doubts(checked.posterior, data, self._sampler.predictor, reference)
+            final = believe(posterior, self._sampler.predictor, data, self._noise, self._alike)
+            if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
+                final = self._doubting(final, doubted, posterior, data, reference)
             self._count(reference)
-        final = believe(posterior, self._sampler.predictor, data, self._noise, self._alike)
-        if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
-            final = self._doubting(final, doubted)
         final = final.model_copy(
             update={
                 "untested": self._untested(doubted, posterior),

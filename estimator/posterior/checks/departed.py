@@ -42,6 +42,7 @@ _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the b
 _WORTH_SAYING: Final = 0.005  # m
 _MATTERS: Final = -0.75  # nats gained on average over all departures, to ask the simulator
 _SIMULATED: Final = 32  # samples
+_MORE_LIKELY: Final = 0.5  # than not
 _POORLY: Final = 3.0  # nats less than what explains an interaction best
 
 
@@ -144,7 +145,7 @@ def probability_departed(doubted: Sequence[Doubt], outliers: Array, noise: Noise
 
     Args:
         doubted: Ways that were looked at; none: attachments are not sure yet, nor is this.
-        outliers: Probability of each interaction that it says nothing about the best body.
+        outliers: Probability of each interaction that it says nothing about the body, shape (k,).
         noise: By which these were computed.
     """
     if not doubted:
@@ -158,6 +159,33 @@ def probability_departed(doubted: Sequence[Doubt], outliers: Array, noise: Noise
     not_looked_at = log_density(_STRANGE) - log_density(_ACCIDENTS)
     gains = np.logaddexp(math.log(1 - other) + _mean_gain(doubted), math.log(other) + not_looked_at)
     return float(expit(np.array(math.log(_PRIOR / (1 - _PRIOR)) + gains)))
+
+
+def outliers_left(
+    outliers: Array,
+    posterior: Posterior,
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    *,
+    reference: Physics,
+) -> Array:
+    """Probability of each interaction that it says nothing about the body, shape (k,).
+
+    Args:
+        outliers: The same by statics.
+        posterior: Of the problem's bodies.
+        predictor: Likewise.
+        data: What the robot felt.
+        noise: How far readings stray.
+        reference: The simulator, asked where an interaction is more likely an outlier than not.
+    """
+    if not np.any(outliers > _MORE_LIKELY):
+        return outliers
+    samples = posterior.values[systematic(posterior.weights, _SIMULATED, 0.5)]
+    bodies = np.vstack([posterior.modes[0].point, samples])
+    left: Array = outliers * np.exp(-_amends(bodies, predictor, data, noise, reference))
+    return left
 
 
 def with_consequence(departure: Departure, lengths: Array, believed: Array) -> str:

@@ -14,6 +14,7 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
     clearly_better,
     doubts,
+    outliers_left,
     probability_departed,
     that_can_be_felt,
     with_consequence,
@@ -232,6 +233,18 @@ def test_a_departure_is_not_blamed_for_what_the_simulator_was_not_asked(
     for reference in (StaticsPhysics(), Engine(THICK, predictor)):
         (one,) = doubts(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
         assert one.gains[ELSEWHERE] == pytest.approx(0.0, abs=2.0)  # neither explains it
+
+
+def test_what_the_simulator_explains_speaks_for_no_other_robot(predictor: Predictor) -> None:
+    data = one_ended_elsewhere(felt_by(predictor), predictor)
+    by_statics = np.zeros(len(data))
+    by_statics[ELSEWHERE] = 1.0
+    for reference, left in ((StaticsPhysics(), 1.0), (Engine(THICK, predictor), 0.0)):
+        outliers = outliers_left(
+            by_statics, around(POINT), predictor, data, NOISE, reference=reference
+        )
+        assert outliers[ELSEWHERE] == pytest.approx(left, abs=0.01)
+        assert not np.delete(outliers, ELSEWHERE).any()
 
 
 def test_a_departure_is_named_with_what_it_means_for_lengths_outside_their_intervals() -> None:
