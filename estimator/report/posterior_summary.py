@@ -15,7 +15,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement
+from estimator.storage.beliefs import OTHERWISE, RIVAL, Belief, Foretold, NextMovement
 from estimator.storage.store import RunStore
 
 SURE_ENOUGH: Final = 10.0
@@ -252,6 +252,11 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         reasons.append(
             f"explains the readings as well as one with {belief.departure}, so neither attachments "
             "nor lengths can be trusted"
+        )
+    elif belief.departed >= OTHERWISE:
+        reasons.append(
+            "is as probable as that the robot is built otherwise, or has changed on the way "
+            f"({100 * belief.departed:.0f} %)"
         )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {', or '.join(reasons)}."
 

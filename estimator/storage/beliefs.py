@@ -11,6 +11,9 @@ from estimator.readings.observation import Program
 ACCIDENTS: Final = 1
 """Unexplained interactions that happen to a body that the problem describes."""
 
+OTHERWISE: Final = 0.9
+"""Where it is so probable that the robot is built otherwise, no body of the problem explains it."""
+
 RIVAL: Final = 0.01
 """Probability of other attachments that are worth telling."""
 
@@ -138,6 +141,8 @@ class Belief(_Record):
     @property
     def explained(self) -> bool:
         """Whether some body of the problem explains the readings, as far as can be told."""
-        return len(self.unexplained) <= ACCIDENTS and not (
-            self.noisy or self.contradicting or self.departure
+        return (
+            len(self.unexplained) <= ACCIDENTS
+            and self.departed < OTHERWISE
+            and not (self.noisy or self.contradicting or self.departure)
         )

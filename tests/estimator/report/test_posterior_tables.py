@@ -178,6 +178,18 @@ def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
     assert not two.explained
 
 
+def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        (belief, _) = run.beliefs()[-1]
+    perhaps, probably = (belief.model_copy(update={"departed": one}) for one in (0.8, 0.97))
+    assert perhaps.explained
+    assert not probably.explained
+    assert verdict_on_fit(probably) == (
+        "NO BODY THAT THIS PROBLEM ALLOWS is as probable as that the robot is built otherwise, or "
+        "has changed on the way (97 %)."
+    )
+
+
 def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
         result = summarise(run)
