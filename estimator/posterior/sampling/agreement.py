@@ -105,6 +105,11 @@ class Agreement:
         return self.fit.unexplained <= ACCIDENTS
 
     @property
+    def contradicted(self) -> bool:
+        """Whether it leaves more unexplained than the robot's body would."""
+        return self.fit.unexplained > (ACCIDENTS if self.may_err else 0)
+
+    @property
     def doubtful(self) -> bool:
         """Whether a better body may be there to be found."""
         return self._poor or self.fit.unexplained > 0
@@ -120,8 +125,7 @@ class Agreement:
         any_other = bool(self.leader)
         accident = self.fit.unexplained > 0
         limit = _POOR if any_other and (accident or not self.may_err) else _BAD
-        allowed = ACCIDENTS if self.may_err else 0
-        return self.fit.unexplained <= allowed and self.fit.excess <= limit
+        return not self.contradicted and self.fit.excess <= limit
 
     @property
     def _poor(self) -> bool:

@@ -228,7 +228,9 @@ class Sampler:
             agreed = agreement.explained and agreement.share_met >= _AGREED
             doubtful = agreement.doubtful and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
-            if agreement.few and not self._wanders and (doubtful or apart):
+            astray = agreement.few and (doubtful or apart)
+            astray |= agreement.contradicted and doubtful  # that many fit as badly is no excuse
+            if astray and not self._wanders:
                 anew += 1
             settled = agreement.credible and agreed and fresh <= _NEGLIGIBLE
             if self._wanders:

@@ -169,3 +169,22 @@ def test_a_body_that_fits_poorly_is_searched_for_anew_once(
     begun.clear()
     doubting.learn(data)
     assert not begun
+
+
+@pytest.mark.usefixtures("little")
+@pytest.mark.parametrize(("unexplained", "excess", "anew"), [(2, 0.0, True), (1, 1.5, False)])
+def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_little(
+    predictor: Predictor,
+    monkeypatch: pytest.MonkeyPatch,
+    unexplained: int,
+    excess: float,
+    anew: bool,
+) -> None:
+    data = draw(predictor, POINT, programs(6), np.random.default_rng(2))
+    begun: list[Discovery] = []
+    fit = Fit(unexplained=unexplained, excess=excess)
+    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
+    monkeypatch.setattr(agreement, "fit_of", lambda *body: fit)
+    monkeypatch.setattr(agreement.Agreement, "few", False)
+    make_sampler(predictor, effort=QUICK).learn(data)
+    assert bool(begun) == anew
