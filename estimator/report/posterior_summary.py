@@ -258,7 +258,14 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
             "is as probable as that the robot is built otherwise, or has changed on the way "
             f"({100 * belief.departed:.0f} %)"
         )
-    return f"NO BODY THAT THIS PROBLEM ALLOWS {', or '.join(reasons)}."
+    listed = ", or ".join(reasons)
+    if not belief.agreed:
+        return (
+            f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
+            "better one may have been missed: more movements help, and a problem that leaves less "
+            "open."
+        )
+    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
 
 
 def _probability(genome: Genome, belief: Belief) -> float | None:

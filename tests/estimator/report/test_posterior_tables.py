@@ -190,6 +190,23 @@ def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: 
     )
 
 
+def test_where_searches_disagree_the_problem_is_not_blamed(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
+        (belief, _) = run.beliefs()[-1]
+    noisy = belief.model_copy(update={"noisy": ("tilt",)})
+    assert verdict_on_fit(noisy).startswith("NO BODY THAT THIS PROBLEM ALLOWS explains tilt")
+    (mode,) = belief.modes
+    apart = [
+        mode.model_copy(update={"met": met, "probability": share})
+        for met, share in (((True, True), 0.3), ((True, False), 0.4), ((False, True), 0.3))
+    ]
+    assert verdict_on_fit(noisy.model_copy(update={"modes": tuple(apart)})) == (
+        "NO BODY THAT WAS FOUND explains tilt without more than twice the announced noise. But the "
+        "searches found different ones, so that a better one may have been missed: more movements "
+        "help, and a problem that leaves less open."
+    )
+
+
 def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
         result = summarise(run)
