@@ -35,8 +35,8 @@ _CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it le
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
 _PRIOR: Final = 0.1  # of all departures together
 _NOT_LOOKED_AT: Final = 1 / 3  # of these; the others are as probable as each other
-_ACCIDENTS: Final = 0.004  # of the interactions of robots as stated: 2 of 615 in recorded runs
-_STRANGE: Final = 0.3  # of those of robots that depart in a way that is not looked at
+_ACCIDENT_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
+_STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked at
 _STARTS: Final = 8
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
 _WORTH_SAYING: Final = 0.005  # m
@@ -151,12 +151,13 @@ def probability_departed(doubted: Sequence[Doubt], outliers: Array, noise: Noise
     if not doubted:
         return 0.0
     share, other = noise.outlier, _NOT_LOOKED_AT
-    strange, plain = outliers * (1 - share), (1 - outliers) * share  # as if as many were outliers
+    # densities of what was felt, to a factor, without the share that the mixture gives outliers
+    strange, plain = outliers * (1 - share), (1 - outliers) * share
 
     def log_density(rate: float) -> float:
         return float(np.log(rate * strange + (1 - rate) * plain).sum())
 
-    not_looked_at = log_density(_STRANGE) - log_density(_ACCIDENTS)
+    not_looked_at = log_density(_STRANGE_RATE) - log_density(_ACCIDENT_RATE)
     gains = np.logaddexp(math.log(1 - other) + _mean_gain(doubted), math.log(other) + not_looked_at)
     return float(expit(np.array(math.log(_PRIOR / (1 - _PRIOR)) + gains)))
 
