@@ -13,7 +13,7 @@ from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Mode, Posterior, share_met
+from estimator.posterior.posterior import Mode, Posterior, share_met_alike
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
@@ -81,15 +81,10 @@ def believe(
 
 
 def _vouched_for(modes: Sequence[Mode], alike: Array) -> float:
-    """Probability of attachments like the first mode's; no more than the populations have met.
-
-    Which of those that feel alike a population has met makes no difference.
-    """
+    """Probability of attachments like the first mode's; no more than the populations have met."""
     shares = np.array([mode.probability for mode in modes])
     met = np.array([mode.met for mode in modes])
-    together, others = float(shares @ alike), shares * (1 - alike)
-    in_common = share_met(np.append(others, together), np.vstack([met, met[alike > 0].any(axis=0)]))
-    return min(together, in_common)
+    return min(float(shares @ alike), share_met_alike(shares, met, alike))
 
 
 def _medians(posterior: Posterior, predictor: Predictor) -> Array:

@@ -69,6 +69,18 @@ def share_met(shares: Array, met: Flags) -> float:
     return float(1.0 - missed)
 
 
+def share_met_alike(shares: Array, met: Flags, alike: Array) -> float:
+    """The same, where some feel like the first: which of those was met makes no difference.
+
+    Args:
+        shares: As in ``share_met``.
+        met: Likewise.
+        alike: The part of each that does, shape (n,).
+    """
+    together = np.append(shares * (1 - alike), shares @ alike)
+    return share_met(together, np.vstack([met, met[alike > 0].any(axis=0)]))
+
+
 def met_by_each(keys: Sequence[Attachments], met: Sequence[Collection[Attachments]]) -> Flags:
     """Which of n sets of attachments each population has met, shape (n, populations)."""
     flags: Flags = np.array([[key in own for own in met] for key in keys], dtype=bool)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import SCALED
+from estimator.posterior.posterior import share_met_alike
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.storage.beliefs import OTHERWISE, RIVAL, Belief, Foretold, NextMovement
@@ -26,6 +27,7 @@ _INTERVAL: Final = (0.05, 0.5, 0.95)
 _LEARNT: Final = 0.7  # of the prior's interval
 _TOGETHER: Final = 0.5  # of either length's interval
 _VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
+_AGREED: Final = 0.5  # of the posterior
 _SQUARE: Final = 0.05  # of the longer side; else a leg that sits elsewhere is felt
 
 
@@ -259,13 +261,21 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
             f"({100 * belief.departed:.0f} %)"
         )
     listed = ", or ".join(reasons)
-    if not belief.agreed:
+    if _share_met(belief) < _AGREED:
         return (
             f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
             "better one may have been missed: more movements help, and a problem that leaves less "
             "open."
         )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
+
+
+def _share_met(belief: Belief) -> float:
+    """How much of the posterior the searches have met, by what they met in common."""
+    shares = np.array([mode.probability for mode in belief.modes])
+    met = np.array([mode.met for mode in belief.modes])
+    alike = np.array([mode.like_the_first for mode in belief.modes], dtype=float)
+    return share_met_alike(shares, met, alike)
 
 
 def _probability(genome: Genome, belief: Belief) -> float | None:

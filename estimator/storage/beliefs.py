@@ -14,8 +14,6 @@ ACCIDENTS: Final = 1
 OTHERWISE: Final = 0.9
 """Where it is so probable that the robot is built otherwise, no body of the problem explains it."""
 
-_AGREED: Final = 0.5  # of the posterior
-
 RIVAL: Final = 0.01
 """Probability of other attachments that are worth telling."""
 
@@ -148,8 +146,3 @@ class Belief(_Record):
             and self.departed < OTHERWISE
             and not (self.noisy or self.contradicting or self.departure)
         )
-
-    @property
-    def agreed(self) -> bool:
-        """Whether most of it was met by every population, so that little can have been missed."""
-        return sum(mode.probability for mode in self.modes if all(mode.met)) >= _AGREED

@@ -59,7 +59,7 @@ def make_posterior_run(
         bodies.append((*genes[:-1], *choices, genes[-1], *tilt))
     best, *samples = bodies
     first = BelievedMode(
-        probability=0.75, effective=50.0, genes=best, like_the_first=True, met=(True,)
+        probability=0.75, effective=50.0, genes=best, like_the_first=True, met=(True, True)
     )
     belief = Belief(
         genes=tuple(samples),

@@ -105,8 +105,8 @@ class Agreement:
         return self.fit.unexplained <= ACCIDENTS
 
     @property
-    def contradicted(self) -> bool:
-        """Whether it leaves more unexplained than the robot's body would."""
+    def explains_too_little(self) -> bool:
+        """Whether the leader leaves more unexplained than a right body may, of so few or many."""
         return self.fit.unexplained > (ACCIDENTS if self.may_err else 0)
 
     @property
@@ -125,7 +125,7 @@ class Agreement:
         any_other = bool(self.leader)
         accident = self.fit.unexplained > 0
         limit = _POOR if any_other and (accident or not self.may_err) else _BAD
-        return not self.contradicted and self.fit.excess <= limit
+        return not self.explains_too_little and self.fit.excess <= limit
 
     @property
     def _poor(self) -> bool:
