@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Readings
 from estimator.posterior.model.departures import Departure
 from estimator.posterior.model.servos_and_sensors import as_sensed, performed
+from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
 
 Columns = NDArray[np.intp]
@@ -26,20 +26,7 @@ SIZES: Final = (0.85, 1.5)
 SCALE_SPREAD: Final = 0.5
 """Standard deviation of the prior of each noise factor's logarithm."""
 
-_JOINED: Final = 3  # parts, of which legs seldom have more
-
-
-@dataclass(frozen=True, kw_only=True)
-class Joined:
-    """Parts of which each carries the next: one, two or three that have something to choose.
-
-    Attributes:
-        columns: All of theirs.
-        kept: Those of them that stay: of three, where the first one sits.
-    """
-
-    columns: Columns
-    kept: tuple[int, ...]
+_MANY: Final = 24.0  # bits
 
 
 class Unknowns:
@@ -55,12 +42,12 @@ class Unknowns:
         counts: How many values each column chooses from, shape (size,); 0: any in a range.
         parents: Which columns choose what a part sits on, shape (size,).
         bits: Information that says which of all attachments a body has, were they equally likely.
+        many: Whether these are so many that changes of single parts do not lead to the body.
         parts: Columns that belong to one part, for each part that has any; nuisance parameters
             belong to the main body.
         places: Columns that say where parts sit, of parts that may have each other's mounts and not
             share them: in each array one row a part, and the same columns for each.
         hinges: Columns of these parts' hinges, part by part.
-        joined: What is best put on in another way together, where all parents are known.
     """
 
     def __init__(self, genome: Genome):
@@ -84,7 +71,12 @@ class Unknowns:
             )
             for places in self.places
         )
-        self.joined: tuple[Joined, ...] = () if self.parents.any() else _joined(genome)
+        self.many = self.bits > _MANY
+
+    @property
+    def genes(self) -> tuple[Gene, ...]:
+        """What each column decides."""
+        return self._genome.genes
 
     def forbidden(self, values: Array) -> Flags:
         """Which of n points the problem does not allow: there the prior is 0."""
@@ -252,31 +244,6 @@ def _places(genome: Genome) -> tuple[Columns, ...]:
         ]
         rows.setdefault(tuple(parent for parent, _ in own), []).append([at for _, at in own])
     return tuple(np.array(some) for kind, some in rows.items() if kind and len(some) > 1)
-
-
-def _joined(genome: Genome) -> tuple[Joined, ...]:
-    own: dict[int, list[int]] = {}
-    for column, gene in enumerate(genome.genes):
-        own.setdefault(gene.part, []).append(column)
-    chosen = {gene.part: gene.parent for gene in genome.genes if gene.choices > 1}
-    carriers = {
-        part: parent for part, parent in chosen.items() if parent is not None and parent in chosen
-    }
-    joined = []
-    for part in chosen:
-        chain = [part]
-        while len(chain) < _JOINED and chain[0] in carriers:
-            chain.insert(0, carriers[chain[0]])
-        if chain == [part] and part in carriers.values():
-            continue  # it is tried with those that it carries
-        mounts = [column for column in own[chain[0]] if genome.genes[column].trait == "mount"]
-        joined.append(
-            Joined(
-                columns=np.array([column for one in chain for column in own[one]]),
-                kept=tuple(mounts) if len(chain) == _JOINED else (),
-            )
-        )
-    return tuple(joined)
 
 
 def _where(chosen: list[bool]) -> Columns:

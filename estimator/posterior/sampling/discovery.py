@@ -18,8 +18,10 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
+from estimator.posterior.sampling.limbs import joined_parts
 from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.population import EVERY, Population
+from estimator.posterior.sampling.recombination import with_limbs_of_others
 from estimator.posterior.sampling.rows import other_rows
 
 _WATCHED: Final = 3  # levels, from the coldest up
@@ -36,6 +38,8 @@ _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 8  # so often in one round,
 _FRUITLESS: Final = 2  # and not more often without that
+_FOUNDERS: Final = 6  # bodies of each start whose limbs others may take over,
+_CROSSED: Final = 4  # the best few that do
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
 _ALIKE: Final = 16  # chains of each population, as further centres of a mode
 _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain all
@@ -100,14 +104,14 @@ class Discovery:
         """
         predictor, likelihood = self.predictor, Likelihood(data, noise)
         self._data, self._noise = data, noise
+        self._founders: list[Array] = []
         self.population.observe(data, noise, surely=True)
         self._lengths = Lengths(predictor, data, likelihood)
         self._neighbours = None
-        if predictor.unknowns.joined and len(data) >= _SEVERAL:
+        if joined_parts(predictor.unknowns) and len(data) >= _SEVERAL:
             self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
-        self._visited = _Visited(predictor)
+        self._before, self._visited = _Visited(predictor), _Visited(predictor)
         self._visited.add(self.met, self._lengths.fits(self.met))
-        self._before = self._visited.best()
 
     def search(self, steps: int) -> Bodies:
         """One round.
@@ -124,7 +128,9 @@ class Discovery:
         visited.polish(self._lengths, _POLISHED_BESIDE if self._wanders else _POLISHED)
         if self._neighbours:
             visited.climb(self._neighbours)
-        for nats in () if self._wanders else _SWEPT:
+            if self._founders:
+                self._recombine(self._neighbours)
+        for nats in () if self._wanders or self._covers_rows else _SWEPT:
             if not visited.sweep(self._lengths, self.rng, nats):
                 break
         bodies = self.best()
@@ -133,7 +139,28 @@ class Discovery:
 
     def best(self) -> Bodies:
         """All sets of attachments that were met so far."""
-        return Bodies.joined([self._before, self._visited.best()], self.predictor.unknowns)
+        both = [self._before.best(), self._visited.best()]
+        return Bodies.joined(both, self.predictor.unknowns)
+
+    @property
+    def _covers_rows(self) -> bool:
+        """Whether other rows of single parts are among the neighbours."""
+        return self._neighbours is not None and bool(self.predictor.unknowns.parents.any())
+
+    def _recombine(self, neighbours: Neighbours) -> None:
+        """Gives the best bodies limbs that were met by other starts, and goes on from there."""
+        founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
+        everyone = self._before
+        everyone.join(self._visited)
+        while True:
+            bodies = everyone.best()
+            for body in bodies.values[:_CROSSED]:
+                everyone.add_better(
+                    *with_limbs_of_others(body, founders, self.predictor.unknowns, self._lengths)
+                )
+            everyone.climb(neighbours)
+            if everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
+                break
 
     def start_half_anew(self) -> None:
         """Draws the chains of the hotter half of the levels from the prior."""
@@ -157,7 +184,9 @@ class Discovery:
             for _ in range(steps):
                 population.step()
         population.observe(data, noise, surely=True)
-        self._before, self._visited = self.best(), _Visited(self.predictor)
+        self._founders.append(self._visited.best().values[:_FOUNDERS])
+        self._before.join(self._visited)
+        self._visited = _Visited(self.predictor)
 
 
 class _Visited:
@@ -174,6 +203,19 @@ class _Visited:
         for key, fit, value in zip(self._unknowns.keys(values), fits.tolist(), values, strict=True):
             if key not in self._points or self._points[key][0] < fit:
                 self._points[key] = fit, value.copy()
+
+    def join(self, other: _Visited) -> None:
+        """Adds all that another has met, and what became of it."""
+        bodies = other.best()
+        self.add(bodies.values, bodies.fits)
+        self._polished |= other._polished
+        self._swept |= other._swept
+        self._climbed |= other._climbed
+
+    def add_better(self, values: Array, fits: Array) -> None:
+        """Adds points whose lengths are good."""
+        self._polished.update(self._unknowns.keys(values))
+        self.add(values, fits)
 
     def best(self) -> Bodies:
         kept = sorted(self._points.values(), key=lambda item: -item[0])
@@ -219,9 +261,7 @@ class _Visited:
             fresh = [row for row, key in enumerate(keys) if key not in self._climbed][:_CLIMBING]
             for row in fresh:
                 self._climbed.add(keys[row])
-                better, fits = neighbours.of(bodies.values[row])
-                self._polished.update(self._unknowns.keys(better))
-                self.add(better, fits)
+                self.add_better(*neighbours.of(bodies.values[row]))
             higher = self.best().fits[0] > bodies.fits[0] + _HIGHER
             fruitless = 0 if higher else fruitless + 1
             if fruitless == _FRUITLESS:
@@ -239,7 +279,7 @@ class _Visited:
     def _add_polished(self, values: Array, lengths: Lengths) -> None:
         better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
-        self.add(better, fits)
+        self.add_better(better, fits)
 
 
 def chains_like(point: Array, searches: Sequence[Discovery], least: float) -> Array:

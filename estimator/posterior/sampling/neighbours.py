@@ -18,22 +18,25 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.sampling.limbs import exchanged, joined_parts
 from estimator.posterior.sampling.rows import exchange_places
 
-_LENGTHS: Final = 3  # tried with each choice: those that the parts have, and random ones
+_LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
 _WIDTH: Final = 4.0  # of the noise, by which they are compared
 _KEPT: Final = 16  # of the rows of parts that are joined
 _NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
 _SETTLED: Final = 2  # rows of that other one are kept
 _POLISHED: Final = 32  # of all
-_TRIED_FIRST: Final = 1 / 3  # of the interactions; with this share
-_GO_ON: Final = 0.25  # of the points, the others are tried
+_TRIED_FIRST: Final = 2  # interactions; with this share
+_GO_ON: Final = 0.25  # of the points, as many more are tried, and so on
 _FEWEST: Final = 200  # points that go on
 _SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
 
 
 class Neighbours:
-    """Finds better bodies near others, where it is known which part sits on which.
+    """Finds better bodies near others.
+
+    Where it is not known which part sits on which, a limb is any part, with any other on it.
 
     Args:
         predictor: Computes readings.
@@ -51,6 +54,7 @@ class Neighbours:
     ) -> None:
         self._predictor = predictor
         self._unknowns = predictor.unknowns
+        self._joined = joined_parts(predictor.unknowns)
         self._turns = np.arange(len(data))
         self._likelihood = likelihood
         self._lengths = Lengths(predictor, data, likelihood)
@@ -61,20 +65,23 @@ class Neighbours:
 
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
-        near = []
-        for joined in self._unknowns.joined:
-            points = self._ranked(self._rows(leader[None], joined.columns, joined.kept))
+        near = [self._unknowns.permitted(exchanged(leader, self._unknowns))]
+        for joined in self._joined:
+            carrying = leader[None].copy()
+            for column, value in joined.carried:
+                carrying[:, column] = value
+            points = self._ranked(self._rows(carrying, joined.columns, joined.kept))
             near.append(points[:_KEPT])
             for newcomers, displaced in self._newcomers(points, leader, joined.columns):
                 near += [
                     self._ranked(self._rows(newcomers, other.columns, (displaced,)))[:_SETTLED]
-                    for other in self._unknowns.joined
+                    for other in self._joined
                     if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
         fits = self._lengths.fits(points, _WIDTH, surely=True)
-        best = best_of_each(self._unknowns.keys(points), fits)[:_POLISHED]
-        return self._lengths.polished(points[best])
+        best = best_of_each(self._unknowns.keys(points), fits)
+        return self._lengths.polished(points[best], _POLISHED)
 
     def _rows(self, leaders: Array, columns: Columns, kept: Collection[int]) -> Array:
         """Leaders with all that some columns choose, but for those kept, each at several lengths.
@@ -98,19 +105,21 @@ class Neighbours:
     def _ranked(self, points: Array) -> Array:
         """The best point of each set of attachments, best first; unlikely ones are left out.
 
-        Interactions in which the points differ most are tried first, the others with those alone
-        that fit best in these.
+        Interactions in which the points differ as much as usual are tried first, the others with
+        those alone that fit best in these. Where they differ most bodies fall to one side or the
+        other, whatever their lengths, and the right choices do not stand out.
         """
         count, rng = len(points), self._rng
         sample = rng.choice(count, max(2, round(_SAMPLED * count)), replace=False)
         spread = self._fits(points[sample], self._turns).std(axis=0)
-        order = np.argsort(-spread, kind="stable")
-        first = max(2, round(_TRIED_FIRST * order.size))
-        fits = self._fits(points, order[:first]).sum(axis=1)
-        if first < order.size:
-            best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * count))]
+        order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
+        fits = self._fits(points, order[:_TRIED_FIRST]).sum(axis=1)
+        tried = _TRIED_FIRST
+        while tried < order.size:
+            best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
             points = points[best]
-            fits = fits[best] + self._fits(points, order[first:]).sum(axis=1)
+            fits = fits[best] + self._fits(points, order[tried : 2 * tried]).sum(axis=1)
+            tried *= 2
         ranked: Array = points[best_of_each(self._unknowns.keys(points), fits)]
         return ranked
 
@@ -118,6 +127,8 @@ class Neighbours:
         self, points: Array, leader: Array, columns: Columns
     ) -> Iterator[tuple[Array, int]]:
         """For each part that lost its mount, the column that says so and the first such points."""
+        if self._unknowns.parents.any():
+            return
         chosen, before = (self._unknowns.decided(values) for values in (points, leader[None]))
         for places in self._unknowns.places:
             for column in np.setdiff1d(places[:, 0], columns).tolist():

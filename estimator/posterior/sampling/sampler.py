@@ -33,6 +33,7 @@ _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to
+_FEW_ROUNDS: Final = 3  # where much is open, and each of them is long
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, where chains wander: more lengths
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
@@ -91,9 +92,8 @@ class Sampler:
         self._noise = noise
         self._effort = effort
         self._workers = workers
-        known = not unknowns.parents.any()
-        self._telling = max(_TELLING, math.ceil(unknowns.bits / _TOLD) if known else 0)
-        self._wanders = self._telling > _TELLING
+        self._wanders = unknowns.many and not unknowns.parents.any()
+        self._telling = math.ceil(unknowns.bits / _TOLD) if self._wanders else _TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
         *own, common = seeds
         self._searches = []
@@ -242,6 +242,8 @@ class Sampler:
                 settled &= not (0 < anew <= _MORE and doubtful)
                 rounds = min(effort.rounds, len(data)) if agreement.credible else effort.rounds
                 rounds += _MORE if anew else 0
+                if self.predictor.unknowns.many:
+                    rounds = min(rounds, _FEW_ROUNDS)
             if settled or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Final
 
 import numpy as np
@@ -13,10 +14,12 @@ from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.discovery import Discovery
+from estimator.posterior.sampling.limbs import exchanged, joined_parts
 from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.rows import other_rows
 from tests.estimator.exploration.test_few_limbs import genome_of
+from tests.estimator.posterior.sampling.quadruped import quadruped
 from tests.estimator.two_unknown_rows import NOISE, draw
 
 _POSES: Final = 6
@@ -49,7 +52,7 @@ def confused(truth: Array, unknowns: Unknowns) -> Array:
     for leg in (1, 4):
         hinges = [
             column
-            for column in unknowns.joined[leg].columns.tolist()
+            for column in joined_parts(unknowns)[leg].columns.tolist()
             if unknowns.counts[column] == 4
         ]
         point[hinges] = (point[hinges] + 0.5) % 1
@@ -61,16 +64,29 @@ def joined(problem: str) -> set[tuple[tuple[int, ...], bool]]:
     genes = genome_of(problem).genes
     return {
         (tuple(sorted({genes[column].part for column in one.columns.tolist()})), bool(one.kept))
-        for one in Unknowns(genome_of(problem)).joined
+        for one in joined_parts(Unknowns(genome_of(problem)))
     }
 
 
-def test_parts_are_joined_where_one_sits_on_the_other_and_parents_are_known() -> None:
+def test_parts_are_joined_where_one_sits_on_the_other() -> None:
     pairs = {((leg, leg + 6), False) for leg in range(6)}
     assert joined("hexapod-12") == pairs
     assert joined("hexapod-18") == pairs | {((leg, leg + 6, leg + 12), True) for leg in range(6)}
-    assert not joined("topological")
     assert not joined("parametric")
+
+
+def test_where_little_of_all_is_unknown_no_parts_are_joined_that_may_sit_on_each_other() -> None:
+    assert not joined("topological")
+    alone = {((part,), False) for part in range(8)}
+    pairs = {((one, other), True) for one, other in combinations(range(8), 2)}
+    assert joined("topological-24") == alone | pairs
+    genome = genome_of("topological-24")
+    for one in joined_parts(Unknowns(genome)):
+        for column, value in one.carried:
+            point = np.full((1, genome.size), 0.5)
+            point[:, column] = value
+            carrier, part = sorted({genome.genes[at].part for at in one.columns.tolist()})
+            assert genome.bodies(point).parent[0, part] == carrier
 
 
 def test_a_leg_of_which_all_three_parts_are_put_on_otherwise_is_put_right() -> None:
@@ -87,6 +103,41 @@ def test_a_leg_of_which_all_three_parts_are_put_on_otherwise_is_put_right() -> N
     assert before < wanted - 10
     _, fits = Neighbours(predictor, data, Likelihood(data, NOISE), rng).of(leader)
     assert fits.max() > wanted - 2
+
+
+def test_a_leg_of_two_parts_that_may_sit_anywhere_is_put_right() -> None:
+    predictor = Predictor(Unknowns(genome_of("topological-24")), StaticsPhysics())
+    unknowns, rng = predictor.unknowns, np.random.default_rng(1)
+    truth = quadruped()
+    data = draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 8)), rng, outlier=0.0)
+    likelihood = Likelihood(data, NOISE)
+    leader = truth.copy()
+    leg = np.concatenate([unknowns.parts[part] for part in (3, 7)])
+    leader[leg] = 0.6  # elsewhere, on other parts, and otherwise hinged
+    _, (wanted, before) = Lengths(predictor, data, likelihood).polished(np.stack([truth, leader]))
+    assert before < wanted - 10
+    points, fits = Neighbours(predictor, data, likelihood, rng).of(leader)
+    assert fits.max() > wanted - 2
+    assert unknowns.keys(points)[int(np.argmax(fits))] == unknowns.keys(truth[None])[0]
+
+
+def test_parts_have_each_others_places_with_what_they_carry_and_without() -> None:
+    unknowns = Unknowns(genome_of("topological-24"))
+    sides, points = [0, 1, 2, 3], exchanged(quadruped(), unknowns)
+    bodies = unknowns.bodies(points)
+    rows = {
+        (tuple(parent), tuple(mount))
+        for parent, mount in zip(
+            bodies.parent.tolist(), bodies.mount[:, sides].tolist(), strict=True
+        )
+    }
+    (before,) = unknowns.bodies(quadruped()[None]).mount[:, sides].tolist()
+    swapped = (before[1], before[0], *before[2:])
+    on_base, knees = (-1, -1, -1, -1), (0, 1, 2, 3)
+    assert ((*on_base, *knees), swapped) in rows  # legs 1 and 2, knees and all
+    assert ((*on_base, 1, 0, 2, 3), swapped) in rows  # their hips alone
+    assert ((*on_base, 1, 0, 2, 3), tuple(before)) in rows  # their knees alone
+    assert len(points) == 2 * (6 + 6 + 6)  # hips; knees; hips with knees of earlier legs
 
 
 def test_two_legs_in_each_others_places_are_put_right(

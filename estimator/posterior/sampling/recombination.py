@@ -1,0 +1,46 @@
+"""Bodies with limbs of others: searches that began apart find different limbs of the true body.
+
+A limb is a part with all that it carries. As in genetic programming subtrees are what is exchanged,
+since a part means little without the one that it sits on. This finds where the posterior is; it
+does not leave it invariant.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.unknowns import Unknowns
+from estimator.posterior.sampling.limbs import limbs
+
+_WIDTH: Final = 4.0  # of the noise, by which they are compared
+_POLISHED: Final = 32
+
+
+def with_limbs_of_others(
+    body: Array, others: Array, unknowns: Unknowns, lengths: Lengths
+) -> tuple[Array, Array]:
+    """The best bodies that differ from one in a limb of another.
+
+    Args:
+        body: Shape (size,).
+        others: Shape (n, size).
+        unknowns: The cube.
+        lengths: Compares and polishes them.
+
+    Returns:
+        Points with good lengths, and their log-likelihoods.
+    """
+    points = []
+    for other in others:
+        for limb in limbs(other, unknowns):
+            point = body.copy()
+            point[limb] = other[limb]
+            points.append(point)
+    several = unknowns.permitted(np.array(points))
+    several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
+    fits = lengths.fits(several, _WIDTH, surely=True)
+    return lengths.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])
