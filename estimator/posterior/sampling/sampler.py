@@ -229,9 +229,9 @@ class Sampler:
             doubtful = agreement.doubtful and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
             astray = agreement.few and (doubtful or apart)
-            astray |= (
-                agreement.explains_too_little and doubtful
-            )  # that many fit as badly is no excuse
+            # That many fit as badly, or as well where one search met none of them, is no excuse.
+            astray |= agreement.explains_too_little and doubtful
+            astray |= late and self.predictor.unknowns.many and agreement.missed_all
             if astray and not self._wanders:
                 anew += 1
             settled = agreement.credible and agreed and fresh <= _NEGLIGIBLE

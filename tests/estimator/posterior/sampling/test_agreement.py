@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,10 +38,12 @@ def test_attachments_about_as_probable_as_the_leaders_lead_too() -> None:
         keys=[(0,), (1,), (2,)],
         best=0.0,
         guesses=np.array([-1.0, 0.0, -4.0]),
-        met=(),
+        met=({(0,), (1,)}, set()),
         fit=Fit(unexplained=0, excess=1.5),
         may_err=True,
     )
+    assert agreement.missed_all
+    assert not replace(agreement, met=({(0,)}, {(1,)})).missed_all
     assert agreement.leader == (1,)
     assert agreement.leaders == [(0,), (1,)]
     assert agreement.share_beyond({(1,)}) == pytest.approx(0.28, abs=0.01)
