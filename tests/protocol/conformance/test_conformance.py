@@ -101,7 +101,7 @@ def test_one_fault_is_one_broken_clause_and_soon_told(
     fault.patch(monkeypatch)
     begun = time.monotonic()
     with serving(calm, fault) as uri:
-        results = run(SuiteSettings(uri=uri, patience=1.0))
+        results = run(SuiteSettings(uri=uri, patience=2.0))
     assert {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN} == {
         clause
     }
