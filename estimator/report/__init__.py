@@ -4,6 +4,7 @@
 ``result.summarise``       a run in numbers: the content of ``result.json``
 ``result_schema``          the JSON Schema of that file
 ``posterior_summary``      the posterior in it: attachments with probabilities, intervals, rivals
+``verdict``                whether some body of the problem explains the readings
 ``run_plots``              the plots of a run
 ``plots``                  errors and leg lengths over generations, as in the paper's Figure 2
 ``posterior_plots``        probabilities and intervals over interactions

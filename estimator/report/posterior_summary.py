@@ -13,10 +13,10 @@ from pydantic import BaseModel, ConfigDict
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import SCALED
-from estimator.posterior.posterior import share_met_alike
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.storage.beliefs import OTHERWISE, RIVAL, Belief, Foretold, NextMovement
+from estimator.report.verdict import verdict_on_fit
+from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement
 from estimator.storage.store import RunStore
 
 SURE_ENOUGH: Final = 10.0
@@ -27,7 +27,6 @@ _INTERVAL: Final = (0.05, 0.5, 0.95)
 _LEARNT: Final = 0.7  # of the prior's interval
 _TOGETHER: Final = 0.5  # of either length's interval
 _VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
-_AGREED: Final = 0.5  # of the posterior
 _SQUARE: Final = 0.05  # of the longer side; else a leg that sits elsewhere is felt
 
 
@@ -216,66 +215,6 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         simulated=belief.simulated,
         effective=belief.effective,
     )
-
-
-def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
-    """Whether some body of the problem explains the readings, as sentences.
-
-    Args:
-        belief: What is believed.
-        contradictions: Between the problem and what the robot states.
-    """
-    if contradictions:
-        listed = "; ".join(contradictions)
-        return f"THIS PROBLEM IS NOT THE ROBOT'S: {listed}. {verdict_on_fit(belief)}"
-    if belief.explained:
-        rest = ""
-        if belief.unexplained:
-            number = belief.unexplained[0].interaction + 1
-            rest = f" but interaction {number}, an accident or a fault that came or went"
-        return f"Some body that this problem allows explains every interaction{rest}."
-    reasons = []
-    if len(belief.unexplained) > 1:
-        numbers = [str(item.interaction + 1) for item in belief.unexplained]
-        sensors = sorted({name for item in belief.unexplained for name in item.sensors})
-        listed = f"{', '.join(numbers[:-1])} and {numbers[-1]}"
-        where = f" ({', '.join(sensors)})" if sensors else ""
-        reasons.append(f"explains interactions {listed}{where}")
-    if belief.noisy:
-        reasons.append(
-            f"explains {' and '.join(belief.noisy)} without more than twice the announced noise"
-        )
-    if belief.contradicting:
-        several = len(belief.contradicting) > 1
-        those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
-        felt = f"sensors {those} feel" if several else f"sensor {those} feels"
-        reasons.append(f"explains what touch {felt}")
-    if belief.departure:
-        reasons.append(
-            f"explains the readings as well as one with {belief.departure}, so neither attachments "
-            "nor lengths can be trusted"
-        )
-    elif belief.departed >= OTHERWISE:
-        reasons.append(
-            "is as probable as that the robot is built otherwise, or has changed on the way "
-            f"({100 * belief.departed:.0f} %)"
-        )
-    listed = ", or ".join(reasons)
-    if _share_met(belief) < _AGREED:
-        return (
-            f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
-            "better one may have been missed: more movements help, and a problem that leaves less "
-            "open."
-        )
-    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
-
-
-def _share_met(belief: Belief) -> float:
-    """How much of the posterior the searches have met, by what they met in common."""
-    shares = np.array([mode.probability for mode in belief.modes])
-    met = np.array([mode.met for mode in belief.modes])
-    alike = np.array([mode.like_the_first for mode in belief.modes], dtype=float)
-    return share_met_alike(shares, met, alike)
 
 
 def _probability(genome: Genome, belief: Belief) -> float | None:

@@ -1,0 +1,73 @@
+"""Whether some body of the problem explains the readings, as sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from estimator.posterior.posterior import share_met_alike
+from estimator.storage.beliefs import OTHERWISE, Belief
+
+_AGREED: Final = 0.5  # of the posterior
+
+
+def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
+    """Whether some body of the problem explains the readings, as sentences.
+
+    Args:
+        belief: What is believed.
+        contradictions: Between the problem and what the robot states.
+    """
+    if contradictions:
+        listed = "; ".join(contradictions)
+        return f"THIS PROBLEM IS NOT THE ROBOT'S: {listed}. {verdict_on_fit(belief)}"
+    if belief.explained:
+        rest = ""
+        if belief.unexplained:
+            number = belief.unexplained[0].interaction + 1
+            rest = f" but interaction {number}, an accident or a fault that came or went"
+        return f"Some body that this problem allows explains every interaction{rest}."
+    reasons = []
+    if len(belief.unexplained) > 1:
+        numbers = [str(item.interaction + 1) for item in belief.unexplained]
+        sensors = sorted({name for item in belief.unexplained for name in item.sensors})
+        listed = f"{', '.join(numbers[:-1])} and {numbers[-1]}"
+        where = f" ({', '.join(sensors)})" if sensors else ""
+        reasons.append(f"explains interactions {listed}{where}")
+    if belief.noisy:
+        reasons.append(
+            f"explains {' and '.join(belief.noisy)} without more than twice the announced noise"
+        )
+    if belief.contradicting:
+        several = len(belief.contradicting) > 1
+        those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
+        felt = f"sensors {those} feel" if several else f"sensor {those} feels"
+        reasons.append(f"explains what touch {felt}")
+    if belief.departure:
+        reasons.append(
+            f"explains the readings as well as one with {belief.departure}, so neither attachments "
+            "nor lengths can be trusted"
+        )
+    elif belief.departed >= OTHERWISE:
+        reasons.append(
+            "is as probable as that the robot is built otherwise, or has changed on the way "
+            f"({100 * belief.departed:.0f} %)"
+        )
+    listed = ", or ".join(reasons)
+    if _share_met(belief) < _AGREED:
+        return (
+            f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
+            "better one may have been missed: more movements help, and a problem that leaves less "
+            "open."
+        )
+    return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
+
+
+def _share_met(belief: Belief) -> float:
+    """How much of the posterior the searches have met, by what they met in common."""
+    shares = np.array([mode.probability for mode in belief.modes])
+    met = np.array([mode.met for mode in belief.modes])
+    alike = np.array([mode.like_the_first for mode in belief.modes], dtype=float)
+    return share_met_alike(shares, met, alike)
