@@ -12,8 +12,8 @@ Module            What is in it
 ``population``    chains on levels of noise: evolutionary Monte Carlo
 ``moves``         their proposals
 ``neighbours``    better bodies near others, of limbs put on together
-``recombination`` bodies with limbs of others
-``limbs``         parts that hang together
+``recombination`` bodies with subtrees of others
+``part_trees``    bodies as trees of parts: what is changed together
 ``rows``          other ways to put one part on, and who then has to move
 ================= ===============================================================================
 """

@@ -18,10 +18,10 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.sampling.limbs import joined_parts
 from estimator.posterior.sampling.neighbours import Neighbours
+from estimator.posterior.sampling.part_trees import joined_parts
 from estimator.posterior.sampling.population import EVERY, Population
-from estimator.posterior.sampling.recombination import with_limbs_of_others
+from estimator.posterior.sampling.recombination import with_subtrees_of_others
 from estimator.posterior.sampling.rows import other_rows
 
 _WATCHED: Final = 3  # levels, from the coldest up
@@ -38,7 +38,7 @@ _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 8  # so often in one round,
 _FRUITLESS: Final = 2  # and not more often without that
-_FOUNDERS: Final = 6  # bodies of each start whose limbs others may take over,
+_FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
 _CROSSED: Final = 4  # the best few that do
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
 _ALIKE: Final = 16  # chains of each population, as further centres of a mode
@@ -148,7 +148,7 @@ class Discovery:
         return self._neighbours is not None and bool(self.predictor.unknowns.parents.any())
 
     def _recombine(self, neighbours: Neighbours) -> None:
-        """Gives the best bodies limbs that were met by other starts, and goes on from there."""
+        """Gives the best bodies subtrees that other starts have met, and goes on from there."""
         founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
         everyone = self._before
         everyone.join(self._visited)
@@ -156,7 +156,7 @@ class Discovery:
             bodies = everyone.best()
             for body in bodies.values[:_CROSSED]:
                 everyone.add_better(
-                    *with_limbs_of_others(body, founders, self.predictor.unknowns, self._lengths)
+                    *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._lengths)
                 )
             everyone.climb(neighbours)
             if everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
@@ -279,7 +279,7 @@ class _Visited:
     def _add_polished(self, values: Array, lengths: Lengths) -> None:
         better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
-        self.add_better(better, fits)
+        self.add(better, fits)
 
 
 def chains_like(point: Array, searches: Sequence[Discovery], least: float) -> Array:

@@ -18,7 +18,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.posterior.sampling.limbs import exchanged, joined_parts
+from estimator.posterior.sampling.part_trees import exchanged, joined_parts
 from estimator.posterior.sampling.rows import exchange_places
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones

@@ -1,8 +1,8 @@
-"""Bodies with limbs of others: searches that began apart find different limbs of the true body.
+"""Bodies with subtrees of others: searches that began apart find different legs of the true body.
 
-A limb is a part with all that it carries. As in genetic programming subtrees are what is exchanged,
-since a part means little without the one that it sits on. This finds where the posterior is; it
-does not leave it invariant.
+A subtree is a part with all that it carries. It is taken over as a whole, as in genetic programming
+(Koza 1992): a part means little without what it carries. This finds where the posterior is; it does
+not leave it invariant.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Unknowns
-from estimator.posterior.sampling.limbs import limbs
+from estimator.posterior.sampling.part_trees import subtrees
 
 _WIDTH: Final = 4.0  # of the noise, by which they are compared
 _POLISHED: Final = 32
 
 
-def with_limbs_of_others(
+def with_subtrees_of_others(
     body: Array, others: Array, unknowns: Unknowns, lengths: Lengths
 ) -> tuple[Array, Array]:
-    """The best bodies that differ from one in a limb of another.
+    """The best bodies that differ from one in a subtree of another.
 
     Args:
         body: Shape (size,).
@@ -36,9 +36,9 @@ def with_limbs_of_others(
     """
     points = []
     for other in others:
-        for limb in limbs(other, unknowns):
+        for subtree in subtrees(other, unknowns):
             point = body.copy()
-            point[limb] = other[limb]
+            point[subtree] = other[subtree]
             points.append(point)
     several = unknowns.permitted(np.array(points))
     several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]

@@ -14,8 +14,8 @@ from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.discovery import Discovery
-from estimator.posterior.sampling.limbs import exchanged, joined_parts
 from estimator.posterior.sampling.neighbours import Neighbours
+from estimator.posterior.sampling.part_trees import exchanged, joined_parts
 from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.rows import other_rows
 from tests.estimator.exploration.test_few_limbs import genome_of

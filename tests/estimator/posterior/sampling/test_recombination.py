@@ -1,4 +1,4 @@
-"""What two searches found apart is put together, limb by limb."""
+"""What two searches found apart is put together, leg by leg."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from estimator.posterior.model.likelihood import Likelihood, SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.discovery import Discovery
-from estimator.posterior.sampling.limbs import limbs
+from estimator.posterior.sampling.part_trees import subtrees
 from estimator.posterior.sampling.population import Population
-from estimator.posterior.sampling.recombination import with_limbs_of_others
+from estimator.posterior.sampling.recombination import with_subtrees_of_others
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.posterior.sampling.quadruped import PARTS, PROBLEM, quadruped
 from tests.estimator.two_unknown_rows import NOISE, draw
@@ -41,11 +41,11 @@ def but_for(unknowns: Unknowns, *legs: int) -> Array:
     return point
 
 
-def test_a_limb_is_a_part_with_all_that_it_carries(predictor: Predictor) -> None:
+def test_a_subtree_is_a_part_with_all_that_it_carries(predictor: Predictor) -> None:
     unknowns = predictor.unknowns
-    for part, limb in enumerate(limbs(quadruped(), unknowns)):
+    for part, subtree in enumerate(subtrees(quadruped(), unknowns)):
         parts = [part, part + 4] if part < 4 else [part]
-        assert limb.tolist() == sorted(np.concatenate([unknowns.parts[one] for one in parts]))
+        assert subtree.tolist() == sorted(np.concatenate([unknowns.parts[one] for one in parts]))
 
 
 def test_legs_that_each_lacks_are_taken_from_the_other(
@@ -56,13 +56,13 @@ def test_legs_that_each_lacks_are_taken_from_the_other(
     body, other = but_for(unknowns, 1), but_for(unknowns, 0, 2)
     _, (wanted, *before) = lengths.polished(np.stack([quadruped(), body, other]))
     assert max(before) < wanted - 10
-    points, fits = with_limbs_of_others(body, other[None], unknowns, lengths)
+    points, fits = with_subtrees_of_others(body, other[None], unknowns, lengths)
     assert fits.max() > wanted - 1
     assert unknowns.keys(points)[int(np.argmax(fits))] == unknowns.keys(quadruped()[None])[0]
     assert np.array_equal(fits, lengths.fits(points))
 
 
-def test_a_search_that_began_anew_takes_limbs_from_what_was_met_before(
+def test_a_search_that_began_anew_takes_legs_from_what_was_met_before(
     predictor: Predictor, data: SensorData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("estimator.posterior.sampling.neighbours.Neighbours.of", _nobody)

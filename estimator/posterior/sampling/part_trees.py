@@ -1,4 +1,4 @@
-"""Parts that hang together: what of a body is changed, exchanged or taken over as a whole."""
+"""Bodies as trees of parts: what of them is changed, exchanged or taken over as a whole."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def joined_parts(unknowns: Unknowns) -> tuple[Joined, ...]:
     return _possibly_joined(unknowns) if unknowns.many else ()
 
 
-def limbs(point: Array, unknowns: Unknowns) -> list[Columns]:
+def subtrees(point: Array, unknowns: Unknowns) -> list[Columns]:
     """Columns of each part together with those of all that it carries.
 
     Args:
