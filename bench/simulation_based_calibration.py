@@ -35,7 +35,8 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.alike import feel_alike
 from estimator.posterior.belief import believe
 from estimator.posterior.information import SAMPLES, information_gained
-from estimator.posterior.model.likelihood import LEANS, Noise, SensorData, apart
+from estimator.posterior.model.densities import DENSITIES
+from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, SensorData, apart
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
@@ -44,7 +45,6 @@ from estimator.readings.observation import Observation
 
 SURE: Final = 0.95
 BEYOND: Final = 0.1
-_ASTRAY: Final = 0.5  # times as likely as the plumb fall
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,14 +71,19 @@ class StaticsRobot:
         """What it feels after a motor program, rad, shape (motors,)."""
         noise, cap, rng = self.noise, self.cap, self.rng
         readings = self._where_it_falls(program)
-        wide = np.exp(self.scales)
-        tilt = readings.tilt[0] + noise.tilt * wide[0] * rng.standard_normal(2)
-        height = readings.clearance[0] + noise.clearance * wide[1] * rng.standard_normal()
+        wide = np.exp(self.scales) * [noise.tilt, noise.clearance]
+        accident = rng.random() < noise.outlier
+        beside = accident and rng.random() < noise.nearby
+        if beside:
+            wide = np.hypot(wide, [DENSITIES["tilt"].beside, DENSITIES["clearance"].beside])
+        tilt = readings.tilt[0] + wide[0] * rng.standard_normal(2)
+        height = readings.clearance[0] + wide[1] * rng.standard_normal()
         beyond = bool(readings.saturated[0]) or height >= cap
         doubtful = readings.touch_doubtful[0]
         wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, noise.touch)
         touch = readings.touch[0] != wrong
-        if rng.random() < noise.outlier or readings.undecided[0] or not readings.valid[0]:
+        anywhere = accident and not beside
+        if anywhere or readings.undecided[0] or not readings.valid[0]:
             tilt = rng.uniform(-math.pi / 2, math.pi / 2, 2)
             beyond = rng.random() < BEYOND
             height = rng.uniform(0, cap)
@@ -92,16 +97,16 @@ class StaticsRobot:
         )
 
     def _where_it_falls(self, program: Array) -> Readings:
-        """One reading: of the plumb fall, or half as likely of each other side of a fork."""
+        """One reading: of the plumb fall, or of another side of a fork, as likely as that is."""
         body = np.repeat(self.body[None], len(LEANS), axis=0)
         readings = self.predictor.read_all(body, program[None], LEANS)
-        sides = [readings[:1]]
+        sides, likely = [readings[:1]], [LIKELY[0]]
         for number in range(1, len(LEANS)):
             other = readings[number : number + 1]
             if all(apart(side, other, self.noise)[0] for side in sides):
                 sides.append(other)
-        likely = np.array([1.0] + [_ASTRAY] * (len(sides) - 1))
-        return sides[int(self.rng.choice(len(sides), p=likely / likely.sum()))]
+                likely.append(LIKELY[number])
+        return sides[int(self.rng.choice(len(sides), p=np.array(likely) / sum(likely)))]
 
 
 def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list[dict[str, Any]]:

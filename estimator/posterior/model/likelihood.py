@@ -67,7 +67,10 @@ have."""
 FORKS: Final = LEANS[1 : 1 + len(_SIDES)]
 """Those that decide at a fork."""
 
-_LOG_ASTRAY: Final = np.log(np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)]))
+LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
+"""How likely each of ``LEANS`` is, beside the first."""
+
+_LOG_LIKELY: Final = np.log(LIKELY)
 _PLAINLY: Final = 3.0  # standard deviations
 
 
@@ -330,7 +333,7 @@ class Likelihood:
             own = misfits[..., _COLUMNS[name]]
             density.add_logs(inlier, own, known, noise)
             density.add_logs(nearby, own, known, np.hypot(noise, density.beside))
-        inlier += _LOG_ASTRAY[misfits[..., ASTRAY].astype(np.intp)]
+        inlier += _LOG_LIKELY[misfits[..., ASTRAY].astype(np.intp)]
         silent = misfits[..., SILENT] > 0
         outlier: Array = np.logaddexp(
             math.log1p(-nearby_share) + anywhere,
