@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from rich.progress import track
 from scipy import stats
 
 from bench.prior_bodies import drawn_genes, on_default_robot
@@ -225,7 +226,8 @@ def main() -> None:
         folder=folder,
     )
     with ProcessPoolExecutor(options.jobs) as workers:
-        trials = list(workers.map(work, range(options.bodies)))
+        bodies = workers.map(work, range(options.bodies))
+        trials = list(track(bodies, "bodies", total=options.bodies))
     print(table(trials))
 
 

@@ -18,7 +18,10 @@ from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import ASTRAY, LEANS, Likelihood, SensorData
 from estimator.posterior.model.unknowns import Predictor
 
-_WIDE: Final = (4.0, 2.0)  # factors on the noise, a step each
+ROUGH: Final = 4.0
+"""Factor on the noise under which bodies are compared whose lengths are not right yet."""
+
+_WIDE: Final = (ROUGH, 2.0)  # factors on the noise, a step each
 _NARROW: Final = (1.0, 1.0, 1.0)
 
 PRIOR: Final = 12.0
@@ -60,16 +63,14 @@ class Lengths:
         self._data = data
         self._likelihood = likelihood
 
-    def fits(self, values: Array, width: float = 1.0, *, surely: bool = False) -> Array:
-        """Log-likelihood of n points under noise of the announced size times ``width``.
+    def fits(self, values: Array) -> Array:
+        """Log-likelihood of n points, shape (n, size), under the announced noise."""
+        return self._of(self._likelihood.misfits_of(self._predictor, values), 1.0)
 
-        Args:
-            values: Shape (n, size).
-            width: Factor on the noise.
-            surely: As in ``Likelihood.misfits_at``.
-        """
-        misfits = self._likelihood.misfits_of(self._predictor, values, surely=surely)
-        return self._of(misfits, width)
+    def rough_fits(self, values: Array) -> Array:
+        """The same under ``ROUGH`` times the noise, everybody taken to fall as statics has it."""
+        misfits = self._likelihood.misfits_of(self._predictor, values, surely=True)
+        return self._of(misfits, ROUGH)
 
     def polished(self, values: Array, most: int | None = None) -> tuple[Array, Array]:
         """Points with better lengths, and their log-likelihoods.

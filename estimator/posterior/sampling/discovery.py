@@ -33,7 +33,6 @@ _ELSEWHERE: Final = 800  # random lengths tried with a leader's attachments
 _PROMISING: Final = 60  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24
-_SWEEP_WIDTH: Final = 4.0
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
 _HIGHER: Final = 0.5  # nats, for which it is worth going on,
 _CLIMBS: Final = 8  # so often in one round,
@@ -246,7 +245,7 @@ class _Visited:
                     for columns in self._unknowns.parts
                 ]
             )
-            fits = lengths.fits(values, _SWEEP_WIDTH, surely=True)
+            fits = lengths.rough_fits(values)
             order = best_of_each(self._unknowns.keys(values), fits)[:_PROMISING]
             self._add_polished(values[order], lengths)
             self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
@@ -272,7 +271,7 @@ class _Visited:
         columns = self._unknowns.continuous
         trial = np.repeat(leader[None], _ELSEWHERE, axis=0)
         trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
-        order = np.argsort(-lengths.fits(trial, _SWEEP_WIDTH, surely=True), kind="stable")[:_STARTS]
+        order = np.argsort(-lengths.rough_fits(trial), kind="stable")[:_STARTS]
         starts: Array = trial[order]
         return starts
 

@@ -16,13 +16,12 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, SensorData
-from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.slopes import ROUGH, Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.part_trees import exchanged, joined_parts
 from estimator.posterior.sampling.rows import exchange_places
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
-_WIDTH: Final = 4.0  # of the noise, by which they are compared
 _KEPT: Final = 16  # of the rows of parts that are joined
 _NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
 _SETTLED: Final = 2  # rows of that other one are kept
@@ -79,7 +78,7 @@ class Neighbours:
                     if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
-        fits = self._lengths.fits(points, _WIDTH, surely=True)
+        fits = self._lengths.rough_fits(points)
         best = best_of_each(self._unknowns.keys(points), fits)
         return self._lengths.polished(points[best], _POLISHED)
 
@@ -144,5 +143,5 @@ class Neighbours:
         misfits = self._likelihood.misfits_at(
             self._predictor, bodies, rows, each, ways=np.zeros(len(rows))
         )
-        fits = self._likelihood.of(misfits[:, None], _WIDTH, turns=each[:, None])
+        fits = self._likelihood.of(misfits[:, None], ROUGH, turns=each[:, None])
         return fits.reshape(len(points), len(turns))

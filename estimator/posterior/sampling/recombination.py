@@ -16,7 +16,6 @@ from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Unknowns
 from estimator.posterior.sampling.part_trees import subtrees
 
-_WIDTH: Final = 4.0  # of the noise, by which they are compared
 _POLISHED: Final = 32
 
 
@@ -42,5 +41,5 @@ def with_subtrees_of_others(
             points.append(point)
     several = unknowns.permitted(np.array(points))
     several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
-    fits = lengths.fits(several, _WIDTH, surely=True)
+    fits = lengths.rough_fits(several)
     return lengths.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])
