@@ -330,7 +330,7 @@ def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
             Mode(key, mode.probability, point, mode.effective, mode.met)
             for key, mode, point in zip(keys, belief.modes, points, strict=True)
         ),
-        credible=belief.probability is not None,
+        credible=belief.within_problem is not None,
     )
 
 

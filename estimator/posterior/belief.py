@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Mode, Posterior, share_met_alike
+from estimator.posterior.posterior import Posterior, share_met_alike
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
@@ -49,6 +48,8 @@ def believe(
     compared = modes if posterior.credible else modes[:_RIVALS]
     shares = np.zeros(len(modes))
     shares[: len(compared)] = alike_shares(compared, posterior, predictor, alike)
+    chances, met = np.array([mode.probability for mode in modes]), [mode.met for mode in modes]
+    met_in_common = share_met_alike(chances, np.array(met), shares)
     verdict = judge(posterior, predictor, data, noise)
     gained = None
     if before is not None:
@@ -68,7 +69,8 @@ def believe(
             )
             for mode, share in zip(modes, shares.tolist(), strict=True)
         ),
-        within_problem=_vouched_for(modes, shares) if posterior.credible else None,
+        within_problem=min(float(chances @ shares), met_in_common) if posterior.credible else None,
+        met_in_common=met_in_common,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(
@@ -78,13 +80,6 @@ def believe(
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
     )
-
-
-def _vouched_for(modes: Sequence[Mode], alike: Array) -> float:
-    """Probability of attachments like the first mode's; no more than the populations have met."""
-    shares = np.array([mode.probability for mode in modes])
-    met = np.array([mode.met for mode in modes])
-    return min(float(shares @ alike), share_met_alike(shares, met, alike))
 
 
 def _medians(posterior: Posterior, predictor: Predictor) -> Array:

@@ -141,7 +141,8 @@ def sureness_after(step: Step) -> str:
 def sureness(posterior: PosteriorSummary) -> str:
     """A sentence: how probable the best body's attachments are, and on what condition."""
     sure = (
-        "is not known: the best body explains the readings poorly, or few samples stand for it"
+        "is not known: the best body explains the readings poorly, the searches have met different "
+        "ones, or few samples stand for it"
         if posterior.probability is None
         else f"is {percent(posterior.probability)}"
     )

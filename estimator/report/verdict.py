@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
-import numpy as np
-
-from estimator.posterior.posterior import share_met_alike
-from estimator.storage.beliefs import OTHERWISE, Belief
-
-_AGREED: Final = 0.5  # of the posterior
+from estimator.storage.beliefs import AGREED, OTHERWISE, Belief
 
 
 def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
@@ -56,18 +50,10 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
             f"({100 * belief.departed:.0f} %)"
         )
     listed = ", or ".join(reasons)
-    if _share_met(belief) < _AGREED:
+    if belief.met_in_common < AGREED:
         return (
             f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
             "better one may have been missed: more movements help, and a problem that leaves less "
             "open."
         )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
-
-
-def _share_met(belief: Belief) -> float:
-    """How much of the posterior the searches have met, by what they met in common."""
-    shares = np.array([mode.probability for mode in belief.modes])
-    met = np.array([mode.met for mode in belief.modes])
-    alike = np.array([mode.like_the_first for mode in belief.modes], dtype=float)
-    return share_met_alike(shares, met, alike)

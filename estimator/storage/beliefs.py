@@ -11,6 +11,9 @@ from estimator.readings.observation import Program
 ACCIDENTS: Final = 1
 """Unexplained interactions that happen to a body that the problem describes."""
 
+AGREED: Final = 0.5
+"""Share of the posterior: searches that have met less in common have met different bodies."""
+
 OTHERWISE: Final = 0.9
 """Where it is so probable that the robot is built otherwise, no body of the problem explains it."""
 
@@ -97,9 +100,9 @@ class Belief(_Record):
         modes: Sets of attachments, the most probable first.
         within_problem: Probability, if the robot is built as the problem says, that the attachments
             are those of the first mode or, at the robot's lengths, such as no sensor can tell from
-            them; never more than the
-            search can vouch for. ``None``: it is not known, since the best body explains the
-            readings poorly.
+            them; never more than ``met_in_common``. ``None``: it is not known, since the best
+            body explains the readings poorly.
+        met_in_common: How much of the posterior the searches have met, by what they met in common.
         departed: Probability that the robot is built otherwise; 0 until attachments are sure.
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.
@@ -121,6 +124,7 @@ class Belief(_Record):
     best: tuple[float, ...]
     modes: tuple[BelievedMode, ...]
     within_problem: float | None
+    met_in_common: float = 1.0
     departed: float = 0.0
     gained: float | None = None
     foretold: tuple[Foretold, ...]
@@ -135,8 +139,15 @@ class Belief(_Record):
 
     @property
     def probability(self) -> float | None:
-        """The probability that is stated of the attachments, where it is known."""
-        return None if self.within_problem is None else self.within_problem * (1 - self.departed)
+        """The probability that is stated of the attachments, where it is known.
+
+        It is not where the searches have met different bodies: then what they met in common says
+        nothing of those of one.
+        """
+        within = self.within_problem
+        if within is None or (self.met_in_common < AGREED and within >= self.met_in_common):
+            return None
+        return within * (1 - self.departed)
 
     @property
     def explained(self) -> bool:

@@ -13,6 +13,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.belief import believe
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
+from estimator.storage.beliefs import Belief
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -26,13 +27,17 @@ def posterior(met: Callable[[int], tuple[bool, ...]]) -> Posterior:
     return replace(alone, modes=modes)
 
 
-def stated(predictor: Predictor, one: Posterior, *, alike: bool) -> float | None:
+def believed(predictor: Predictor, one: Posterior, *, alike: bool) -> Belief:
     data = draw(predictor, POINT, programs(3), np.random.default_rng(2))
 
     def same(ones: Array, others: Array) -> Flags:
         return np.full(len(ones), alike)
 
-    return believe(one, predictor, data, NOISE, same).probability
+    return believe(one, predictor, data, NOISE, same)
+
+
+def stated(predictor: Predictor, one: Posterior, *, alike: bool) -> float | None:
+    return believed(predictor, one, alike=alike).probability
 
 
 def test_all_that_feel_alike_count_together(predictor: Predictor) -> None:
@@ -44,9 +49,26 @@ def test_all_that_feel_alike_count_together(predictor: Predictor) -> None:
 def test_it_makes_no_difference_which_of_them_a_population_has_met(predictor: Predictor) -> None:
     in_turns = posterior(lambda number: (number % 2 == 0, number % 2 == 1))
     assert stated(predictor, in_turns, alike=True) == pytest.approx(1.0)
-    assert stated(predictor, in_turns, alike=False) == 0.0
+
+
+def test_where_the_populations_have_met_different_bodies_nothing_is_stated(
+    predictor: Predictor,
+) -> None:
+    in_turns = posterior(lambda number: (number % 2 == 0, number % 2 == 1))
     by_one = posterior(lambda number: (True, False))
-    assert stated(predictor, by_one, alike=True) == 0.0
+    for one, alike in ((in_turns, False), (by_one, True)):
+        belief = believed(predictor, one, alike=alike)
+        assert belief.met_in_common == 0.0
+        assert belief.probability is None
+
+
+def test_a_small_probability_is_stated_where_little_was_met_in_common(predictor: Predictor) -> None:
+    few = posterior(lambda number: (number < 28, number >= 16))
+    belief = believed(predictor, few, alike=False)
+    assert 1 / COUNT < belief.met_in_common < 0.9
+    assert belief.probability == pytest.approx(1 / COUNT)
+    agreeing = belief.model_copy(update={"met_in_common": 0.6, "within_problem": 0.6})
+    assert agreeing.probability == 0.6
 
 
 def test_of_what_explains_the_readings_poorly_nothing_is_stated(predictor: Predictor) -> None:
