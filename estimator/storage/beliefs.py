@@ -102,7 +102,8 @@ class Belief(_Record):
             are those of the first mode or, at the robot's lengths, such as no sensor can tell from
             them; never more than ``met_in_common``. ``None``: it is not known, since the best
             body explains the readings poorly.
-        met_in_common: How much of the posterior the searches have met, by what they met in common.
+        met_in_common: How much of the posterior the searches have met, by what they met in common;
+            1 in runs that were made before it was kept, so that what they stated stands.
         departed: Probability that the robot is built otherwise; 0 until attachments are sure.
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.

@@ -35,7 +35,8 @@ _SAMPLED: Final = 0.05  # of the points, which tell in which interactions they d
 class Neighbours:
     """Finds better bodies near others.
 
-    Where it is not known which part sits on which, a limb is any part, with any other on it.
+    Where it is not known which part sits on which, that is any part put on in another way, alone
+    and with any other on it.
 
     Args:
         predictor: Computes readings.
