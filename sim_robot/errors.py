@@ -20,7 +20,10 @@ class BodyError(BodyschemaError, ValueError):
         self.file = file
         self.element = element
         self.reason = reason
-        super().__init__(": ".join(part for part in (file, element, reason) if part))
+        super().__init__(file, element, reason)  # as they came, so that it can be pickled
+
+    def __str__(self) -> str:
+        return ": ".join(part for part in (self.file, self.element, self.reason) if part)
 
 
 class EngineError(BodyschemaError):

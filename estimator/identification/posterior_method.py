@@ -336,6 +336,6 @@ def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
 
 def _how_sure(belief: Belief) -> str:
     if belief.probability is None:
-        return "how sure the best body's attachments are is not known"
+        return f"how sure the best body's attachments are is not known: {belief.not_known}"
     premise = "" if belief.explained else ", but no body explains the readings"
     return f"best body's attachments {100 * belief.probability:.0f} % sure{premise}"

@@ -64,7 +64,7 @@ def _verdict(posterior: PosteriorSummary) -> str:
     if not posterior.explained:
         return f'<b style="color:#c92a2a">{verdict}</b>'
     if posterior.probability is None:
-        return f"{verdict} How sure the attachments are is not known yet."
+        return f"{verdict} How sure the attachments are is not known yet: {posterior.not_known}."
     return f"{verdict} The attachments are <b>{100 * posterior.probability:.0f} %</b> sure."
 
 

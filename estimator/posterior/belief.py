@@ -20,6 +20,7 @@ from estimator.storage.beliefs import (
     UnexplainedInteraction,
 )
 
+_FEW: Final = 10.0  # effective draws
 _KEPT: Final = 120  # modes, as many as are weighed at most
 _RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
 _MOSTLY: Final = 0.5  # of a mode: it is told as one that no sensor can tell from the first
@@ -71,6 +72,7 @@ def believe(
         ),
         within_problem=min(float(chances @ shares), met_in_common) if posterior.credible else None,
         met_in_common=met_in_common,
+        few_draws=bool(predictor.unknowns.choices.size) and modes[0].effective < _FEW,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(

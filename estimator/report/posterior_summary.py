@@ -16,11 +16,8 @@ from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.report.verdict import verdict_on_fit
-from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement
+from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement, NotKnown
 from estimator.storage.store import RunStore
-
-SURE_ENOUGH: Final = 10.0
-"""Effective sample size below which a probability is not known."""
 
 _RIVALS: Final = 5
 _INTERVAL: Final = (0.05, 0.5, 0.95)
@@ -131,6 +128,7 @@ class PosteriorSummary(_Record):
         verdict: The same as a sentence.
         unexplained: Numbers of the interactions that the best body leaves unexplained, from 1.
         probability: Stated probability of the attachments; ``None``: it is not known.
+        not_known: Why not; ``None``: it is.
         departed: Probability that the robot is built otherwise than the problem says: a part of
             what is missing from ``probability``. 0 where that was not looked at.
         attachments: What the problem leaves open, as the best body has it.
@@ -156,6 +154,7 @@ class PosteriorSummary(_Record):
     verdict: str
     unexplained: tuple[int, ...] = ()
     probability: float | None
+    not_known: NotKnown | None = None
     departed: float = 0.0
     attachments: tuple[Attachment, ...]
     lengths_m: tuple[Interval, ...]
@@ -189,7 +188,8 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         explained=belief.explained and not contradictions,
         verdict=verdict_on_fit(belief, contradictions),
         unexplained=tuple(item.interaction + 1 for item in belief.unexplained),
-        probability=_probability(genome, belief),
+        probability=belief.probability,
+        not_known=belief.not_known,
         departed=belief.departed,
         attachments=_attachments(genome, belief, genes, weights),
         lengths_m=length_intervals(lengths, weights),
@@ -215,13 +215,6 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         simulated=belief.simulated,
         effective=belief.effective,
     )
-
-
-def _probability(genome: Genome, belief: Belief) -> float | None:
-    stated = belief.probability
-    attached = not any(gene.choices > 1 for gene in genome.genes)
-    known = attached or belief.modes[0].effective >= SURE_ENOUGH or (stated or 0.0) < 0.5
-    return stated if known else None
 
 
 def _attachments(

@@ -141,8 +141,7 @@ def sureness_after(step: Step) -> str:
 def sureness(posterior: PosteriorSummary) -> str:
     """A sentence: how probable the best body's attachments are, and on what condition."""
     sure = (
-        "is not known: the best body explains the readings poorly, the searches have met different "
-        "ones, or few samples stand for it"
+        f"is not known: {posterior.not_known}"
         if posterior.probability is None
         else f"is {percent(posterior.probability)}"
     )

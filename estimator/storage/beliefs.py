@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from typing import Final
 
 from pydantic import BaseModel, ConfigDict
@@ -19,6 +20,17 @@ OTHERWISE: Final = 0.9
 
 RIVAL: Final = 0.01
 """Probability of other attachments that are worth telling."""
+
+
+_PROBABLE: Final = 0.5
+
+
+class NotKnown(StrEnum):
+    """Why it is not known how probable attachments are."""
+
+    POOR_FIT = "the best body explains the readings poorly"
+    DIFFERENT_BODIES = "the searches have met different bodies"
+    FEW_DRAWS = "few samples stand for the best body"
 
 
 class _Record(BaseModel):
@@ -100,10 +112,11 @@ class Belief(_Record):
         modes: Sets of attachments, the most probable first.
         within_problem: Probability, if the robot is built as the problem says, that the attachments
             are those of the first mode or, at the robot's lengths, such as no sensor can tell from
-            them; never more than ``met_in_common``. ``None``: it is not known, since the best
-            body explains the readings poorly.
+            them; never more than ``met_in_common``. ``None``: the best body explains the readings
+            poorly.
         met_in_common: How much of the posterior the searches have met, by what they met in common;
             1 in runs that were made before it was kept, so that what they stated stands.
+        few_draws: Whether the share of the first mode among several rests on few effective draws.
         departed: Probability that the robot is built otherwise; 0 until attachments are sure.
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.
@@ -126,6 +139,7 @@ class Belief(_Record):
     modes: tuple[BelievedMode, ...]
     within_problem: float | None
     met_in_common: float = 1.0
+    few_draws: bool = False
     departed: float = 0.0
     gained: float | None = None
     foretold: tuple[Foretold, ...]
@@ -140,15 +154,26 @@ class Belief(_Record):
 
     @property
     def probability(self) -> float | None:
-        """The probability that is stated of the attachments, where it is known.
+        """The probability that is stated of the attachments; ``None``: it is not known."""
+        if self.within_problem is None or self.not_known is not None:
+            return None
+        return self.within_problem * (1 - self.departed)
 
-        It is not where the searches have met different bodies: then what they met in common says
-        nothing of those of one.
+    @property
+    def not_known(self) -> NotKnown | None:
+        """Why nothing is stated of the attachments; ``None``: something is.
+
+        Where the searches have met different bodies, what they met in common says nothing of those
+        of one. Where few draws stand for the best body, only that it is improbable can be known.
         """
         within = self.within_problem
-        if within is None or (self.met_in_common < AGREED and within >= self.met_in_common):
-            return None
-        return within * (1 - self.departed)
+        if within is None:
+            return NotKnown.POOR_FIT
+        if self.met_in_common < AGREED and within >= self.met_in_common:
+            return NotKnown.DIFFERENT_BODIES
+        if self.few_draws and within >= _PROBABLE:
+            return NotKnown.FEW_DRAWS
+        return None
 
     @property
     def explained(self) -> bool:

@@ -13,7 +13,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.belief import believe
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.storage.beliefs import Belief
+from estimator.storage.beliefs import Belief, NotKnown
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -60,6 +60,7 @@ def test_where_the_populations_have_met_different_bodies_nothing_is_stated(
         belief = believed(predictor, one, alike=alike)
         assert belief.met_in_common == 0.0
         assert belief.probability is None
+        assert belief.not_known is NotKnown.DIFFERENT_BODIES
 
 
 def test_a_small_probability_is_stated_where_little_was_met_in_common(predictor: Predictor) -> None:
@@ -73,4 +74,28 @@ def test_a_small_probability_is_stated_where_little_was_met_in_common(predictor:
 
 def test_of_what_explains_the_readings_poorly_nothing_is_stated(predictor: Predictor) -> None:
     poor = replace(posterior(lambda number: (True, True)), credible=False)
-    assert stated(predictor, poor, alike=True) is None
+    belief = believed(predictor, poor, alike=True)
+    assert belief.probability is None
+    assert belief.not_known is NotKnown.POOR_FIT
+
+
+def test_of_what_few_samples_stand_for_only_that_it_is_improbable_is_stated(
+    predictor: Predictor,
+) -> None:
+    everything = posterior(lambda number: (True, True))
+    few = tuple(replace(mode, effective=4.0) for mode in everything.modes)
+    belief = believed(predictor, replace(everything, modes=few), alike=True)
+    assert belief.probability is None
+    assert belief.not_known is NotKnown.FEW_DRAWS
+    improbable = believed(predictor, replace(everything, modes=few), alike=False)
+    assert improbable.probability == pytest.approx(1 / COUNT)
+
+
+def test_known_attachments_need_no_draws(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    everything = posterior(lambda number: (True, True))
+    only = replace(everything.modes[0], probability=1.0, effective=4.0)
+    assert stated(predictor, replace(everything, modes=(only,)), alike=True) is None
+    monkeypatch.setattr(predictor.unknowns, "choices", np.array([], dtype=np.intp))
+    assert stated(predictor, replace(everything, modes=(only,)), alike=True) == 1.0

@@ -15,7 +15,12 @@ from estimator.report.posterior_summary import sums_of_lengths
 from estimator.report.result import summarise
 from estimator.report.terminal_tables import print_result
 from estimator.report.verdict import verdict_on_fit
-from estimator.storage.beliefs import BelievedMode, NextMovement, UnexplainedInteraction
+from estimator.storage.beliefs import (
+    BelievedMode,
+    NextMovement,
+    NotKnown,
+    UnexplainedInteraction,
+)
 from tests.estimator import posterior_run
 from tests.estimator.model_robot import TRUE_LENGTHS, make_capabilities
 from tests.estimator.posterior_run import make_posterior_run
@@ -211,7 +216,11 @@ def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> N
         doubted = step.model_copy(update={"probability": 0.99, "explained": False})
         unknown = step.model_copy(update={"probability": None})
         posterior = result.posterior.model_copy(
-            update={"steps": (unknown, doubted, step), "probability": None}
+            update={
+                "steps": (unknown, doubted, step),
+                "probability": None,
+                "not_known": NotKnown.DIFFERENT_BODIES,
+            }
         )
         result = result.model_copy(update={"posterior": posterior})
         page = run_page(run, PageSources.of(run, result))
@@ -220,7 +229,7 @@ def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> N
     for said in (text.getvalue(), page):
         assert said.count("not explained") == 1
         assert "99.0 %, not explained" in said
-        assert "together is not known: the best body explains the readings poorly" in said
+        assert "together is not known: the searches have met different bodies." in said
     assert page.count("<td>not known</td>") == 1
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import logging
 import math
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +70,11 @@ def test_a_file_needs_no_name(tmp_path: Path) -> None:
     assert body_path(str(tmp_path / "mine.urdf")) == tmp_path / "mine.urdf"
     with pytest.raises(BodyError, match="octopod: is neither a URDF file nor one of biped, "):
         body_path("octopod")
+
+
+def test_what_is_wrong_with_a_body_is_told_across_processes() -> None:
+    error = BodyError("mine.urdf", "link leg", "has no mass")
+    assert str(pickle.loads(pickle.dumps(error))) == "mine.urdf: link leg: has no mass"
 
 
 def test_the_command_lists_prints_and_refuses(
