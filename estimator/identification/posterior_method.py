@@ -17,8 +17,8 @@ from estimator.identification.next_program import next_program
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS
-from estimator.posterior.alike import Alike, feel_alike
-from estimator.posterior.belief import believe
+from estimator.posterior.alike import Alike, feel_alike, probability_of
+from estimator.posterior.belief import believe, recalled
 from estimator.posterior.checks.departed import (
     clearly_better,
     doubts,
@@ -34,7 +34,7 @@ from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator, seeds
@@ -104,7 +104,7 @@ class PosteriorMethod:
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
-            self._posterior = _as_posterior(beliefs[-1][0], self._sampler)
+            self._posterior = recalled(beliefs[-1][0], self._sampler.predictor.unknowns)
 
     def work(self, number: int) -> float:
         """An interaction's share of the work grows with those before it."""
@@ -129,6 +129,7 @@ class PosteriorMethod:
             self._alike,
             before=before,
         )
+        belief = belief.model_copy(update={"overturned": self._overturned(number)})
         with closing(self._open_reference()) as reference:
             predictor = self._sampler.predictor
             self._doubted = self._doubts_once_sure(belief, data, predictor, reference)
@@ -177,6 +178,16 @@ class PosteriorMethod:
     def _attachments_known(self, belief: Belief, wanted: float) -> bool:
         contradicted = self._store.problem.contradictions(self._store.capabilities)
         return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
+
+    def _overturned(self, number: int) -> int | None:
+        """The last interaction before after which attachments were sure that are ruled out now."""
+        beliefs = [one for one, _ in self._store.beliefs()[:number]]
+        sure = [at for at, one in enumerate(beliefs) if self._attachments_known(one, SURE)]
+        if not sure:
+            return None
+        was = np.array(beliefs[sure[-1]].best)
+        left = probability_of(was, self._posterior, self._sampler.predictor, self._alike)
+        return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, belief: Belief) -> bool:
         lengths = leg_lengths(self._store.genome.decode_all(np.array(belief.genes)))
@@ -273,6 +284,7 @@ class PosteriorMethod:
             update={
                 "untested": self._untested(doubted, posterior),
                 "gained": belief.gained,
+                "overturned": belief.overturned,
                 "simulated": checked.simulated,
                 "effective": checked.effective,
             }
@@ -316,22 +328,6 @@ class PosteriorMethod:
             steps=before.steps + sampler.steps,
             wall_seconds=before.wall_seconds + time.monotonic() - self._started,
         )
-
-
-def _as_posterior(belief: Belief, sampler: Sampler) -> Posterior:
-    """What was believed, from disk."""
-    points = np.array([mode.genes for mode in belief.modes])
-    keys = sampler.predictor.unknowns.keys(points)
-    return Posterior(
-        values=np.array(belief.genes),
-        scales=np.array(belief.scales),
-        weights=np.array(belief.weights),
-        modes=tuple(
-            Mode(key, mode.probability, point, mode.effective, mode.met)
-            for key, mode, point in zip(keys, belief.modes, points, strict=True)
-        ),
-        credible=belief.within_problem is not None,
-    )
 
 
 def _how_sure(belief: Belief) -> str:

@@ -59,6 +59,24 @@ def feel_alike(
     return np.asarray(differing <= allowed)
 
 
+def probability_of(point: Array, posterior: Posterior, predictor: Predictor, alike: Alike) -> float:
+    """How probable a body's attachments are by a posterior, up to what no sensor can tell.
+
+    Args:
+        point: The body, shape (size,).
+        posterior: Its samples are held against bodies of their lengths with these attachments.
+        predictor: Knows which columns are lengths.
+        alike: The test.
+    """
+    unknowns = predictor.unknowns
+    others = np.tile(point, (len(posterior.values), 1))
+    others[:, unknowns.continuous] = posterior.values[:, unknowns.continuous]
+    (theirs,) = unknowns.keys(point[None])
+    same = np.array([key == theirs for key in unknowns.keys(posterior.values)])
+    same[~same] = alike(others[~same], posterior.values[~same])
+    return float(posterior.weights @ same)
+
+
 def alike_shares(
     modes: Sequence[Mode], posterior: Posterior, predictor: Predictor, alike: Alike
 ) -> Array:

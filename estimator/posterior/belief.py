@@ -11,8 +11,8 @@ from estimator.posterior.alike import Alike, alike_shares
 from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Posterior, share_met_alike
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.posterior import Mode, Posterior, share_met_alike
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
@@ -81,6 +81,21 @@ def believe(
         ),
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
+    )
+
+
+def recalled(belief: Belief, unknowns: Unknowns) -> Posterior:
+    """The posterior of which a belief was kept."""
+    points = np.array([mode.genes for mode in belief.modes])
+    return Posterior(
+        values=np.array(belief.genes),
+        scales=np.array(belief.scales),
+        weights=np.array(belief.weights),
+        modes=tuple(
+            Mode(key, mode.probability, point, mode.effective, mode.met)
+            for key, mode, point in zip(unknowns.keys(points), belief.modes, points, strict=True)
+        ),
+        credible=belief.within_problem is not None,
     )
 
 

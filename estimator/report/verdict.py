@@ -39,6 +39,16 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
         felt = f"sensors {those} feel" if several else f"sensor {those} feels"
         reasons.append(f"explains what touch {felt}")
+    if belief.overturned is not None:
+        first = (
+            "interaction 1"
+            if not belief.overturned
+            else f"interactions 1 to {belief.overturned + 1}"
+        )
+        reasons.append(
+            f"explains both {first}, after which another was sure, and those since, so the robot "
+            "may have changed on the way"
+        )
     if belief.departure:
         reasons.append(
             f"explains the readings as well as one with {belief.departure}, so neither attachments "

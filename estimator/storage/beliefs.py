@@ -123,6 +123,8 @@ class Belief(_Record):
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
+        overturned: The interaction, by its index, after which other attachments were sure, which
+            the readings since rule out; ``None``: nothing was.
         departure: Once attachments are sure, how a body departs from the problem that explains the
             readings clearly better; ``None``: none does.
         untested: At the end of a run, how else the robot may depart from the problem: such bodies
@@ -146,6 +148,7 @@ class Belief(_Record):
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...] = ()
+    overturned: int | None = None
     departure: str | None = None
     untested: tuple[str, ...] = ()
     simulated: int = 0
@@ -182,4 +185,5 @@ class Belief(_Record):
             len(self.unexplained) <= ACCIDENTS
             and self.departed < OTHERWISE
             and not (self.noisy or self.contradicting or self.departure)
+            and self.overturned is None
         )

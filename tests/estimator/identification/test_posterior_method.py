@@ -211,6 +211,25 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
     assert "as well as one with thick parts" in result.posterior.verdict
 
 
+def test_a_robot_that_changes_on_the_way_is_not_explained(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
+    with serving(ModelRobot()) as uri:
+        result = identify(
+            tmp_path / "run",
+            order(tmp_path, uri),
+            IN_THIS_PROCESS,
+            Listener(),
+            report=without_plots,
+        )
+    assert result.posterior is not None
+    assert [step.explained for step in result.posterior.steps] == [True, False]
+    assert "explains both interaction 1, after which another was sure, and" in (
+        result.posterior.verdict
+    )
+
+
 def test_what_departs_is_named_where_known_attachments_explain_the_readings_badly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,10 +8,11 @@ from functools import partial
 import numpy as np
 import pytest
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.equivalence import Reference
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.alike import alike_shares, feel_alike
+from estimator.posterior.alike import alike_shares, feel_alike, probability_of
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode
 from tests.estimator.two_unknown_rows import MODALITIES, equally_likely, programs
@@ -67,3 +68,22 @@ def test_a_mode_is_alike_as_far_as_its_legs_are_short(predictor: Predictor) -> N
     there[LENGTH] = bare[LENGTH]
     assert shares[2] == alike(there[None], bare[None])[0]
     assert alike_shares(modes[:1], posterior, predictor, alike) == pytest.approx([1.0])
+
+
+def test_attachments_are_as_probable_as_the_samples_that_feel_like_them(
+    predictor: Predictor,
+) -> None:
+    values = np.tile(POINT, (8, 1))
+    values[:, LENGTH] = np.linspace(0.1, 0.9, 8)
+    values[6:] = turned(values[6:])
+    posterior = equally_likely(values, values[-1])
+
+    def never(ones: Array, others: Array) -> Flags:
+        np.testing.assert_array_equal(turned(ones), others)
+        return np.zeros(len(ones), dtype=bool)
+
+    def always(ones: Array, others: Array) -> Flags:
+        return ~never(ones, others)
+
+    assert probability_of(POINT, posterior, predictor, never) == pytest.approx(6 / 8)
+    assert probability_of(POINT, posterior, predictor, always) == pytest.approx(1.0)
