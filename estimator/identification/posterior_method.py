@@ -29,6 +29,7 @@ from estimator.posterior.checks.departed import (
 )
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
+from estimator.posterior.checks.verdict import ENOUGH
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise, SensorData
@@ -38,7 +39,7 @@ from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator, seeds
-from estimator.storage.beliefs import RIVAL, Belief, NextMovement
+from estimator.storage.beliefs import RIVAL, Belief, NextMovement, NotKnown
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 
@@ -277,7 +278,9 @@ class PosteriorMethod:
             )
             doubted = self._doubts(checked.posterior, data, self._sampler.predictor, reference)
             final = believe(posterior, self._sampler.predictor, data, self._noise, self._alike)
-            if not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE:
+            known = not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE
+            poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH
+            if known or poor:
                 final = self._doubting(final, doubted, posterior, data, reference)
             self._count(reference)
         final = final.model_copy(

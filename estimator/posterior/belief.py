@@ -81,6 +81,7 @@ def believe(
         ),
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
+        strays=verdict.strays,
     )
 
 

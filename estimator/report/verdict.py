@@ -39,6 +39,8 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
         felt = f"sensors {those} feel" if several else f"sensor {those} feels"
         reasons.append(f"explains what touch {felt}")
+    if belief.strays:
+        reasons.append("comes as close to the readings as 99 of 100 right bodies do")
     if belief.overturned is not None:
         first = (
             "interaction 1"

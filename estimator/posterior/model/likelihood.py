@@ -311,6 +311,13 @@ class Likelihood:
             misfits[..., _COLUMNS[name]] = density.least_misfit(self._known[name])
         return self.of(misfits, width, scales)
 
+    def forgiving(self, misfits: Array, modality: str) -> Array:
+        """The same misfits, shape (n, k, MISFITS), but for those of one modality, the least."""
+        forgiven = misfits.copy()
+        least = DENSITIES[modality].least_misfit(self._known[modality])
+        forgiven[..., _COLUMNS[modality]] = least
+        return forgiven
+
     def terms(
         self,
         misfits: Array,

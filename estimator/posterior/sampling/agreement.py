@@ -12,7 +12,7 @@ from typing import Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.checks.verdict import Fit, fit_of
+from estimator.posterior.checks.verdict import ENOUGH, FAR, Fit, fit_of
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
@@ -26,9 +26,7 @@ CONSIDERED: Final = 16.0
 
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
-_ENOUGH_TO_ERR: Final = 5  # interactions, of which one may be left unexplained
-_POOR: Final = 1.0  # excess, as one right body of six has,
-_BAD: Final = 2.33  # and as one of a hundred
+_POOR: Final = 1.0  # excess, as one right body of six has
 _FEW: Final = 50  # sets of attachments that all populations can have met
 
 
@@ -85,7 +83,7 @@ class Agreement:
             guesses=guesses,
             met=[met_by(one, points, estimator, unknowns) for one in bodies],
             fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
-            may_err=len(data) >= _ENOUGH_TO_ERR,
+            may_err=len(data) >= ENOUGH,
         )
 
     @property
@@ -124,7 +122,7 @@ class Agreement:
         """
         any_other = bool(self.leader)
         accident = self.fit.unexplained > 0
-        limit = _POOR if any_other and (accident or not self.may_err) else _BAD
+        limit = _POOR if any_other and (accident or not self.may_err) else FAR
         return not self.explains_too_little and self.fit.excess <= limit
 
     @property
