@@ -5,6 +5,10 @@ robot, movements chosen by expected information. Whatever is wrong then is the s
 the model's: the ranks of true lengths among the samples must be uniform, 90 % intervals hold nine
 true lengths of ten, statements of 0.95 and more be right as often, and movements tell on average
 what they were expected to tell. A study that was interrupted goes on where it stopped.
+
+Of many legs nothing is felt, and of 66 bodies drawn one by one 13 % of the lengths lay in the
+lowest tenth of the prior, so that good intervals seemed to fail. So lengths are points of a
+scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
 """
 
 from __future__ import annotations
@@ -125,6 +129,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
     )
     predictor, ends = sampler.predictor, problem.program_range(capabilities)
     body = drawn_genes(genome, rng)
+    body[unknowns.continuous] = evenly(seed, unknowns.continuous.size)
     robot = StaticsRobot(
         predictor=predictor,
         body=body,
@@ -172,6 +177,14 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
         )
     figures.write_text(json.dumps(told))
     return told
+
+
+def evenly(number: int, size: int) -> Array:
+    """A point of a scrambled Halton sequence in the unit cube, shape (size,), by its number."""
+    points = stats.qmc.Halton(size, seed=0)
+    points.fast_forward(number)
+    point: Array = points.random(1)[0]
+    return point
 
 
 def table(trials: Iterable[list[dict[str, Any]]]) -> str:

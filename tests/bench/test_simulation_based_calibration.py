@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from bench.prior_bodies import on_default_robot
-from bench.simulation_based_calibration import StaticsRobot
+from bench.simulation_based_calibration import StaticsRobot, evenly
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -35,3 +35,10 @@ def test_accidents_are_as_frequent_and_as_far_off_as_in_the_likelihood() -> None
     # Of those beside the pose foretold some are too near to be told from noise.
     assert 0.7 * noise.outlier < accidents.mean() < 1.1 * noise.outlier
     assert 0.3 < np.mean(tilts[accidents] > FAR) < 0.7, "half of them end anywhere"
+
+
+def test_few_bodies_cover_the_lengths_evenly() -> None:
+    points = np.array([evenly(number, 4) for number in range(60)])
+    for low in (0.0, 0.9):
+        inside = (points >= low) & (points < low + 0.1)
+        np.testing.assert_allclose(inside.mean(axis=0), 0.1, atol=0.035)
