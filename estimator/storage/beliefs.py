@@ -123,7 +123,8 @@ class Belief(_Record):
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
-        strays: Whether the best body strays from the readings farther than 99 of 100 right bodies.
+        strays: Whether the body that fits best strays from the readings farther than 99 of 100
+            right bodies.
         overturned: The interaction, by its index, after which other attachments were sure, which
             the readings since rule out; ``None``: nothing was.
         departure: Once attachments are sure, how a body departs from the problem that explains the

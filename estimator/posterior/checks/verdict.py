@@ -20,6 +20,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import at_least
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
@@ -64,7 +65,8 @@ class FitVerdict:
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise factor surely lies above ``TOO_NOISY``.
         contradicting: Touch sensors that feel otherwise than the best body too often.
-        strays: Whether the best body strays from the readings farther than 99 of 100 right bodies.
+        strays: Whether the body that fits best strays from the readings farther than 99 of 100
+            right bodies.
     """
 
     unexplained: tuple[Unexplained, ...]
@@ -109,7 +111,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
         unexplained=unexplained,
         noisy=noisy,
         contradicting=contradicting,
-        strays=len(data) >= ENOUGH and _strays(best, predictor, data, noise) > FAR,
+        strays=len(data) >= ENOUGH and _strays(posterior, predictor, data, noise),
     )
 
 
@@ -141,12 +143,16 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     return Fit(unexplained=int(unexplained), excess=_excess(misfits, likelihood, data, ~outliers))
 
 
-def _strays(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> float:
-    """The excess of a body, shape (1, size), touch left out, of which single bits are telling."""
+def _strays(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> bool:
+    """Whether the body that fits best strays far. Touch is left out: a single wrong bit tells."""
     likelihood = Likelihood(data, noise)
-    misfits = likelihood.misfits_of(predictor, point)
+    lengths = Lengths(predictor, data, likelihood)
+    points = np.array([mode.point for mode in posterior.modes])
+    closest, _ = lengths.polished(points[[np.argmax(lengths.fits(points))]])
+    misfits = likelihood.misfits_of(predictor, closest)
     counts = likelihood.inlier_share(misfits)[0] >= 0.5
-    return _excess(likelihood.forgiving(misfits, "touch"), likelihood, data, counts)
+    forgiven = likelihood.forgiving(misfits, "touch")
+    return _excess(forgiven, likelihood, data, counts) > FAR
 
 
 def _excess(misfits: Array, likelihood: Likelihood, data: SensorData, counts: Flags) -> float:
