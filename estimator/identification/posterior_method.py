@@ -198,7 +198,10 @@ class PosteriorMethod:
     def _doubts_once_sure(
         self, belief: Belief, data: SensorData, predictor: Predictor, reference: Physics
     ) -> tuple[Doubt, ...]:
-        as_stated = belief.model_copy(update={"departed": 0.0, "departure": None})
+        # what says that the robot is built otherwise is a reason to look how
+        as_stated = belief.model_copy(
+            update={"departed": 0.0, "departure": None, "overturned": None, "strays": False}
+        )
         if predictor.unknowns.bits:
             known = self._attachments_known(as_stated, SURE)
         else:
