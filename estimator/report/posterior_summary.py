@@ -128,7 +128,7 @@ class PosteriorSummary(_Record):
         verdict: The same as a sentence.
         unexplained: Numbers of the interactions that the best body leaves unexplained, from 1.
         probability: Stated probability of the attachments; ``None``: it is not known.
-        not_known: Why not; ``None``: it is.
+        not_known: Why the probability is not known; ``None``: it is.
         departed: Probability that the robot is built otherwise than the problem says: a part of
             what is missing from ``probability``. 0 where that was not looked at.
         attachments: What the problem leaves open, as the best body has it.

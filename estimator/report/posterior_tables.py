@@ -107,7 +107,7 @@ def _print_rivals(console: Console, result: Result, posterior: PosteriorSummary)
     if posterior.untested:
         named, more = posterior.untested[:_NAMED], len(posterior.untested) - _NAMED
         others = f"; and {more} more" if more > 0 else ""
-        console.print(Text(f"What these movements have not tested: {'; '.join(named)}{others}."))
+        console.print(Text(f"{built_otherwise(posterior)}: {'; '.join(named)}{others}."))
     movement = posterior.decides
     if movement is not None:
         names = [joint["name"] for joint in result.robot["joints"]]
@@ -154,6 +154,13 @@ def sureness(posterior: PosteriorSummary) -> str:
     elif posterior.untested:
         premise = ", if the robot is built as the problem says"
     return f"The probability of these attachments together {sure}{premise}."
+
+
+def built_otherwise(posterior: PosteriorSummary) -> str:
+    """What ``PosteriorSummary.untested`` is, as the beginning of a sentence."""
+    if posterior.explained:
+        return "What these movements have not tested"
+    return "What would explain the readings as well or better, the best first"
 
 
 def sum_of_lengths(result: Result, known: SumOfLengths) -> str:

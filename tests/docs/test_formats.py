@@ -111,7 +111,8 @@ def test_the_schema_is_that_of_the_program() -> None:
     assert result_schema() == SCHEMA, advice
     Draft202012Validator.check_schema(SCHEMA)
     for record in (SCHEMA, *SCHEMA["$defs"].values()):
-        for name, field in record["properties"].items():
+        assert record.get("description"), f"{record['title']} lacks its meaning"
+        for name, field in record.get("properties", {}).items():  # an enumeration has none
             assert field.get("description"), f"{record['title']}.{name} lacks its meaning"
 
 

@@ -23,6 +23,7 @@ from estimator.report.page.commands import commands
 from estimator.report.page.templates import render
 from estimator.report.posterior_tables import (
     WHAT_TO_CHECK,
+    built_otherwise,
     nuisance_in_words,
     percent,
     sum_of_lengths,
@@ -126,6 +127,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
         sureness_after=sureness_after,
+        built_otherwise=built_otherwise,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
         felt=_felt(result, seen, shown.predicted, driven),

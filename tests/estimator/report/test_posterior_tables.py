@@ -98,6 +98,10 @@ def test_what_was_found_along_is_in_terminal_and_page(tmp_path: Path) -> None:
         assert "-1.3 deg" in said
         assert "-1.3 to -1.3 deg" in said
         assert "What these movements have not tested: parts 1.4 times as thick." in said
+    assert result.posterior is not None
+    doubted = result.posterior.model_copy(update={"explained": False})
+    print_result(Console(file=text, width=200), result.model_copy(update={"posterior": doubted}))
+    assert "explain the readings as well or better, the best first: parts 1.4" in text.getvalue()
 
 
 def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) -> None:
