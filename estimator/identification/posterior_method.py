@@ -29,13 +29,13 @@ from estimator.posterior.checks.departed import (
 )
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
-from estimator.posterior.checks.verdict import ENOUGH
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
+from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator, seeds
@@ -100,12 +100,16 @@ class PosteriorMethod:
             [store.problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)]
         )
         self._alike: Alike = partial(
-            feel_alike, self._sampler.predictor, self._movements, store.settings.modalities
+            feel_alike, self._predictor, self._movements, store.settings.modalities
         )
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
-            self._posterior = recalled(beliefs[-1][0], self._sampler.predictor.unknowns)
+            self._posterior = recalled(beliefs[-1][0], self._predictor.unknowns)
+
+    @property
+    def _predictor(self) -> Predictor:
+        return self._sampler.predictor
 
     def work(self, number: int) -> float:
         """An interaction's share of the work grows with those before it."""
@@ -123,17 +127,11 @@ class PosteriorMethod:
         before = self._posterior
         self._posterior = self._sampler.learn(data)
         belief = believe(
-            self._posterior,
-            self._sampler.predictor,
-            data,
-            self._noise,
-            self._alike,
-            before=before,
+            self._posterior, self._predictor, data, self._noise, self._alike, before=before
         )
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
         with closing(self._open_reference()) as reference:
-            predictor = self._sampler.predictor
-            self._doubted = self._doubts_once_sure(belief, data, predictor, reference)
+            self._doubted = self._doubts_once_sure(belief, data, self._predictor, reference)
             belief = self._doubting(belief, self._doubted, self._posterior, data, reference)
             self._count(reference)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
@@ -153,7 +151,7 @@ class PosteriorMethod:
                 closing(self._make_physics()) as physics,
                 closing(self._open_reference()) as reference,
             ):
-                elsewhere = Predictor(self._sampler.predictor.unknowns, physics)
+                elsewhere = Predictor(self._predictor.unknowns, physics)
                 self._doubted = self._doubts_once_sure(beliefs[-1][0], data, elsewhere, reference)
         return Models(
             genes=posterior.values,
@@ -187,7 +185,7 @@ class PosteriorMethod:
         if not sure:
             return None
         was = np.array(beliefs[sure[-1]].best)
-        left = probability_of(was, self._posterior, self._sampler.predictor, self._alike)
+        left = probability_of(was, self._posterior, self._predictor, self._alike)
         return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, belief: Belief) -> bool:
@@ -198,9 +196,9 @@ class PosteriorMethod:
     def _doubts_once_sure(
         self, belief: Belief, data: SensorData, predictor: Predictor, reference: Physics
     ) -> tuple[Doubt, ...]:
-        # what says that the robot is built otherwise is a reason to look how
+        # that a robot has changed is a reason to look how
         as_stated = belief.model_copy(
-            update={"departed": 0.0, "departure": None, "overturned": None, "strays": False}
+            update={"departed": 0.0, "departure": None, "overturned": None}
         )
         if predictor.unknowns.bits:
             known = self._attachments_known(as_stated, SURE)
@@ -208,19 +206,31 @@ class PosteriorMethod:
             known = self._lengths_known(belief)
         if not known:
             return ()
-        return self._doubts(self._posterior, data, predictor, reference)
+        noise = self._noise_for_doubts(belief)
+        return self._doubts(self._posterior, data, noise, predictor, reference)
+
+    def _noise_for_doubts(self, belief: Belief) -> Noise:
+        """As announced, or as sampled along where the best body fits poorly.
+
+        By announced noise readings of a noisier robot would speak for bodies that depart.
+        """
+        if belief.not_known is not NotKnown.POOR_FIT:
+            return self._noise
+        return self._noise.widened(np.exp(np.array(belief.weights) @ np.array(belief.scales)))
 
     def _doubts(
-        self, posterior: Posterior, data: SensorData, predictor: Predictor, reference: Physics
+        self,
+        posterior: Posterior,
+        data: SensorData,
+        noise: Noise,
+        predictor: Predictor,
+        reference: Physics,
     ) -> tuple[Doubt, ...]:
-        departures = that_can_be_felt(
-            possible_departures(self._store.problem),
-            posterior.modes[0].point,
-            predictor,
-            self._movements[:_FEW],
-            self._store.settings.modalities,
-        )
-        return doubts(posterior, predictor, data, self._noise, departures, reference=reference)
+        some, modalities = self._movements[:_FEW], self._store.settings.modalities
+        possible = possible_departures(self._store.problem)
+        best = posterior.modes[0].point
+        departures = that_can_be_felt(possible, best, predictor, some, modalities)
+        return doubts(posterior, predictor, data, noise, departures, reference=reference)
 
     def _doubting(
         self,
@@ -234,13 +244,9 @@ class PosteriorMethod:
         if not doubted:
             return belief
         by_statics = np.array([one.outlier for one in belief.foretold])
+        noise = self._noise_for_doubts(belief)
         outliers = outliers_left(
-            by_statics,
-            posterior,
-            self._sampler.predictor,
-            data,
-            self._noise,
-            reference=reference,
+            by_statics, posterior, self._predictor, data, noise, reference=reference
         )
         better = clearly_better(doubted)
         return belief.model_copy(
@@ -268,21 +274,20 @@ class PosteriorMethod:
             return
         data = self._data(observations)
         with closing(self._open_reference()) as reference:
-            checked = recheck(
-                self._posterior, self._sampler.predictor, data, self._noise, reference
-            )
+            checked = recheck(self._posterior, self._predictor, data, self._noise, reference)
             posterior = with_left_out(
                 checked.posterior,
-                self._sampler.predictor,
+                self._predictor,
                 data,
                 self._noise,
                 reference=reference,
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
-            doubted = self._doubts(checked.posterior, data, self._sampler.predictor, reference)
-            final = believe(posterior, self._sampler.predictor, data, self._noise, self._alike)
-            known = not self._sampler.predictor.unknowns.bits or (final.probability or 0.0) >= SURE
-            poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH
+            final = believe(posterior, self._predictor, data, self._noise, self._alike)
+            noise = self._noise_for_doubts(final)
+            doubted = self._doubts(checked.posterior, data, noise, self._predictor, reference)
+            known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
+            poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
             if known or poor:
                 final = self._doubting(final, doubted, posterior, data, reference)
             self._count(reference)

@@ -81,7 +81,6 @@ def believe(
         ),
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
-        strays=verdict.strays,
     )
 
 

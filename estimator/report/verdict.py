@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estimator.storage.beliefs import AGREED, OTHERWISE, Belief
+from estimator.storage.beliefs import AGREED, OTHERWISE, Belief, NotKnown
 
 
 def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
@@ -22,6 +22,11 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         if belief.unexplained:
             number = belief.unexplained[0].interaction + 1
             rest = f" but interaction {number}, an accident or a fault that came or went"
+        if belief.not_known is NotKnown.POOR_FIT:
+            rest += (
+                ", but poorly: a better one may have been missed, the problem may be another "
+                "robot's, or the sensors noisier than announced"
+            )
         return f"Some body that this problem allows explains every interaction{rest}."
     reasons = []
     if len(belief.unexplained) > 1:
@@ -39,8 +44,6 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
         felt = f"sensors {those} feel" if several else f"sensor {those} feels"
         reasons.append(f"explains what touch {felt}")
-    if belief.strays:
-        reasons.append("comes as close to the readings as 99 of 100 right bodies do")
     if belief.overturned is not None:
         first = (
             "interaction 1"

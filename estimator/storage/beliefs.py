@@ -123,8 +123,6 @@ class Belief(_Record):
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise is surely more than twice what the robot announces.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
-        strays: Whether the body that fits best strays from the readings farther than 99 of 100
-            right bodies.
         overturned: The interaction, by its index, after which other attachments were sure, which
             the readings since rule out; ``None``: nothing was.
         departure: Once attachments are sure, how a body departs from the problem that explains the
@@ -150,7 +148,6 @@ class Belief(_Record):
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...] = ()
-    strays: bool = False
     overturned: int | None = None
     departure: str | None = None
     untested: tuple[str, ...] = ()
@@ -187,6 +184,6 @@ class Belief(_Record):
         return (
             len(self.unexplained) <= ACCIDENTS
             and self.departed < OTHERWISE
-            and not (self.noisy or self.contradicting or self.strays or self.departure)
+            and not (self.noisy or self.contradicting or self.departure)
             and self.overturned is None
         )

@@ -93,11 +93,19 @@ class ModelRobot:
     """Feels what its model feels, at once or, when manual, when told to.
 
     ``refusals`` are errors with which the next motions end; ``motions`` are all that were begun.
-    With a ``travel`` other than 1 its servos turn so many times as far as they are told, and its
-    accelerometer is turned by ``askew`` (rad) left/right.
+    With a ``travel`` other than 1 its servos turn so many times as far as they are told, its
+    accelerometer is turned by ``askew`` (rad) left/right, and has ``noise`` (rad) that it does not
+    announce.
     """
 
-    def __init__(self, *, manual: bool = False, travel: float = 1.0, askew: float = 0.0):
+    def __init__(
+        self,
+        *,
+        manual: bool = False,
+        travel: float = 1.0,
+        askew: float = 0.0,
+        noise: float = 0.0,
+    ):
         self.capabilities = make_capabilities()
         self.manual = manual
         self.motions: list[Perform] = []
@@ -106,6 +114,8 @@ class ModelRobot:
         self._body = true_body(make_problem(), self.capabilities)
         self._travel = travel
         self._askew = np.array([askew, 0.0])
+        self._noise = noise
+        self._rng = np.random.default_rng(9)
         self._sequence = 0
         self._under_way: list[tuple[int, Perform]] = []
         self._events: list[RobotEvent] = []
@@ -163,7 +173,9 @@ class ModelRobot:
             angles=request.targets,
             saturated_joints=(),
             touch=tuple(readings.touch[0].tolist()),
-            tilt=tuple((readings.tilt[0] + self._askew).tolist()),
+            tilt=tuple(
+                (readings.tilt[0] + self._askew + self._rng.normal(0, self._noise, 2)).tolist()
+            ),
             clearance=float(readings.clearance[0]),
             clearance_saturated=False,
             settled=True,

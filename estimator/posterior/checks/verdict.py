@@ -2,9 +2,8 @@
 
 An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
 best body's path there is sure. One such interaction in a run happens by accident; two of them, a
-noise factor that surely lies above 2, a touch sensor that contradicts the body more often than
-chance allows, or five interactions and more from which it strays farther than nearly all right
-bodies do, say that the problem does not describe the robot. A touch sensor betrays a limp leg: its
+noise factor that surely lies above 2, or a touch sensor that contradicts the body more often than
+chance allows, say that the problem does not describe the robot. The last betrays a limp leg: its
 foot lies on the ground where a stiff one, short enough to carry nothing, would hang in the air.
 """
 
@@ -20,7 +19,6 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import at_least
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
@@ -32,12 +30,6 @@ SURE_PATH: Final = math.radians(1.0)
 
 TOO_NOISY: Final = 2.0
 """Factor on a sensor's announced noise that no sound sensor needs."""
-
-ENOUGH: Final = 5
-"""Interactions, of which one may be left unexplained, and which can tell a body that strays."""
-
-FAR: Final = 2.33
-"""``Fit.excess`` of one right body in a hundred."""
 
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
@@ -65,21 +57,16 @@ class FitVerdict:
         unexplained: Interactions that the best body leaves unexplained.
         noisy: Modalities whose noise factor surely lies above ``TOO_NOISY``.
         contradicting: Touch sensors that feel otherwise than the best body too often.
-        strays: Whether the body that fits best strays from the readings farther than 99 of 100
-            right bodies.
     """
 
     unexplained: tuple[Unexplained, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...]
-    strays: bool
 
     @property
     def explained(self) -> bool:
         """Whether some body of the problem explains the readings, as far as can be told."""
-        return len(self.unexplained) <= ACCIDENTS and not (
-            self.noisy or self.contradicting or self.strays
-        )
+        return len(self.unexplained) <= ACCIDENTS and not (self.noisy or self.contradicting)
 
 
 def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
@@ -107,12 +94,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     share = np.mean(posterior.scales > math.log(TOO_NOISY), axis=0)
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
     contradicting = _contradicting(best, predictor, data, noise, ~outliers)
-    return FitVerdict(
-        unexplained=unexplained,
-        noisy=noisy,
-        contradicting=contradicting,
-        strays=len(data) >= ENOUGH and _strays(posterior, predictor, data, noise),
-    )
+    return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,33 +117,19 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     likelihood = Likelihood(data, noise)
     misfits = likelihood.misfits_of(predictor, one)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
+    short = (likelihood.best() - likelihood.of(misfits))[0]
+    # of n deviations, half the sum of squares: n / 2 on average
+    half = 0.5 * sum(float(data.felt[name].known.count[~outliers].sum()) for name in SCALED)
     unexplained = (
         np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH))
         if outliers.any()
         else 0
     )
-    return Fit(unexplained=int(unexplained), excess=_excess(misfits, likelihood, data, ~outliers))
-
-
-def _strays(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> bool:
-    """Whether the body that fits best strays far. Touch is left out: a single wrong bit tells."""
-    likelihood = Likelihood(data, noise)
-    lengths = Lengths(predictor, data, likelihood)
-    points = np.array([mode.point for mode in posterior.modes])
-    closest, _ = lengths.polished(points[[np.argmax(lengths.fits(points))]])
-    misfits = likelihood.misfits_of(predictor, closest)
-    counts = likelihood.inlier_share(misfits)[0] >= 0.5
-    forgiven = likelihood.forgiving(misfits, "touch")
-    return _excess(forgiven, likelihood, data, counts) > FAR
-
-
-def _excess(misfits: Array, likelihood: Likelihood, data: SensorData, counts: Flags) -> float:
-    """``Fit.excess`` of a body with these misfits, in the interactions that count."""
-    short = (likelihood.best() - likelihood.of(misfits))[0]
-    # of n deviations, half the sum of squares: n / 2 on average
-    half = 0.5 * sum(float(data.felt[name].known.count[counts].sum()) for name in SCALED)
-    # where nothing is left, nothing strays
-    return float(short[counts].sum() - half) / math.sqrt(half) if half else 0.0
+    return Fit(
+        unexplained=int(unexplained),
+        # where nothing is left, nothing strays
+        excess=float(short[~outliers].sum() - half) / math.sqrt(half) if half else 0.0,
+    )
 
 
 def deviations(

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Final
 
@@ -100,6 +100,11 @@ class Noise:
             tilt=math.hypot(tilt.noise if tilt else 0.0, MODEL_TILT),
             clearance=math.hypot(clearance.noise if clearance else 0.0, MODEL_CLEARANCE),
         )
+
+    def widened(self, factors: Array) -> Noise:
+        """With so many times the noise of the modalities ``SCALED``, shape (2,)."""
+        wide = (self.of(name) * factor for name, factor in zip(SCALED, factors, strict=True))
+        return replace(self, **dict(zip(SCALED, map(float, wide), strict=True)))
 
     def of(self, modality: str) -> float:
         """The figure of one modality."""
@@ -310,13 +315,6 @@ class Likelihood:
         for name, density in DENSITIES.items():
             misfits[..., _COLUMNS[name]] = density.least_misfit(self._known[name])
         return self.of(misfits, width, scales)
-
-    def forgiving(self, misfits: Array, modality: str) -> Array:
-        """The same misfits, shape (n, k, MISFITS), but for those of one modality, the least."""
-        forgiven = misfits.copy()
-        least = DENSITIES[modality].least_misfit(self._known[modality])
-        forgiven[..., _COLUMNS[modality]] = least
-        return forgiven
 
     def terms(
         self,

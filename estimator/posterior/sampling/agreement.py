@@ -12,7 +12,7 @@ from typing import Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.checks.verdict import ENOUGH, FAR, Fit, fit_of
+from estimator.posterior.checks.verdict import Fit, fit_of
 from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
@@ -24,9 +24,13 @@ from estimator.storage.beliefs import ACCIDENTS
 CONSIDERED: Final = 16.0
 """Nats below the best fit, which may be a mere spike."""
 
+ENOUGH_TO_ERR: Final = 5
+"""Interactions, of which one may be left unexplained."""
+
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
-_POOR: Final = 1.0  # excess, as one right body of six has
+_POOR: Final = 1.0  # excess, as one right body of six has,
+_BAD: Final = 2.33  # and as one of a hundred
 _FEW: Final = 50  # sets of attachments that all populations can have met
 
 
@@ -83,7 +87,7 @@ class Agreement:
             guesses=guesses,
             met=[met_by(one, points, estimator, unknowns) for one in bodies],
             fit=fit_of(points[int(np.argmax(guesses))], predictor, data, noise),
-            may_err=len(data) >= ENOUGH,
+            may_err=len(data) >= ENOUGH_TO_ERR,
         )
 
     @property
@@ -122,7 +126,7 @@ class Agreement:
         """
         any_other = bool(self.leader)
         accident = self.fit.unexplained > 0
-        limit = _POOR if any_other and (accident or not self.may_err) else FAR
+        limit = _POOR if any_other and (accident or not self.may_err) else _BAD
         return not self.explains_too_little and self.fit.excess <= limit
 
     @property

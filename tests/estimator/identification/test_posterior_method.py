@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,9 +16,12 @@ from estimator.identification import posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
-from estimator.posterior.model.departures import Thickness, Travel
+from estimator.posterior.checks import departed
+from estimator.posterior.model.densities import MODEL_TILT
+from estimator.posterior.model.departures import Doubt, Thickness, Travel
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.storage.beliefs import NotKnown
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import (
@@ -243,6 +247,28 @@ def test_what_departs_is_named_where_known_attachments_explain_the_readings_badl
     assert result.posterior is not None
     assert result.posterior.probability is None
     assert re.search(r"turning 1\.[23] times as far as told", result.posterior.verdict)
+
+
+def test_noise_that_is_not_announced_is_no_other_body(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    by_noise: list[float] = []
+
+    def doubts(*arguments: Any, **options: Any) -> tuple[Doubt, ...]:
+        by_noise.append(arguments[3].tilt)
+        return departed.doubts(*arguments, **options)
+
+    monkeypatch.setattr(posterior_method, "doubts", doubts)
+    with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
+        asked = replace(order(tmp_path, uri), interactions=4)
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
+        )
+    assert result.posterior is not None
+    assert result.posterior.not_known is NotKnown.POOR_FIT
+    assert result.posterior.explained
+    assert "but poorly" in result.posterior.verdict
+    assert by_noise[-1] > 1.3 * MODEL_TILT
 
 
 @pytest.mark.parametrize(

@@ -175,17 +175,23 @@ def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Pa
     )
 
 
-def test_what_strays_and_what_changed_is_no_explanation(tmp_path: Path) -> None:
+def test_what_fits_poorly_is_told_so(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
         (belief, _) = run.beliefs()[-1]
-    strays = belief.model_copy(update={"strays": True})
-    changed = belief.model_copy(update={"overturned": 3})
-    assert not strays.explained
-    assert not changed.explained
-    assert verdict_on_fit(strays) == (
-        "NO BODY THAT THIS PROBLEM ALLOWS comes as close to the readings as 99 of 100 right bodies "
-        "do."
+    poor = belief.model_copy(update={"within_problem": None})
+    assert poor.explained
+    assert verdict_on_fit(poor) == (
+        "Some body that this problem allows explains every interaction, but poorly: a better one "
+        "may have been missed, the problem may be another robot's, or the sensors noisier than "
+        "announced."
     )
+
+
+def test_what_changed_is_no_explanation(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        (belief, _) = run.beliefs()[-1]
+    changed = belief.model_copy(update={"overturned": 3})
+    assert not changed.explained
     assert verdict_on_fit(changed) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains both interactions 1 to 4, after which another "
         "was sure, and those since, so the robot may have changed on the way."

@@ -48,20 +48,6 @@ def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor
     assert fit.unexplained == 0
 
 
-@pytest.mark.parametrize(("count", "strays"), [(4, False), (6, True)])
-def test_several_interactions_from_which_a_body_strays_are_not_explained(
-    predictor: Predictor, count: int, strays: bool
-) -> None:
-    moved = MOVED[:count]
-    data = draw(predictor, POINT, moved, np.random.default_rng(11), outlier=0.0)
-    assert judge(certain(), predictor, data, NOISE).explained
-    data.felt["tilt"].values[:] += 2.0 * NOISE.tilt
-    verdict = judge(certain(), predictor, data, NOISE)
-    assert verdict.strays is strays
-    assert verdict.explained is not strays
-    assert verdict.unexplained == ()
-
-
 def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     data.felt["tilt"].values[2] += 0.3
