@@ -206,15 +206,14 @@ class PosteriorMethod:
             known = self._lengths_known(belief)
         if not known:
             return ()
-        noise = self._noise_for_doubts(belief)
-        return self._doubts(self._posterior, data, noise, predictor, reference)
+        return self._doubts(self._posterior, data, self._noise, predictor, reference)
 
     def _noise_for_doubts(self, belief: Belief) -> Noise:
-        """As announced, or as sampled along where the best body fits poorly.
+        """As announced, or as sampled along where attachments are open and the best fits poorly.
 
         By announced noise readings of a noisier robot would speak for bodies that depart.
         """
-        if belief.not_known is not NotKnown.POOR_FIT:
+        if not self._predictor.unknowns.bits or belief.not_known is not NotKnown.POOR_FIT:
             return self._noise
         return self._noise.widened(np.exp(np.array(belief.weights) @ np.array(belief.scales)))
 

@@ -39,6 +39,7 @@ _ACCIDENT_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2
 _STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked at
 _STARTS: Final = 8
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
+_OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the part that departs, in its range: likewise
 _WORTH_SAYING: Final = 0.005  # m
 _MATTERS: Final = -0.75  # nats gained on average over all departures, to ask the simulator
 _SIMULATED: Final = 32  # samples
@@ -55,7 +56,10 @@ def doubts(
     *,
     reference: Physics,
 ) -> tuple[Doubt, ...]:
-    """Fits a body of each departure to the readings, from the best body and one of the samples.
+    """Fits a body of each departure to the readings.
+
+    From the best body, from one of the samples, and from the best body with another length of the
+    part that departs: a length that makes up for a departure may be far from the true one.
 
     Args:
         posterior: Of the problem's bodies.
@@ -77,6 +81,8 @@ def doubts(
         np.tile(np.arange(count), 2),
         np.repeat((_LESS, _MORE), count),
     )
+    elsewhere = _of_other_lengths(best, departures, departing, data, noise)
+    numbered = np.vstack([numbered, elsewhere])
     points, fits = _fitted(numbered, departing, data, noise, each=True)
     log_shares = _log_shares(points, departing, data, noise)
     # another of the problem's bodies may explain what the most probable one does not, and lengths
@@ -240,6 +246,34 @@ def _fitted(
     which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
     best = points[best_of_each(which, lengths.fits(points))]
     return best, likelihood.of(likelihood.misfits_of(predictor, best))
+
+
+def _of_other_lengths(
+    best: Array,
+    departures: Sequence[Departure],
+    departing: Predictor,
+    data: SensorData,
+    noise: Noise,
+) -> Array:
+    """A start for each departure of a part with an unknown length, shape (n, size)."""
+    genes, likelihood = departing.unknowns.genes, Likelihood(data, noise)
+    own = [
+        (number, column)
+        for number, departure in enumerate(departures)
+        for column, gene in enumerate(genes)
+        if gene.trait == "length" and gene.part == departure.part
+    ]
+    tried = len(_OWN_LENGTHS) * 2
+    values = np.repeat(best[None], len(own) * tried, axis=0)
+    for row, (_, column) in enumerate(own):
+        values[row * tried : (row + 1) * tried, column] = np.repeat(_OWN_LENGTHS, 2)
+    which = np.repeat(np.array([number for number, _ in own], dtype=np.intp), tried)
+    sizes = np.tile((_LESS, _MORE), len(own) * len(_OWN_LENGTHS))
+    points = departing_points(values, which, sizes)
+    if own:
+        fits = Lengths(departing, data, likelihood).rough_fits(points).reshape(-1, tried)
+        points = points[np.arange(len(own)) * tried + np.argmax(fits, axis=1)]
+    return points
 
 
 def _amends(

@@ -261,6 +261,8 @@ def test_noise_that_is_not_announced_is_no_other_body(
     monkeypatch.setattr(posterior_method, "doubts", doubts)
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
         asked = replace(order(tmp_path, uri), interactions=4)
+        path = tmp_path / "legs.toml"
+        path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"', 1))
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )

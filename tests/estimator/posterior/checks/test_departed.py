@@ -49,6 +49,7 @@ ASKEW = TurnedHinge(text="a turned hinge", part=0, about=0, amount=math.radians(
 ROUND = TurnedHinge(text="a hinge turned about its axis", part=0, about=1, amount=1.0)
 ASIDE = TurnedMount(text="a leg that points aside", part=0, amount=math.radians(30))
 EXPLAINED = np.zeros(3)
+LENGTH = 2  # of the part that departs
 DEAD = Limp(text="a dead servo", part=0)
 OFF_ZERO = OffZero(text="a servo off its zero", part=0, amount=math.radians(12))
 HEAVY = ScaledFigure(text="heavy parts", column=DENSITY, amount=4.0)
@@ -90,6 +91,18 @@ def test_a_robot_that_departs_from_the_problem_is_noticed(
     better = clearly_better(doubted(predictor, felt_by_one_with(true, predictor)))
     assert better is not None
     assert better.text == true.text
+
+
+@pytest.mark.parametrize("mistaken", [0.05, 0.95])
+def test_a_departure_is_found_though_the_best_body_makes_up_for_it_by_a_length(
+    predictor: Predictor, mistaken: float
+) -> None:
+    wrong = POINT.copy()
+    wrong[LENGTH] = mistaken
+    data = felt_by_one_with(ONE_FAR, predictor)
+    posterior = equally_likely(np.tile(wrong, (12, 1)), wrong)
+    (doubt,) = doubts(posterior, predictor, data, NOISE, (ONE_FAR,), reference=StaticsPhysics())
+    assert doubt.point[LENGTH] == pytest.approx(POINT[LENGTH], abs=0.05)
 
 
 @pytest.mark.parametrize("size", [0.9, 1.3])
