@@ -40,6 +40,7 @@ _STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked 
 _STARTS: Final = 8
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
 _OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the part that departs, in its range: likewise
+_KEPT: Final = 4  # of the starts with these lengths
 _WORTH_SAYING: Final = 0.005  # m
 _MATTERS: Final = -0.75  # nats gained on average over all departures, to ask the simulator
 _SIMULATED: Final = 32  # samples
@@ -255,7 +256,7 @@ def _of_other_lengths(
     data: SensorData,
     noise: Noise,
 ) -> Array:
-    """A start for each departure of a part with an unknown length, shape (n, size)."""
+    """Starts for each departure of a part with an unknown length, shape (n, size)."""
     genes, likelihood = departing.unknowns.genes, Likelihood(data, noise)
     own = [
         (number, column)
@@ -272,7 +273,8 @@ def _of_other_lengths(
     points = departing_points(values, which, sizes)
     if own:
         fits = Lengths(departing, data, likelihood).rough_fits(points).reshape(-1, tried)
-        points = points[np.arange(len(own)) * tried + np.argmax(fits, axis=1)]
+        kept = np.argsort(-fits, axis=1, kind="stable")[:, :_KEPT]
+        points = points[(np.arange(len(own))[:, None] * tried + kept).ravel()]
     return points
 
 
