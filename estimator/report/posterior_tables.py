@@ -160,7 +160,7 @@ def built_otherwise(posterior: PosteriorSummary) -> str:
     """What ``PosteriorSummary.untested`` is, as the beginning of a sentence."""
     if posterior.explained:
         return "What these movements have not tested"
-    return "What would explain the readings as well or better, the best first"
+    return "What would explain the readings about as well, or better, the best first"
 
 
 def sum_of_lengths(result: Result, known: SumOfLengths) -> str:

@@ -21,8 +21,7 @@ OTHERWISE: Final = 0.9
 RIVAL: Final = 0.01
 """Probability of other attachments that are worth telling."""
 
-
-_PROBABLE: Final = 0.5
+_PROBABLE: Final = 0.5  # what few draws give less to is improbable, whatever it is exactly
 
 
 class NotKnown(StrEnum):

@@ -101,7 +101,7 @@ def test_what_was_found_along_is_in_terminal_and_page(tmp_path: Path) -> None:
     assert result.posterior is not None
     doubted = result.posterior.model_copy(update={"explained": False})
     print_result(Console(file=text, width=200), result.model_copy(update={"posterior": doubted}))
-    assert "explain the readings as well or better, the best first: parts 1.4" in text.getvalue()
+    assert "the readings about as well, or better, the best first: parts 1.4" in text.getvalue()
 
 
 def test_of_legs_in_line_the_sum_is_said_in_terminal_and_page(tmp_path: Path) -> None:
