@@ -143,22 +143,31 @@ class PosteriorMethod:
         )
 
     def models(self) -> Models:
-        """The samples, with doubts once attachments are sure, or lengths where those are known."""
+        """The samples, with doubts once attachments are sure or, where these are known, lengths."""
         posterior, beliefs = self._posterior, self._store.beliefs()
-        if self._doubted is None and beliefs:  # resumed: what it costs was counted before
-            data = self._data(self._store.observations())
-            with (
-                closing(self._make_physics()) as physics,
-                closing(self._open_reference()) as reference,
-            ):
-                elsewhere = Predictor(self._predictor.unknowns, physics)
-                self._doubted = self._doubts_once_sure(beliefs[-1][0], data, elsewhere, reference)
+        doubts: tuple[Doubt, ...] = ()
+        if beliefs:
+            belief, _ = beliefs[-1]
+            if self._predictor.unknowns.bits or self._lengths_known(belief):
+                doubts = tuple(one for one in self._doubted_of(belief) if one.is_left)
         return Models(
             genes=posterior.values,
             weights=posterior.weights,
             scales=posterior.scales,
-            doubts=tuple(doubt for doubt in self._doubted or () if doubt.is_left),
+            doubts=doubts,
         )
+
+    def _doubted_of(self, belief: Belief) -> tuple[Doubt, ...]:
+        """Bodies that depart, fitted by ``learn``, or now if the run was resumed."""
+        if self._doubted is None:
+            data = self._data(self._store.observations())
+            with (
+                closing(self._make_physics()) as physics,
+                closing(self._open_reference()) as reference,
+            ):  # apart, since what it costs was counted before
+                elsewhere = Predictor(self._predictor.unknowns, physics)
+                self._doubted = self._doubts_once_sure(belief, data, elsewhere, reference)
+        return self._doubted
 
     def is_sure(self, number: int) -> bool:
         """Whether attachments and lengths are as sure as the settings ask for.
@@ -200,11 +209,7 @@ class PosteriorMethod:
         as_stated = belief.model_copy(
             update={"departed": 0.0, "departure": None, "overturned": None}
         )
-        if predictor.unknowns.bits:
-            known = self._attachments_known(as_stated, SURE)
-        else:
-            known = self._lengths_known(belief)
-        if not known:
+        if predictor.unknowns.bits and not self._attachments_known(as_stated, SURE):
             return ()
         return self._doubts(self._posterior, data, self._noise, predictor, reference)
 

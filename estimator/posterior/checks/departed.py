@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Array
+from estimator.body.morphology import BASE, Array
 from estimator.physics.base import Physics
 from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.checks.recheck import simulated_fits
@@ -39,8 +39,17 @@ _ACCIDENT_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2
 _STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked at
 _STARTS: Final = 8
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
-_OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the part that departs, in its range: likewise
+_OWN_LENGTHS: Final = (
+    0.1,
+    0.3,
+    0.5,
+    0.7,
+    0.9,
+)  # of the branch that departs, in its range: likewise
+_MANY_LENGTHS: Final = 32  # points, where it has several
 _KEPT: Final = 4  # of the starts with these lengths
+_FINISHED: Final = 8  # of the best, fitted once more
+_ROOTED: Final = 40  # steps to a root: far more than needed
 _WORTH_SAYING: Final = 0.005  # m
 _MATTERS: Final = -0.75  # nats gained on average over all departures, to ask the simulator
 _SIMULATED: Final = 32  # samples
@@ -59,8 +68,8 @@ def doubts(
 ) -> tuple[Doubt, ...]:
     """Fits a body of each departure to the readings.
 
-    From the best body, from one of the samples, and from the best body with another length of the
-    part that departs: a length that makes up for a departure may be far from the true one.
+    From the best body, from one of the samples, and from the best body with other lengths of the
+    branch that departs: a length that makes up for a departure may be far from the true one.
 
     Args:
         posterior: Of the problem's bodies.
@@ -243,10 +252,14 @@ def _fitted(
     """
     likelihood = Likelihood(data, noise)
     lengths = Lengths(predictor, data, likelihood)
-    points = np.vstack([starts, lengths.polished(starts)[0]])
-    which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
-    best = points[best_of_each(which, lengths.fits(points))]
-    return best, likelihood.of(likelihood.misfits_of(predictor, best))
+    points, fits = starts, lengths.fits(starts)
+    for some in (slice(None), slice(_FINISHED)):
+        more, better = lengths.polished(points[some])
+        points, fits = np.vstack([points, more]), np.concatenate([fits, better])
+        which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
+        order = best_of_each(which, fits)
+        points, fits = points[order], fits[order]
+    return points, likelihood.of(likelihood.misfits_of(predictor, points))
 
 
 def _of_other_lengths(
@@ -256,25 +269,61 @@ def _of_other_lengths(
     data: SensorData,
     noise: Noise,
 ) -> Array:
-    """Starts for each departure of a part with an unknown length, shape (n, size)."""
-    genes, likelihood = departing.unknowns.genes, Likelihood(data, noise)
-    own = [
-        (number, column)
-        for number, departure in enumerate(departures)
-        for column, gene in enumerate(genes)
-        if gene.trait == "length" and gene.part == departure.part
+    """Starts for each departure of a part whose branch has unknown lengths, shape (n, size).
+
+    A branch is what hangs together without the main body: lengths of the whole leg make up for a
+    servo at its root.
+    """
+    (parents,) = departing.unknowns.bodies(departing_points(best[None], 0)).parent
+    branches = _branches(parents.tolist())
+    tried = [np.empty((0, departing.unknowns.size))]
+    for number, departure in enumerate(departures):
+        columns = [
+            column
+            for column, gene in enumerate(departing.unknowns.genes)
+            if gene.trait == "length"
+            and departure.part is not None
+            and branches[gene.part] == branches[departure.part]
+        ]
+        if columns:
+            lengths = _spread(len(columns))
+            values = np.repeat(best[None], 2 * len(lengths), axis=0)
+            values[:, columns] = np.repeat(lengths, 2, axis=0)
+            sizes = np.tile((_LESS, _MORE), len(lengths))
+            tried.append(departing_points(values, number, sizes))
+    points = np.vstack(tried)
+    if not len(points):
+        return points
+    fits = Lengths(departing, data, Likelihood(data, noise)).rough_fits(points)
+    ends = np.cumsum([len(some) for some in tried])[:-1]
+    kept = [
+        some[np.argsort(-own, kind="stable")[:_KEPT]]
+        for some, own in zip(tried, np.split(fits, ends), strict=True)
     ]
-    tried = len(_OWN_LENGTHS) * 2
-    values = np.repeat(best[None], len(own) * tried, axis=0)
-    for row, (_, column) in enumerate(own):
-        values[row * tried : (row + 1) * tried, column] = np.repeat(_OWN_LENGTHS, 2)
-    which = np.repeat(np.array([number for number, _ in own], dtype=np.intp), tried)
-    sizes = np.tile((_LESS, _MORE), len(own) * len(_OWN_LENGTHS))
-    points = departing_points(values, which, sizes)
-    if own:
-        fits = Lengths(departing, data, likelihood).rough_fits(points).reshape(-1, tried)
-        kept = np.argsort(-fits, axis=1, kind="stable")[:, :_KEPT]
-        points = points[(np.arange(len(own))[:, None] * tried + kept).ravel()]
+    return np.vstack(kept)
+
+
+def _branches(parents: Sequence[int]) -> list[int]:
+    """For each part the one by which it hangs on the main body."""
+    branches: list[int] = []
+    for part, parent in enumerate(parents):
+        branches.append(part if parent == BASE else branches[parent])
+    return branches
+
+
+def _spread(lengths: int) -> Array:
+    """Points that cover the unit cube of so many lengths, shape (n, lengths).
+
+    Of several by Roberts's additive recurrence, whose step is made of powers of the root of
+    x^(lengths + 1) = x + 1.
+    """
+    if lengths == 1:
+        return np.array(_OWN_LENGTHS)[:, None]
+    root = 1.5
+    for _ in range(_ROOTED):
+        root = (1 + root) ** (1 / (lengths + 1))
+    steps = root ** -np.arange(1.0, lengths + 1)
+    points: Array = (0.5 + np.arange(1, _MANY_LENGTHS + 1)[:, None] * steps) % 1.0
     return points
 
 

@@ -219,6 +219,7 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
+    monkeypatch.setattr(posterior_method, "possible_departures", lambda _: ())  # sure at once
     with serving(ModelRobot()) as uri:
         result = identify(
             tmp_path / "run",

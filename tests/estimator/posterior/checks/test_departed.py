@@ -32,7 +32,7 @@ from estimator.posterior.model.departures import (
     TurnedHinge,
     TurnedMount,
 )
-from estimator.posterior.model.likelihood import SensorData
+from estimator.posterior.model.likelihood import Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.problem.genome import Genome
@@ -282,3 +282,34 @@ def test_a_single_unknown_length_can_be_doubted() -> None:
     (doubt,) = doubts(alone, predictor, data, NOISE, [THICK], reference=StaticsPhysics())
     assert doubt.departure.text == THICK.text
     assert doubt.gain < 0
+
+
+@pytest.mark.parametrize("mistaken", [(0.5, 0.92), (0.99, 0.99), (0.05, 0.05)])
+def test_lengths_of_a_whole_leg_that_make_up_for_a_departure_are_undone(
+    mistaken: tuple[float, float],
+) -> None:
+    base = Base(size=(0.14, 0.14, 0.085), mass=1.0)
+    predictor = Predictor(Unknowns(Genome(Problem.load("parametric"), base)), StaticsPhysics())
+    true = np.array([0.3, 0.7, 0.73, 0.71, 0.3, 0.35, 0.34, 0.35])
+    wrong, leg = true.copy(), [0, 4]  # upper and lower part
+    wrong[leg] = mistaken
+    moved = np.zeros((7, 8))  # chosen by a run that was deceived
+    moved[:, :4] = np.radians(
+        [
+            (-23, -27, 13, -23),
+            (-26, -8, -29, 13),
+            (23, -29, 22, -16),
+            (-30, -30, -27, -7),
+            (-15, -30, -1, -27),
+            (-23, -17, -7, 3),
+            (23, -16, -7, -29),
+        ]
+    )
+    far = Travel(text="a servo that turns too far", amount=1.2, part=0)
+    departing, rng = predictor.departing([far]), np.random.default_rng(11)
+    data = draw(departing, departing_points(true[None], 0, 1.4)[0], moved, rng, outlier=0.0)
+    posterior = equally_likely(np.tile(wrong, (12, 1)), wrong)
+    noise = Noise(tilt=0.0063, clearance=0.0013)
+    (doubt,) = doubts(posterior, predictor, data, noise, (far,), reference=StaticsPhysics())
+    assert doubt.point[leg].sum() == pytest.approx(true[leg].sum(), abs=0.1)
+    assert doubt.departure.amount == pytest.approx(far.sized(1.4).amount, abs=0.05)
