@@ -5,7 +5,8 @@ Module                  What is in it
 ======================= =========================================================================
 ``slopes``              how readings change with lengths, and which lengths fit best
 ``likelihood``          the mixture: how likely an interaction is, given a body
-``densities``           how likely one modality's readings are
+``mixture``             its compiled part
+``densities``           one modality's readings, held against predictions
 ``special``             functions that the densities need
 ``unknowns``            the unit cube that all this is over
 ``departures``          how a robot may be built otherwise than any body of that cube

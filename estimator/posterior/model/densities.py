@@ -1,4 +1,4 @@
-"""How likely the readings of one modality are: what ``likelihood`` mixes.
+"""The readings of one modality, held against predictions: what ``mixture`` makes densities of.
 
 What a body predicts enters through few numbers per interaction, its *misfits*, whatever the noise.
 So the noise can be widened, as it is on the hotter levels of a search, without a simulation.
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
-from estimator.posterior.model.special import log_ndtr
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 
@@ -27,8 +26,6 @@ MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know
 MODEL_CLEARANCE: Final = 0.8e-3
 
 _BEYOND: Final = 0.1  # share of the poses anywhere whose clearance lies beyond the range
-_WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
-_ROOT: Final = math.sqrt(2 * math.pi)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,17 +57,12 @@ class Known:
     """How much of one modality was read.
 
     Attributes:
-        count: Values that are not missing, shape (k,) or (n, k).
-        beyond: As in ``Felt``, of the same shape.
+        count: Values that are not missing, shape (k,).
+        beyond: As in ``Felt``.
     """
 
     count: NDArray[np.int64]
     beyond: Flags | None
-
-    def __getitem__(self, turns: NDArray[np.intp]) -> Known:
-        """Of some of the interactions."""
-        beyond = None if self.beyond is None else self.beyond[turns]
-        return Known(count=self.count[turns], beyond=beyond)
 
 
 class Density(ABC):
@@ -114,21 +106,6 @@ class Density(ABC):
     def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
         """Felt minus predicted in units of the noise, shape (n,); 0 where nothing was read."""
 
-    def widened(self, noise: float, factor: Array) -> Array:
-        """The noise times a factor, as far as it may grow."""
-        return noise * factor
-
-    @abstractmethod
-    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
-        """Adds the logarithm of the readings' density, given a body; nothing for what is missing.
-
-        Args:
-            logs: Of each interaction, shape (n, k).
-            misfits: Shape (n, k, misfits).
-            known: Of shape (k,) or (n, k).
-            noise: As ``widened`` gives it, shape (n, 1).
-        """
-
     @abstractmethod
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Logarithm of the density of what a robot might feel anywhere, shape (k,).
@@ -160,17 +137,6 @@ class TouchDensity(Density):
     def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
         """The bits that differ, each as many standard deviations as it is unlikely."""
         return self._wrong(felt, readings) * math.sqrt(-2 * math.log(noise))
-
-    def widened(self, noise: float, factor: Array) -> Array:
-        """At most a little less than chance."""
-        return np.minimum(noise * factor, _WORST_TOUCH)
-
-    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
-        """Bernoulli; a doubtful bit is even."""
-        wrong, doubtful = misfits[..., 0], misfits[..., 1]
-        logs += (known.count - doubtful - wrong) * np.log1p(-noise)
-        logs += wrong * np.log(noise)
-        logs += doubtful * math.log(0.5)
 
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Even."""
@@ -206,11 +172,6 @@ class TiltDensity(Density):
         both = self.residual(felt, readings) / noise
         larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
         return larger
-
-    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
-        """Normal."""
-        logs -= misfits[..., 0] / (2 * noise**2)
-        logs -= known.count * np.log(noise * _ROOT)
 
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Uniform over ±90°."""
@@ -260,15 +221,6 @@ class ClearanceDensity(Density):
     def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
         """The residual in units of the noise."""
         return self.residual(felt, readings)[:, 0] / noise
-
-    def add_logs(self, logs: Array, misfits: Array, known: Known, noise: Array) -> None:
-        """Normal, and its tail."""
-        residual = misfits[..., 0]
-        with np.errstate(invalid="ignore"):
-            density = -0.5 * (residual / noise) ** 2 - np.log(noise * _ROOT)
-            if known.beyond is not None and known.beyond.any():
-                density = np.where(known.beyond, log_ndtr(-residual / noise), density)
-        logs += np.where(known.count > 0, density, 0.0)
 
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Uniform over the range, and a share beyond it."""

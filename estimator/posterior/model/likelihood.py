@@ -16,11 +16,13 @@ left out. ``densities`` has the factors.
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import accumulate, pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -41,9 +43,9 @@ from estimator.readings.observation import Observation
 from protocol.wire.capabilities import Capabilities
 
 _ENDS: Final = (0, *accumulate(density.misfits for density in DENSITIES.values()))
-_COLUMNS: Final = {
-    name: slice(*ends) for name, ends in zip(DENSITIES, pairwise(_ENDS), strict=True)
-}
+COLUMNS: Final = {name: slice(*ends) for name, ends in zip(DENSITIES, pairwise(_ENDS), strict=True)}
+"""Of each modality among the misfits."""
+
 SILENT: Final = _ENDS[-1]
 """Column of the misfits that is 1 where the model predicts nothing; the modalities' come before."""
 
@@ -72,6 +74,9 @@ LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
 
 _LOG_LIKELY: Final = np.log(LIKELY)
 _PLAINLY: Final = 3.0  # standard deviations
+_WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
+_AS_ANNOUNCED: Final = np.zeros((1, 2))
+_NO_COLUMNS: Final = np.empty((0, 0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +173,7 @@ class SensorData:
         """
         values = np.empty((len(turns), MISFITS))
         for name, density in DENSITIES.items():
-            density.misfit(self.felt[name][turns], readings, values[:, _COLUMNS[name]])
+            density.misfit(self.felt[name][turns], readings, values[:, COLUMNS[name]])
         values[:, SILENT] = readings.undecided | ~readings.valid
         values[:, ASTRAY] = 0.0
         return values
@@ -191,11 +196,28 @@ class Likelihood:
     def __init__(self, data: SensorData, noise: Noise):
         self._data = data
         self._noise = noise
-        self._known = {name: felt.known for name, felt in data.felt.items()}
+        self._known = known = {name: felt.known for name, felt in data.felt.items()}
         anywhere = np.zeros(len(data))
         for name in MODALITIES:
-            anywhere += DENSITIES[name].log_anywhere(self._known[name], data.cap)
-        self._anywhere = math.log(noise.outlier) + anywhere
+            anywhere += DENSITIES[name].log_anywhere(known[name], data.cap)
+        self._every = np.arange(len(data))[None]
+        self._read = _compiled().Read(
+            tilts=known["tilt"].count.astype(float),
+            clear=known["clearance"].count > 0,
+            beyond=known["clearance"].beyond,
+            bits=known["touch"].count.astype(float),
+            log_anywhere=math.log(noise.outlier) + anywhere,
+        )
+        self._spread = _compiled().Spread(
+            tilt=noise.tilt,
+            clearance=noise.clearance,
+            touch=noise.touch,
+            worst_touch=_WORST_TOUCH,
+            tilt_beside=DENSITIES["tilt"].beside,
+            clearance_beside=DENSITIES["clearance"].beside,
+            outlier=noise.outlier,
+            nearby=noise.nearby,
+        )
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
             [density.residuals for density in DENSITIES.values()],
@@ -306,14 +328,15 @@ class Likelihood:
         Returns:
             Shape (n, k).
         """
-        inlier, outlier = self.terms(misfits, width, scales, turns)
-        return np.logaddexp(inlier, outlier)
+        both = np.empty(misfits.shape[:2])
+        self._mix(misfits, width, scales, turns, (both, _NO_COLUMNS))
+        return both
 
     def best(self, width: Array | float = 1.0, scales: Array | None = None) -> Array:
         """What no body exceeds, shape (n, k); see ``of``."""
         misfits = np.zeros((np.size(width), len(self._data), MISFITS))
         for name, density in DENSITIES.items():
-            misfits[..., _COLUMNS[name]] = density.least_misfit(self._known[name])
+            misfits[..., COLUMNS[name]] = density.least_misfit(self._known[name])
         return self.of(misfits, width, scales)
 
     def terms(
@@ -324,24 +347,31 @@ class Likelihood:
         turns: Columns | None = None,
     ) -> tuple[Array, Array]:
         """Logarithms of the mixture's two terms, each of shape (n, k)."""
-        anywhere = self._anywhere if turns is None else self._anywhere[turns]
-        share, nearby_share = self._noise.outlier, self._noise.nearby
-        wide = np.reshape(width, (-1, 1))
-        inlier: Array = np.full(misfits.shape[:2], math.log1p(-share))
-        nearby: Array = np.full(misfits.shape[:2], math.log(share))
-        for name, density in DENSITIES.items():
-            noise = density.widened(self._noise.of(name), wide)
-            if density.scaled and scales is not None:
-                column = SCALED.index(name)
-                noise = noise * np.exp(scales[:, column : column + 1])
-            known = self._known[name] if turns is None else self._known[name][turns]
-            own = misfits[..., _COLUMNS[name]]
-            density.add_logs(inlier, own, known, noise)
-            density.add_logs(nearby, own, known, np.hypot(noise, density.beside))
-        inlier += _LOG_LIKELY[misfits[..., ASTRAY].astype(np.intp)]
-        silent = misfits[..., SILENT] > 0
-        outlier: Array = np.logaddexp(
-            math.log1p(-nearby_share) + anywhere,
-            math.log(nearby_share) + np.where(silent, anywhere, nearby),
+        inlier, outlier = np.empty(misfits.shape[:2]), np.empty(misfits.shape[:2])
+        self._mix(misfits, width, scales, turns, (inlier, outlier))
+        return inlier, outlier
+
+    def _mix(
+        self,
+        misfits: Array,
+        width: Array | float,
+        scales: Array | None,
+        turns: Columns | None,
+        results: tuple[Array, Array],
+    ) -> None:
+        _compiled().mixture(
+            np.ascontiguousarray(misfits),
+            self._every if turns is None else np.ascontiguousarray(turns),
+            np.atleast_1d(np.asarray(width, dtype=float)),
+            _AS_ANNOUNCED if scales is None else np.ascontiguousarray(scales),
+            self._read,
+            self._spread,
+            _LOG_LIKELY,
+            *results,
         )
-        return np.where(silent, -np.inf, inlier), outlier
+
+
+@cache
+def _compiled() -> Any:
+    """Loaded when first used: other commands do not wait for it."""
+    return importlib.import_module("estimator.posterior.model.mixture")

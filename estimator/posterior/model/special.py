@@ -33,12 +33,6 @@ def expit(logits: Array) -> Array:
     return shares
 
 
-def log_ndtr(values: Array) -> Array:
-    """Logarithm of the normal distribution function, also far out."""
-    logs: Array = _scipy().log_ndtr(values)
-    return logs
-
-
 def log_gamma(value: float) -> float:
     """Logarithm of the gamma function."""
     return float(_scipy().gammaln(value))

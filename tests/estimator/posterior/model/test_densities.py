@@ -22,11 +22,16 @@ def test_every_modality_has_a_density() -> None:
 def test_what_was_not_read_has_no_density(name: str) -> None:
     nothing = Observation(angles=(0.0,), touch=(None, None))
     felt = DENSITIES[name].felt([nothing], counts=True)
-    misfits, logs = np.zeros((1, DENSITIES[name].misfits)), np.zeros((1, 1))
-    DENSITIES[name].misfit(felt, Readings.empty(1, 2), misfits)
-    DENSITIES[name].add_logs(logs, misfits[None], felt.known, np.array([[0.1]]))
-    assert logs.tolist() == [[0.0]]
     assert DENSITIES[name].log_anywhere(felt.known, 0.2).tolist() == [0.0]
+
+
+def test_an_interaction_in_which_nothing_was_read_says_nothing() -> None:
+    nothing = Observation(angles=(0.0,), touch=(None, None))
+    readings = Readings.empty(1, 2)
+    readings.valid[:] = True
+    data = SensorData.of([nothing], tuple(MODALITIES), 0.2)
+    misfits = data.misfits(readings, np.zeros(1, dtype=np.intp))[None]
+    assert Likelihood(data, NOISE).of(misfits)[0, 0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_mixture_is_the_sum_of_the_densities() -> None:

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import log_ndtr
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
@@ -126,3 +127,16 @@ def test_no_body_fits_better_than_the_best_that_any_could() -> None:
         best = likelihood.best()[0]
         assert found[alike] == pytest.approx(best[alike])
         assert np.all(found <= best)
+
+
+@pytest.mark.parametrize("away", [-0.3, -0.1, -0.001, 0.0, 0.02, 0.1])
+@pytest.mark.parametrize("width", [1.0, 5.0, 25.0])
+def test_a_reading_at_the_end_of_the_range_is_the_tail_of_the_normal_distribution(
+    away: float, width: float
+) -> None:
+    beyond = Observation(angles=(0.0,), touch=(None, None), clearance=CAP, clearance_saturated=True)
+    data = SensorData.of([beyond], ("clearance",), CAP)
+    misfits = data.misfits(one_reading(CAP + away), np.zeros(1, dtype=np.intp))[None]
+    inlier, _ = Likelihood(data, NOISE).terms(misfits, width)
+    tail = log_ndtr(away / (NOISE.clearance * width))
+    assert inlier[0, 0] == pytest.approx(tail + math.log1p(-NOISE.outlier), rel=1e-10)

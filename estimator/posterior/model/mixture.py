@@ -1,0 +1,169 @@
+"""The compiled part of the likelihood: both terms of the mixture, from misfits.
+
+A search computes them for every proposal of every chain, on every level of noise.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimator.body.arrays import Flags
+from estimator.body.morphology import Array
+from estimator.physics.kernel.compiling import compiled, entrance, stamp
+from estimator.posterior.model.likelihood import ASTRAY, COLUMNS, SILENT
+
+_SOURCES: Final = stamp(Path(__file__).parent)
+_TILT: Final = COLUMNS["tilt"].start
+_CLEARANCE: Final = COLUMNS["clearance"].start
+_WRONG: Final = COLUMNS["touch"].start
+_DOUBTFUL: Final = _WRONG + 1
+_SILENT: Final = SILENT
+_ASTRAY: Final = ASTRAY
+
+_LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
+_LOG_EVEN: Final = math.log(0.5)
+_ROOT_HALF: Final = math.sqrt(0.5)
+_FAR: Final = -30.0  # standard deviations, beyond which the error function underflows
+
+
+class Read(NamedTuple):
+    """What was read in each of k interactions.
+
+    Attributes:
+        tilts: How many angles, shape (k,).
+        clear: Whether clearance was, shape (k,).
+        beyond: Whether the ground lay beyond the sensor's range, shape (k,).
+        bits: How many touch bits, shape (k,).
+        log_anywhere: Logarithm of the density of such readings anywhere, shape (k,).
+    """
+
+    tilts: Array
+    clear: Flags
+    beyond: Flags
+    bits: Array
+    log_anywhere: Array
+
+
+class Spread(NamedTuple):
+    """How far readings stray, before levels and noise factors.
+
+    Attributes:
+        tilt: rad.
+        clearance: m.
+        touch: Probability that a bit is wrong.
+        worst_touch: What this may grow to.
+        tilt_beside: rad, and m: how much farther where a robot ends beside the pose foretold.
+        clearance_beside: Likewise.
+        outlier: Share of the interactions that do not end as the body does.
+        nearby: Share of these that end beside it.
+    """
+
+    tilt: float
+    clearance: float
+    touch: float
+    worst_touch: float
+    tilt_beside: float
+    clearance_beside: float
+    outlier: float
+    nearby: float
+
+
+@compiled
+def _log_ndtr(value: float) -> float:
+    """Logarithm of the normal distribution function."""
+    if value < _FAR:
+        square = value * value
+        return -0.5 * square - math.log(-value) - _LOG_ROOT + math.log1p((3 / square - 1) / square)
+    if value > 0:
+        return math.log1p(-0.5 * math.erfc(value * _ROOT_HALF))
+    return math.log(0.5 * math.erfc(-value * _ROOT_HALF))
+
+
+@compiled
+def _log_sum(one: float, other: float) -> float:
+    """Logarithm of the sum of two exponentials, of which one is finite."""
+    high, low = (one, other) if one > other else (other, one)
+    return high + math.log1p(math.exp(low - high))
+
+
+@compiled
+def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) -> float:
+    """Normal, or its tail beyond the sensor's range."""
+    away = misfit / noise
+    if beyond:
+        return _log_ndtr(-away)
+    return -0.5 * away * away - log_noise - _LOG_ROOT
+
+
+def _make_mixture(sources: int) -> Any:
+    @entrance
+    def mixture(
+        misfits: Array,
+        turns: NDArray[np.intp],
+        widths: Array,
+        scales: Array,
+        read: Read,
+        spread: Spread,
+        log_likely: Array,
+        inlier: Array,
+        outlier: Array,
+    ) -> int:
+        """Fills the logarithms of both terms, shape (n, k); see ``Likelihood.terms``.
+
+        Args:
+            misfits: Shape (n, k, MISFITS).
+            turns: Which interactions the columns are, one row for all or one for each.
+            widths: Factors on all noise, one for all or one for each.
+            scales: Logarithms of the factors on tilt's and clearance's noise, likewise.
+            read: What was read.
+            spread: How far readings stray.
+            log_likely: Of each lean.
+            inlier: Receives the first term, or the sum of both where ``outlier`` has no columns.
+            outlier: Receives the other.
+        """
+        log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
+        log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
+        for row in range(misfits.shape[0]):
+            width = widths[row if len(widths) > 1 else 0]
+            own = row if len(scales) > 1 else 0
+            tilt = spread.tilt * width * math.exp(scales[own, 0])
+            clearance = spread.clearance * width * math.exp(scales[own, 1])
+            touch = min(spread.touch * width, spread.worst_touch)
+            tilt_wide = math.hypot(tilt, spread.tilt_beside)
+            clearance_wide = math.hypot(clearance, spread.clearance_beside)
+            log_tilt, log_tilt_wide = math.log(tilt), math.log(tilt_wide)
+            log_clearance, log_wide = math.log(clearance), math.log(clearance_wide)
+            log_wrong, log_right = math.log(touch), math.log1p(-touch)
+            for column in range(misfits.shape[1]):
+                turn = turns[row if len(turns) > 1 else 0, column]
+                anywhere = read.log_anywhere[turn]
+                first, beside = -math.inf, anywhere
+                if not misfits[row, column, _SILENT] > 0:
+                    squares, angles = misfits[row, column, _TILT], read.tilts[turn]
+                    wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
+                    bits = (read.bits[turn] - doubtful - wrong) * log_right
+                    bits += wrong * log_wrong + doubtful * _LOG_EVEN
+                    first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
+                    first -= squares / (2 * tilt * tilt) + angles * (log_tilt + _LOG_ROOT)
+                    beside = log_outlier + bits - squares / (2 * tilt_wide * tilt_wide)
+                    beside -= angles * (log_tilt_wide + _LOG_ROOT)
+                    if read.clear[turn]:
+                        away, beyond = misfits[row, column, _CLEARANCE], read.beyond[turn]
+                        first += _log_clearance(away, beyond, clearance, log_clearance)
+                        beside += _log_clearance(away, beyond, clearance_wide, log_wide)
+                second = _log_sum(log_elsewhere + anywhere, log_nearby + beside)
+                if outlier.shape[1]:
+                    inlier[row, column], outlier[row, column] = first, second
+                else:
+                    inlier[row, column] = _log_sum(first, second)
+        return 0 * sources
+
+    return mixture
+
+
+mixture: Final = _make_mixture(_SOURCES)
