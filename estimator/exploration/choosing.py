@@ -112,7 +112,7 @@ class Chooser:
         quick = self._read(known, programs, LEANS[0], quickly=True)
         bits = self._bits(known, Forecast.of(quick, len(known)), rng, _DRAWS)
         programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
-        bits = self._bits(known, self._sure_forecast(known, programs), rng, _DRAWS)
+        bits = self._bits(known, self._sure_forecast(known, programs, quickly=True), rng, _DRAWS)
         for spread in _SPREADS:
             best = np.repeat(
                 programs[np.argsort(-bits, kind="stable")[:_REFINED]], _VARIANTS, axis=0
@@ -120,7 +120,8 @@ class Chooser:
             near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
             near = np.where(best == 0, 0.0, near)
             programs = np.concatenate([programs, near])
-            more = self._bits(known, self._sure_forecast(known, near), rng, _DRAWS)
+            forecast = self._sure_forecast(known, near, quickly=True)
+            more = self._bits(known, forecast, rng, _DRAWS)
             bits = np.concatenate([bits, more])
         programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
         forecast = self._surest_forecast(known, programs)
@@ -197,12 +198,15 @@ class Chooser:
     ) -> Array:
         return self._gain.of(forecast, known.scales, known.groups, rng, draws=draws)
 
-    def _sure_forecast(self, known: _Hypotheses, programs: Array) -> Forecast:
+    def _sure_forecast(
+        self, known: _Hypotheses, programs: Array, *, quickly: bool = False
+    ) -> Forecast:
         """What bodies will feel, silent where a body may fall to more sides than one."""
-        plumb = self._read(known, programs, LEANS[0])
+        plumb = self._read(known, programs, LEANS[0], quickly=quickly)
         forecast = Forecast.of(plumb, len(known))
         for lean in FORKS:
-            forks = self._gain.apart(plumb, self._read(known, programs, lean))
+            leaning = self._read(known, programs, lean, quickly=quickly)
+            forks = self._gain.apart(plumb, leaning)
             forecast.silent[forks.reshape(forecast.silent.shape)] = True
         return forecast
 
