@@ -123,7 +123,9 @@ class Result(_Record):
         searched: What was to be found, gene by gene.
         physics: Back-end that predicted what models feel.
         reference: Back-end that had the last word, where that is another.
-        search: What optimised the population of the method ``paper``.
+        search: What optimised the population of the method ``paper``; like the objective, what
+            counts its models and its generations, and what came of its simulations, ``None`` for
+            the method ``posterior``.
         objective: What that minimised.
         explore: What chose the motor programs, unless they were recorded.
         modalities: Modalities that the subjective error counts.
@@ -155,21 +157,21 @@ class Result(_Record):
     searched: tuple[str, ...]
     physics: str
     reference: str = "pybullet"
-    search: str = "deterministic-crowding"
-    objective: str = "largest"
+    search: str | None
+    objective: str | None
     explore: str = "random"
     modalities: tuple[str, ...]
     seed: int
-    population: int
-    generations: int
+    population: int | None
+    generations: int | None
     versions: dict[str, str]
     robot_uri: str
     robot: dict[str, Any]
     interactions: int
     simulations_requested: int
     simulations_run: int
-    simulations_invalid: int = 0
-    simulations_undecided: int = 0
+    simulations_invalid: int | None
+    simulations_undecided: int | None
     steps: int
     wall_seconds: float
     sensor_error: float | None
@@ -194,7 +196,7 @@ class Result(_Record):
 def summarise(store: RunStore) -> Result:
     """The outcome of a run as far as it has come."""
     settings, capabilities, problem = store.settings, store.capabilities, store.problem
-    observations = store.observations()
+    observations, paper = store.observations(), settings.method == "paper"
     latest, beliefs = store.latest_generation(), store.beliefs()
     counters = Counters() if latest is None else latest.counters
     if beliefs:
@@ -220,18 +222,23 @@ def summarise(store: RunStore) -> Result:
         searched=tuple(gene.name for gene in store.genome.genes),
         physics=settings.physics,
         reference=settings.reference,
-        search=settings.search,
-        objective=settings.objective,
+        search=settings.search if paper else None,
+        objective=settings.objective if paper else None,
         explore=settings.explore,
         modalities=settings.modalities,
         seed=settings.seed,
-        population=settings.population,
-        generations=settings.generations,
+        population=settings.population if paper else None,
+        generations=settings.generations if paper else None,
         versions=versions() | dict(store.settings.plugins),
         robot_uri=settings.robot,
         robot=capabilities.to_map(),
         interactions=len(observations),
-        **counters.model_dump(),
+        simulations_requested=counters.simulations_requested,
+        simulations_run=counters.simulations_run,
+        simulations_invalid=counters.simulations_invalid if paper else None,
+        simulations_undecided=counters.simulations_undecided if paper else None,
+        steps=counters.steps,
+        wall_seconds=counters.wall_seconds,
         sensor_error=error,
         legs=legs,
         best_models=tuple(

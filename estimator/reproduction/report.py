@@ -82,8 +82,8 @@ def _how(budget: Budget, sessions: Sequence[LedgerEntry], runs: Sequence[Summary
     seeds = sorted({item.run.seed for item in runs})
     requested = sum(result.simulations_requested for result in finished)
     done = sum(result.simulations_run for result in finished)
-    invalid = sum(result.simulations_invalid for result in finished)
-    undecided = sum(result.simulations_undecided for result in finished)
+    invalid = sum(result.simulations_invalid or 0 for result in finished)
+    undecided = sum(result.simulations_undecided or 0 for result in finished)
     used = sorted(
         {
             ", ".join(f"{name} {version}" for name, version in sorted(result.versions.items()))

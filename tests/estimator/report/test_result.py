@@ -8,7 +8,8 @@ from estimator.report.result import Result, summarise
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run
-from tests.estimator.model_robot import JOINTS, PROBLEM
+from tests.estimator.model_robot import JOINTS, PROBLEM, TRUE_LENGTHS
+from tests.estimator.posterior_run import make_posterior_run
 from tests.estimator.report.made_runs import made_run
 
 
@@ -32,6 +33,14 @@ def test_a_run_in_numbers(tmp_path: Path) -> None:
     left = result.legs[0]
     assert left.length_m == pytest.approx(0.17)
     assert left.population_m == pytest.approx((0.05, 0.17))
+
+
+def test_what_belongs_to_the_other_method_is_not_told_of_a_posterior(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        result = summarise(run)
+    assert (result.search, result.objective) == (None, None)
+    assert (result.population, result.generations) == (None, None)
+    assert (result.simulations_invalid, result.simulations_undecided) == (None, None)
 
 
 def test_a_leg_that_never_touched_is_warned_about(tmp_path: Path) -> None:

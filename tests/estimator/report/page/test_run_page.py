@@ -211,6 +211,7 @@ def test_every_shipped_problem_has_a_page(problem: str, method: str, tmp_path: P
     assert f"--robot replay:{directory} --problem {problem} --method {method}" in text
     assert "tells &lt;b&gt;1&lt;/b&gt; apart" in text or method == "paper"
     assert text.count("<svg") == 3
+    assert ("undecided)" in text) == (method == "paper")
 
 
 def test_a_run_that_has_learnt_nothing_yet_has_a_page(tmp_path: Path) -> None:
