@@ -5,6 +5,7 @@ Module                  What is in it
 ======================= =========================================================================
 ``study``               the list of all runs
 ``faults``              robots that are not as their problem says, for that list
+``odd_robots``          the same, with faults that no check was made for
 ``robots``              bodies to start simulated robots with, and what counts as the truth
 ``trial``               one run through the wire, held against the truth after each interaction
 ``tables``              what the runs say, as Markdown

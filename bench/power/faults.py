@@ -11,6 +11,7 @@ from typing import Final
 from bench.power.robots import (
     Robot,
     exchanged,
+    noisier,
     shipped,
     turned_joint,
     with_leg_mass,
@@ -77,7 +78,7 @@ def _in_millimetres() -> str:
     )
 
 
-def _believing(calibration: Calibration, truth: Callable[[str], str] = str) -> Robot:
+def believing(calibration: Calibration, truth: Callable[[str], str] = str) -> Robot:
     """The default robot, whose daemon believes in a calibration that is wrong."""
     return Robot(
         body=shipped(DEFAULT),
@@ -92,7 +93,7 @@ def _reversed_tilt(axis: int) -> Robot:
     gains = [VOLTS_PER_G] * 3
     gains[axis] = -VOLTS_PER_G
     opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
-    return _believing(_felt_by(gains), partial(exchanged, *opposite))
+    return believing(_felt_by(gains), partial(exchanged, *opposite))
 
 
 def _along_the_diagonal(urdf: str) -> str:
@@ -120,7 +121,7 @@ def _turning(factor: float, *, servos: int) -> Robot:
         )
         for joint in joints
     }
-    return _believing(Calibration(robot=DEFAULT, revision=1, joints=believed))
+    return believing(Calibration(robot=DEFAULT, revision=1, joints=believed))
 
 
 _DULL: Final = {
@@ -148,13 +149,13 @@ FAULTS: Final = {
         options=("--fault", "daq.swapped_channels=0"),
     ),
     "gauge torn off": Robot(body=shipped(DEFAULT), options=("--fault", "daq.stuck_channel=3")),
-    "gauge that hardly feels": _believing(Calibration(robot=DEFAULT, revision=1, gauges=_DULL)),
+    "gauge that hardly feels": believing(Calibration(robot=DEFAULT, revision=1, gauges=_DULL)),
     "servos turning 1.2 times as far": _turning(1.2, servos=8),
     "one servo turning 1.3 times as far": _turning(1.3, servos=1),
-    "accelerometer that feels a fifth less": _believing(
+    "accelerometer that feels a fifth less": believing(
         _felt_by((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
     ),
-    "distance sensor that reads 7 mm too much": _believing(
+    "distance sensor that reads 7 mm too much": believing(
         Calibration(
             robot=DEFAULT,
             revision=1,
@@ -162,9 +163,5 @@ FAULTS: Final = {
         )
     ),
     "servos too weak": Robot(body=with_leg_mass(DEFAULT, 0.2 / 0.09)),
-    "noise three times as announced": Robot(
-        body=shipped(DEFAULT),
-        options=("--noise", "{folder}/noise.toml"),
-        files={"noise.toml": f"tilt_deg = 0.9\nclearance_mm = 3.0\nannounced = {1 / 3!r}\n"},
-    ),
+    "noise three times as announced": noisier(3.0),
 }

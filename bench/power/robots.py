@@ -44,6 +44,13 @@ def from_prior(problem: str) -> BodyOf:
     return partial(drawn_body, problem)
 
 
+def noisier(factor: float) -> Robot:
+    """The default robot with so many times the noise that it announces."""
+    noise = f"tilt_deg = {0.3 * factor}\nclearance_mm = {factor}\nannounced = {1 / factor!r}\n"
+    options = ("--noise", "{folder}/noise.toml")
+    return Robot(body=shipped(DEFAULT), options=options, files={"noise.toml": noise})
+
+
 def with_leg_mass(name: str, factor: float) -> BodyOf:
     """A body that ships, with every link but the main body so many times as heavy."""
     return partial(_heavier, name, factor)

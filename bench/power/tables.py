@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from bench.power.study import KNOWN_ATTACHMENTS, SUBJECTS
+from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, SUBJECTS
 from bench.power.trial import SURE, Figures, Step, Trial
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
@@ -30,11 +30,14 @@ def page(done: Mapping[str, Runs]) -> str:
     parts = [_HEAD]
     for group, runs in done.items():
         parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
-        parts.append(fault_table(runs) if group == "faults" else success_table(runs))
-        if group != "faults":
+        parts.append(fault_table(runs) if group in FAULTY else success_table(runs))
+        if group not in FAULTY:
             parts.append(run_table(runs))
-    sound = {group: [one for _, some in runs for one in some] for group, runs in done.items()}
-    sound.pop("faults", None)
+    sound = {
+        group: [one for _, some in runs for one in some]
+        for group, runs in done.items()
+        if group not in FAULTY
+    }
     parts.append(_calibration(sound))
     return "".join(parts)
 
