@@ -19,14 +19,15 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import BASE, Array
+from estimator.body.morphology import Array
 from estimator.physics.base import Physics
 from estimator.physics.equivalence import AGREEMENT, agree
+from estimator.posterior.checks.fitting import departing_starts, fitted
 from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Departure, Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
-from estimator.posterior.model.slopes import PRIOR, Lengths, best_of_each
+from estimator.posterior.model.slopes import PRIOR, Lengths
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Predictor, departing_points, sizes_of
 from estimator.posterior.posterior import Posterior
@@ -38,18 +39,6 @@ _NOT_LOOKED_AT: Final = 1 / 3  # of these; the others are as probable as each ot
 _ACCIDENT_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
 _STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked at
 _STARTS: Final = 8
-_LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
-_OWN_LENGTHS: Final = (
-    0.1,
-    0.3,
-    0.5,
-    0.7,
-    0.9,
-)  # of the branch that departs, in its range: likewise
-_MANY_LENGTHS: Final = 32  # points, where it has several
-_KEPT: Final = 4  # of the starts with these lengths
-_FINISHED: Final = 8  # of the best, fitted once more
-_ROOTED: Final = 40  # steps to a root: far more than needed
 _WORTH_SAYING: Final = 0.005  # m
 _MATTERS: Final = -0.75  # nats gained on average over all departures, to ask the simulator
 _SIMULATED: Final = 32  # samples
@@ -68,9 +57,6 @@ def doubts(
 ) -> tuple[Doubt, ...]:
     """Fits a body of each departure to the readings.
 
-    From the best body, from one of the samples, and from the best body with other lengths of the
-    branch that departs: a length that makes up for a departure may be far from the true one.
-
     Args:
         posterior: Of the problem's bodies.
         predictor: Likewise.
@@ -84,22 +70,15 @@ def doubts(
     every = max(1, len(posterior.values) // _STARTS)
     best = posterior.modes[0].point
     starts = np.vstack([best, posterior.values[::every][:_STARTS]])
-    count = len(departures)
     departing = predictor.departing(departures)
-    numbered = departing_points(
-        np.repeat(starts[:2], count, axis=0),
-        np.tile(np.arange(count), 2),
-        np.repeat((_LESS, _MORE), count),
-    )
-    elsewhere = _of_other_lengths(best, departures, departing, data, noise)
-    numbered = np.vstack([numbered, elsewhere])
-    points, fits = _fitted(numbered, departing, data, noise, each=True)
+    numbered = departing_starts(starts[:2], departures, departing, data, noise)
+    points, fits = fitted(numbered, departing, data, noise, each=True)
     log_shares = _log_shares(points, departing, data, noise)
     # another of the problem's bodies may explain what the most probable one does not, and lengths
     # that a departure brings to light may suit it as well
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
     candidates = np.vstack([starts, *others, points[:_STARTS, :-2]])
-    stated, as_stated = _fitted(candidates, predictor, data, noise)
+    stated, as_stated = fitted(candidates, predictor, data, noise)
     doubted = [
         Doubt(
             departure=departures[int(point[-2])].sized(size),
@@ -235,96 +214,6 @@ def _mean_gain(doubted: Sequence[Doubt]) -> float:
     """How much better departures explain the readings, each as probable as any other, nats."""
     gains = np.array([doubt.gain for doubt in doubted])
     return float(logsumexp(gains)) - math.log(gains.size)
-
-
-def _fitted(
-    starts: Array, predictor: Predictor, data: SensorData, noise: Noise, *, each: bool = False
-) -> tuple[Array, Array]:
-    """The point that fits best, shape (1, size), and its log-likelihoods, shape (1, k).
-
-    Args:
-        starts: Shape (n, size).
-        predictor: Of their readings.
-        data: What the robot felt.
-        noise: How far readings stray.
-        each: The same for each departure, of which their last column but one holds the index; best
-            first.
-    """
-    likelihood = Likelihood(data, noise)
-    lengths = Lengths(predictor, data, likelihood)
-    points, fits = starts, lengths.fits(starts)
-    for some in (slice(None), slice(_FINISHED)):
-        more, better = lengths.polished(points[some])
-        points, fits = np.vstack([points, more]), np.concatenate([fits, better])
-        which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
-        order = best_of_each(which, fits)
-        points, fits = points[order], fits[order]
-    return points, likelihood.of(likelihood.misfits_of(predictor, points))
-
-
-def _of_other_lengths(
-    best: Array,
-    departures: Sequence[Departure],
-    departing: Predictor,
-    data: SensorData,
-    noise: Noise,
-) -> Array:
-    """Starts for each departure of a part whose branch has unknown lengths, shape (n, size).
-
-    A branch is what hangs together without the main body: lengths of the whole leg make up for a
-    servo at its root.
-    """
-    (parents,) = departing.unknowns.bodies(departing_points(best[None], 0)).parent
-    branches = _branches(parents.tolist())
-    tried = [np.empty((0, departing.unknowns.size))]
-    for number, departure in enumerate(departures):
-        columns = [
-            column
-            for column, gene in enumerate(departing.unknowns.genes)
-            if gene.trait == "length"
-            and departure.part is not None
-            and branches[gene.part] == branches[departure.part]
-        ]
-        if columns:
-            lengths = _spread(len(columns))
-            values = np.repeat(best[None], 2 * len(lengths), axis=0)
-            values[:, columns] = np.repeat(lengths, 2, axis=0)
-            sizes = np.tile((_LESS, _MORE), len(lengths))
-            tried.append(departing_points(values, number, sizes))
-    points = np.vstack(tried)
-    if not len(points):
-        return points
-    fits = Lengths(departing, data, Likelihood(data, noise)).rough_fits(points)
-    ends = np.cumsum([len(some) for some in tried])[:-1]
-    kept = [
-        some[np.argsort(-own, kind="stable")[:_KEPT]]
-        for some, own in zip(tried, np.split(fits, ends), strict=True)
-    ]
-    return np.vstack(kept)
-
-
-def _branches(parents: Sequence[int]) -> list[int]:
-    """For each part the one by which it hangs on the main body."""
-    branches: list[int] = []
-    for part, parent in enumerate(parents):
-        branches.append(part if parent == BASE else branches[parent])
-    return branches
-
-
-def _spread(lengths: int) -> Array:
-    """Points that cover the unit cube of so many lengths, shape (n, lengths).
-
-    Of several by Roberts's additive recurrence, whose step is made of powers of the root of
-    x^(lengths + 1) = x + 1.
-    """
-    if lengths == 1:
-        return np.array(_OWN_LENGTHS)[:, None]
-    root = 1.5
-    for _ in range(_ROOTED):
-        root = (1 + root) ** (1 / (lengths + 1))
-    steps = root ** -np.arange(1.0, lengths + 1)
-    points: Array = (0.5 + np.arange(1, _MANY_LENGTHS + 1)[:, None] * steps) % 1.0
-    return points
 
 
 def _amends(

@@ -1,0 +1,139 @@
+"""Fits bodies that depart from a problem to readings: lengths, and how far they depart, together.
+
+A length that makes up for a departure may be far from the true one. So fits start also from other
+lengths of the branch that departs: of what hangs together without the main body, since lengths of
+a whole leg make up for a servo at its root.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import BASE, Array
+from estimator.posterior.model.departures import Departure
+from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.unknowns import Predictor, departing_points
+
+_LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
+_OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the branch that departs: likewise
+_MANY_LENGTHS: Final = 32  # points, where it has several
+_KEPT: Final = 4  # of the starts with these lengths
+_FINISHED: Final = 8  # of the best, fitted once more
+_ROOTED: Final = 40  # steps to a root: far more than needed
+
+
+def departing_starts(
+    bodies: Array,
+    departures: Sequence[Departure],
+    departing: Predictor,
+    data: SensorData,
+    noise: Noise,
+) -> Array:
+    """Starts for each departure, shape (n, size).
+
+    Args:
+        bodies: Two of the problem's, the best first, shape (2, size); from the first they depart a
+            little less, from the other a little more.
+        departures: m of them.
+        departing: Of their readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+    """
+    count = len(departures)
+    from_bodies = departing_points(
+        np.repeat(bodies, count, axis=0),
+        np.tile(np.arange(count), 2),
+        np.repeat((_LESS, _MORE), count),
+    )
+    elsewhere = _of_other_lengths(bodies[0], departures, departing, data, noise)
+    return np.vstack([from_bodies, elsewhere])
+
+
+def fitted(
+    starts: Array, predictor: Predictor, data: SensorData, noise: Noise, *, each: bool = False
+) -> tuple[Array, Array]:
+    """The point that fits best, shape (1, size), and its log-likelihoods, shape (1, k).
+
+    Args:
+        starts: Shape (n, size).
+        predictor: Of their readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+        each: The same for each departure, of which their last column but one holds the index; best
+            first.
+    """
+    likelihood = Likelihood(data, noise)
+    lengths = Lengths(predictor, data, likelihood)
+    points, fits = starts, lengths.fits(starts)
+    for some in (slice(None), slice(_FINISHED)):
+        more, better = lengths.polished(points[some])
+        points, fits = np.vstack([points, more]), np.concatenate([fits, better])
+        which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
+        order = best_of_each(which, fits)
+        points, fits = points[order], fits[order]
+    return points, likelihood.of(likelihood.misfits_of(predictor, points))
+
+
+def _of_other_lengths(
+    best: Array,
+    departures: Sequence[Departure],
+    departing: Predictor,
+    data: SensorData,
+    noise: Noise,
+) -> Array:
+    """Starts for each departure of a part whose branch has unknown lengths, shape (n, size)."""
+    (parents,) = departing.unknowns.bodies(departing_points(best[None], 0)).parent
+    branches = _branches(parents.tolist())
+    tried = [np.empty((0, departing.unknowns.size))]
+    for number, departure in enumerate(departures):
+        columns = [
+            column
+            for column, gene in enumerate(departing.unknowns.genes)
+            if gene.trait == "length"
+            and departure.part is not None
+            and branches[gene.part] == branches[departure.part]
+        ]
+        if columns:
+            lengths = _spread(len(columns))
+            values = np.repeat(best[None], 2 * len(lengths), axis=0)
+            values[:, columns] = np.repeat(lengths, 2, axis=0)
+            sizes = np.tile((_LESS, _MORE), len(lengths))
+            tried.append(departing_points(values, number, sizes))
+    points = np.vstack(tried)
+    if not len(points):
+        return points
+    fits = Lengths(departing, data, Likelihood(data, noise)).rough_fits(points)
+    ends = np.cumsum([len(some) for some in tried])[:-1]
+    kept = [
+        some[np.argsort(-own, kind="stable")[:_KEPT]]
+        for some, own in zip(tried, np.split(fits, ends), strict=True)
+    ]
+    return np.vstack(kept)
+
+
+def _branches(parents: Sequence[int]) -> list[int]:
+    """For each part the one by which it hangs on the main body."""
+    branches: list[int] = []
+    for part, parent in enumerate(parents):
+        branches.append(part if parent == BASE else branches[parent])
+    return branches
+
+
+def _spread(lengths: int) -> Array:
+    """Points that cover the unit cube of so many lengths, shape (n, lengths).
+
+    Of several by Roberts's additive recurrence, whose step is made of powers of the root of
+    x^(lengths + 1) = x + 1.
+    """
+    if lengths == 1:
+        return np.array(_OWN_LENGTHS)[:, None]
+    root = 1.5
+    for _ in range(_ROOTED):
+        root = (1 + root) ** (1 / (lengths + 1))
+    steps = root ** -np.arange(1.0, lengths + 1)
+    points: Array = (0.5 + np.arange(1, _MANY_LENGTHS + 1)[:, None] * steps) % 1.0
+    return points
