@@ -26,7 +26,13 @@ from estimator.posterior.checks.fitting import departing_starts, fitted
 from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Departure, Doubt
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import (
+    ASTRAY,
+    LIKELY,
+    Likelihood,
+    Noise,
+    SensorData,
+)
 from estimator.posterior.model.slopes import PRIOR, Lengths
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Predictor, departing_points, sizes_of
@@ -79,11 +85,12 @@ def doubts(
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
     candidates = np.vstack([starts, *others, points[:_STARTS, :-2]])
     stated, as_stated = fitted(candidates, predictor, data, noise)
+    by_accident = _to_which_side(stated, predictor, data, noise)
     doubted = [
         Doubt(
             departure=departures[int(point[-2])].sized(size),
             point=point[:-2],
-            gains=gains,
+            gains=_without(gains, by_accident),
             log_share=log_share,
         )
         for point, size, gains, log_share in zip(
@@ -93,12 +100,8 @@ def doubts(
     if clearly_better(doubted) is not None or _mean_gain(doubted) > _MATTERS:
         samples = posterior.values[systematic(posterior.weights, _SIMULATED, 0.5)]
         bodies = np.vstack([stated, samples])
-        amends = _amends(bodies, predictor, data, noise, reference)
-        # where a departure gains nothing the simulator was not asked what its bodies feel
-        doubted = [
-            replace(doubt, gains=doubt.gains - np.clip(doubt.gains, 0.0, amends))
-            for doubt in doubted
-        ]
+        amends = _amends(bodies, predictor, data, noise, reference) - by_accident
+        doubted = [replace(doubt, gains=_without(doubt.gains, amends)) for doubt in doubted]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gain))
 
 
@@ -208,6 +211,26 @@ def clearly_better(doubted: Sequence[Doubt]) -> Departure | None:
         return best.departure
     best = max(doubted, key=lambda doubt: doubt.gain, default=None)
     return best.departure if best is not None and best.gain > _BETTER_BY_FAR else None
+
+
+def _without(gains: Array, excused: Array) -> Array:
+    """Gains but for what speaks for no departure, shape (k,).
+
+    Where a departure gains nothing the simulator was not asked what its bodies feel.
+    """
+    left: Array = gains - np.clip(gains, 0.0, np.maximum(excused, 0.0))
+    return left
+
+
+def _to_which_side(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Array:
+    """What it costs a body, shape (1, size), to fall as was felt and not as statics has it, nats.
+
+    Shape (k,). A departure that turns a fall the other way explains it for nothing: to which side
+    a body falls says little of how it is built.
+    """
+    (misfits,) = Likelihood(data, noise).misfits_of(predictor, point)
+    costs: Array = -np.log(LIKELY[misfits[:, ASTRAY].astype(np.intp)])
+    return costs
 
 
 def _mean_gain(doubted: Sequence[Doubt]) -> float:

@@ -32,13 +32,14 @@ from estimator.posterior.model.departures import (
     TurnedHinge,
     TurnedMount,
 )
-from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.likelihood import FORKS, LEANS, Noise, SensorData, apart
 from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
 from tests.estimator.model_robot import PROBLEM
-from tests.estimator.two_unknown_rows import MODALITIES, NOISE, draw, equally_likely, programs
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(32, seed=5)
@@ -313,3 +314,41 @@ def test_lengths_of_a_whole_leg_that_make_up_for_a_departure_are_undone(
     (doubt,) = doubts(posterior, predictor, data, noise, (far,), reference=StaticsPhysics())
     assert doubt.point[leg].sum() == pytest.approx(true[leg].sum(), abs=0.1)
     assert doubt.departure.amount == pytest.approx(far.sized(1.4).amount, abs=0.05)
+
+
+def observed(readings: Readings, row: int, program: Array) -> Observation:
+    return Observation(
+        angles=tuple(program.tolist()),
+        touch=tuple(bool(bit) for bit in readings.touch[row]),
+        tilt=(float(readings.tilt[row, 0]), float(readings.tilt[row, 1])),
+        clearance=float(readings.clearance[row]),
+    )
+
+
+def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
+    genome = Genome(Problem.parse(PROBLEM, "legs"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
+    predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.full(4, 0.85)
+    moved = np.random.default_rng(0).uniform(-0.5, 0.5, (2000, 4))
+    felt = [predictor.read_all(point[None], moved, np.tile(lean, (2000, 1))) for lean in LEANS]
+    plumb, *leaning = felt
+    turned = [apart(plumb, one, NOISE) for one in leaning]
+    narrow = np.flatnonzero(turned[-1] & ~np.any(turned[: len(FORKS)], axis=0))[:3]
+    sure = np.flatnonzero(~np.any(turned, axis=0))[:6]
+    data = SensorData.of(
+        [
+            observed(readings, row, moved[row])
+            for readings, rows in ((leaning[-1], narrow), (plumb, sure))
+            for row in rows.tolist()
+        ],
+        MODALITIES,
+        CAP,
+    )
+    alone = equally_likely(np.tile(point, (12, 1)), point)
+    aside = [
+        OffCentre(text="a battery at one side", axis=axis, amount=amount)
+        for axis in (0, 1)
+        for amount in (-0.05, 0.05)
+    ]
+    left = doubts(alone, predictor, data, NOISE, aside, reference=StaticsPhysics())
+    assert clearly_better(left) is None
+    assert left[0].gain < 1
