@@ -108,18 +108,23 @@ def _felt_by(volts_per_g: Sequence[float]) -> Calibration:
 
 def _turning(factor: float, *, servos: int) -> Robot:
     """A robot whose first servos turn so many times as far as its daemon believes."""
+    return believing_of_servos([lambda angle: angle / factor] * servos)
+
+
+def believing_of_servos(angles: Sequence[Callable[[float], float]]) -> Robot:
+    """A robot whose daemon believes its first servos at other angles than they are, rad."""
     body = load_body(body_path(DEFAULT))
-    joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints[:servos]
+    joints = configure(body, port="/dev/null", levels=NoiseLevels()).joints
     believed = {
         joint.name: JointCalibration(
             lower_limit=joint.lower_limit,
             upper_limit=joint.upper_limit,
             scale=JointScale(
-                tuple((count, angle / factor) for count, angle in joint.scale.points),
+                tuple((count, believed_at(angle)) for count, angle in joint.scale.points),
                 joint.scale.counts,
             ),
         )
-        for joint in joints
+        for joint, believed_at in zip(joints, angles, strict=False)
     }
     return believing(Calibration(robot=DEFAULT, revision=1, joints=believed))
 

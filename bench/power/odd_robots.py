@@ -6,20 +6,18 @@ They were thought of to find runs that end certain and wrong. Some of these faul
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping
 from functools import partial
 from typing import Final
 from xml.etree import ElementTree
 
-from bench.power.faults import believing
-from bench.power.robots import Robot, noisier, shipped, turned_joint
+from bench.power.faults import believing, believing_of_servos
+from bench.power.robots import Robot, make_heavier, noisier, shipped, turned_joint
 from bench.power.trial import Trial
-from robot.configuration.calibration_file import Calibration, GaugeCalibration, JointCalibration
-from robot.configuration.joint_calibration import JointScale
+from robot.configuration.calibration_file import Calibration, GaugeCalibration
 from sim_robot.simulator.electronics_set import TARE_VOLTS, VOLTS_PER_NEWTON
-from sim_robot.simulator.pc104_set import configure
-from sim_robot.world.body import DEFAULT, body_path, load_body
-from sim_robot.world.sensor_noise import NoiseLevels
+from sim_robot.world.body import DEFAULT
 
 _Elements = Mapping[str, Mapping[str, str]]
 
@@ -105,9 +103,7 @@ def _with_link(link: str, mass: float, radius: float | None, centre: str | None,
     root = ElementTree.fromstring(shipped(DEFAULT)(seed))
     inertial = root.find(f"link[@name='{link}']/inertial")
     assert inertial is not None
-    for element in inertial:
-        if element.tag in ("mass", "inertia"):
-            element.attrib.update({key: repr(mass * float(x)) for key, x in element.items()})
+    make_heavier(inertial, mass)
     if centre is not None:
         ElementTree.SubElement(inertial, "origin", xyz=centre)
     for shape in root.findall(f"link[@name='{link}']/collision/geometry/*[@radius]"):
@@ -117,19 +113,7 @@ def _with_link(link: str, mass: float, radius: float | None, centre: str | None,
 
 def _off_zero(degrees: tuple[float, ...]) -> Robot:
     """A robot whose first servos stand so far from where its daemon believes them."""
-    joints = configure(load_body(body_path(DEFAULT)), port="/dev/null", levels=NoiseLevels()).joints
-    believed = {
-        joint.name: JointCalibration(
-            lower_limit=joint.lower_limit,
-            upper_limit=joint.upper_limit,
-            scale=JointScale(
-                tuple((count, angle + math.radians(off)) for count, angle in joint.scale.points),
-                joint.scale.counts,
-            ),
-        )
-        for joint, off in zip(joints, degrees, strict=False)
-    }
-    return believing(Calibration(robot=DEFAULT, revision=1, joints=believed))
+    return believing_of_servos([partial(operator.add, math.radians(off)) for off in degrees])
 
 
 def _always_on() -> Robot:

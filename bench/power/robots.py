@@ -64,11 +64,17 @@ def _read(name: str, seed: int) -> str:
 def _heavier(name: str, factor: float, seed: int) -> str:
     root = ElementTree.fromstring(_read(name, seed))
     for link in root.findall("link")[1:]:
-        for element in link.findall("inertial/*"):
-            if element.tag in ("mass", "inertia"):
-                for key, value in element.attrib.items():
-                    element.set(key, repr(factor * float(value)))
+        for inertial in link.findall("inertial"):
+            make_heavier(inertial, factor)
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def make_heavier(inertial: ElementTree.Element, factor: float) -> None:
+    """Multiplies a link's mass and inertia."""
+    for element in inertial:
+        if element.tag in ("mass", "inertia"):
+            for key, value in element.attrib.items():
+                element.set(key, repr(factor * float(value)))
 
 
 def turned_joint(joint: str, elements: Mapping[str, Mapping[str, str]], urdf: str) -> str:

@@ -57,8 +57,8 @@ class Spread(NamedTuple):
         clearance: m.
         touch: Probability that a bit is wrong.
         worst_touch: What this may grow to.
-        tilt_beside: rad, and m: how much farther where a robot ends beside the pose foretold.
-        clearance_beside: Likewise.
+        tilt_beside: How much farther where a robot ends beside the pose foretold, rad.
+        clearance_beside: Likewise, m.
         outlier: Share of the interactions that do not end as the body does.
         nearby: Share of these that end beside it.
     """

@@ -247,7 +247,7 @@ def test_what_departs_is_named_where_known_attachments_explain_the_readings_badl
         )
     assert result.posterior is not None
     assert not result.posterior.explained
-    assert not result.posterior.probability or result.posterior.probability < 0.01
+    assert (result.posterior.probability or 0.0) < 0.01
     assert re.search(r"turning 1\.[23] times as far as told", result.posterior.verdict)
 
 

@@ -328,12 +328,13 @@ def observed(readings: Readings, row: int, program: Array) -> Observation:
 def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
     genome = Genome(Problem.parse(PROBLEM, "legs"), Base(size=(0.14, 0.14, 0.085), mass=1.0))
     predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.full(4, 0.85)
-    moved = np.random.default_rng(0).uniform(-0.5, 0.5, (2000, 4))
-    felt = [predictor.read_all(point[None], moved, np.tile(lean, (2000, 1))) for lean in LEANS]
+    moved = np.random.default_rng(0).uniform(-0.5, 0.5, (4000, 4))
+    felt = [predictor.read_all(point[None], moved, np.tile(lean, (4000, 1))) for lean in LEANS]
     plumb, *leaning = felt
     turned = [apart(plumb, one, NOISE) for one in leaning]
     narrow = np.flatnonzero(turned[-1] & ~np.any(turned[: len(FORKS)], axis=0))[:3]
     sure = np.flatnonzero(~np.any(turned, axis=0))[:6]
+    assert (len(narrow), len(sure)) == (3, 6)
     data = SensorData.of(
         [
             observed(readings, row, moved[row])
