@@ -348,5 +348,5 @@ class PosteriorMethod:
 def _how_sure(belief: Belief) -> str:
     if belief.probability is None:
         return f"how sure the best body's attachments are is not known: {belief.not_known}"
-    premise = "" if belief.explained else ", but no body explains the readings"
-    return f"best body's attachments {100 * belief.probability:.0f} % sure{premise}"
+    fit = "" if belief.explained else ", but it does not explain the readings"
+    return f"best body's attachments {100 * belief.probability:.0f} % sure{fit}"
