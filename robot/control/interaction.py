@@ -159,9 +159,13 @@ class MotorProgramRunner:
         self._stiffen()
 
     def relax(self) -> None:
-        """Lets every joint go limp."""
-        self._released = True
+        """Lets every joint go limp.
+
+        Raises:
+            DeviceError: The servo board failed; joints count as driven then, as they may be.
+        """
         self._servos.release(self._outputs)
+        self._released = True
 
     def recover(self, check: Callable[[], None]) -> None:
         """After a fault: makes the devices work, tries all of them, goes on from where they stand.
@@ -243,8 +247,8 @@ class MotorProgramRunner:
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)
             for joint in self._joints
         }
+        self._released = False  # if sending fails half-way, some joints are driven
         self._servos.set_counts(self._counts)
-        self._released = False
 
     def _slew(self, targets: Mapping[str, float], phase: str, report: Report) -> None:
         slew = Slew(

@@ -5,12 +5,14 @@ from __future__ import annotations
 import logging
 import math
 import time
+from collections.abc import Mapping
 
 import pytest
 
 from bench.still_robot import still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop
+from robot.errors import DeviceError
 from sim_robot.faults.fault_panel import FaultSpec
 from tests.robot.stepped import Bench, SteppedClock, program
 
@@ -106,6 +108,38 @@ def test_a_limp_robot_that_failed_is_held_when_it_is_cleared(bench: Bench) -> No
     bench.robot.panel.mend()
     assert isinstance(clear(bench), Ok)
     assert bench.pulses() == before
+
+
+def test_joints_that_could_not_be_released_are_not_told_as_limp(bench: Bench) -> None:
+    bench.perform(hip_left=20.0)
+    driven = bench.pulses()
+    told = bench.robot.controller.snapshot().angles
+    bench.robot.servo_board.unplug()
+    assert isinstance(
+        bench.end_of(bench.submit(Relax(id=1, client="test", session="s"))), ErrorReply
+    )
+    assert bench.pulses() == driven
+    assert bench.robot.controller.snapshot().angles == told
+
+
+def test_joints_that_may_be_driven_are_not_told_as_limp(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.perform(hip_left=20.0)
+    bench.ok(Relax(id=1, client="test", session="s"))
+    assert not bench.robot.controller.snapshot().angles
+    drive = bench.robot.servos.set_counts
+
+    def half_way(counts: Mapping[int, int]) -> None:
+        drive(dict(list(counts.items())[:1]))
+        raise DeviceError("The second servo board is gone.", "Plug it in.")
+
+    monkeypatch.setattr(bench.robot.servos, "set_counts", half_way)
+    assert isinstance(
+        bench.end_of(bench.submit(Hold(id=1, client="test", session="s"))), ErrorReply
+    )
+    assert any(bench.pulses())
+    assert bench.robot.controller.snapshot().angles
 
 
 def test_a_limp_robot_that_was_stopped_is_held_when_it_is_cleared(bench: Bench) -> None:
