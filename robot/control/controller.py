@@ -34,6 +34,7 @@ from robot.errors import DeviceError
 from robot.host.service_manager import ServiceManager
 
 _RARELY = 86_400.0  # s; a wait that needs no end
+_STOPPING = 2.0  # s for the control thread to hear that there is no more time
 _SLEWS = ("homing", "moving")  # the phases in which the joints move
 
 
@@ -67,6 +68,7 @@ class Controller:
         self._state = State.RELAXED if interaction.limp else State.IDLE
         self._reason = OFF if interaction.limp else None
         self._leaving = False
+        self._late = False
         self._ended = False
         self._sequence = 0
         self._jobs = JobQueue()
@@ -140,10 +142,14 @@ class Controller:
         """Ends a motion, parks at zero where the state allows it, ends the control thread.
 
         A stopped, faulty or limp robot is left as it is: parking would move it. From now on every
-        request but ``stop`` is refused, and that one ends the parking, too.
+        request but ``stop`` is refused, and that one ends the parking, too. So does the time-out:
+        a robot that needs longer stops on its way.
+
+        Args:
+            timeout: For the parking, s.
 
         Returns:
-            Whether the thread ended in time.
+            Whether the thread ended.
         """
         with self._lock:
             self._leaving = True
@@ -151,6 +157,10 @@ class Controller:
             self._lock.notify()
         self._tell(overtaken)
         self._thread.join(timeout)
+        if self._thread.is_alive():
+            with self._lock:
+                self._late = True
+            self._thread.join(_STOPPING)
         return not self._thread.is_alive()
 
     # --- the control thread -----------------------------------------------------------------------
@@ -275,6 +285,12 @@ class Controller:
         with self._lock:
             if self._jobs:
                 raise ended_by("aborted_stop")
+            if self._late:
+                raise RobotError(
+                    "shutting_down",
+                    "zero is too far off to be reached in time; the servos keep their last "
+                    "commands.",
+                )
 
     def _park(self) -> None:
         with self._lock:

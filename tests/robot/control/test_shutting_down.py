@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from threading import Event, Thread
 from typing import Any
 
@@ -66,6 +67,22 @@ def test_a_stop_ends_the_parking_too(bench: Bench) -> None:
     assert bench.end_of(stopping) == Ok(id=1, state="stopped")
     assert 5 < hip(bench) < 30  # parking would have taken 0.5 s
     assert bench.ok(Stop(id=2, client="anybody")).state == "stopped"  # answered to the very end
+
+
+def test_a_robot_that_is_too_slow_to_park_stops_on_its_way(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.perform(hip_left=30.0)
+    drive = bench.robot.servos.set_counts
+
+    def slowly(counts: Mapping[int, int]) -> None:
+        Event().wait(0.1)
+        drive(counts)
+
+    monkeypatch.setattr(bench.robot.servos, "set_counts", slowly)
+    assert bench.robot.controller.shut_down(0.05)
+    assert 5 < hip(bench) < 30.68
+    assert "not parked: zero is too far off" in caplog.text
 
 
 def hold_until_refused(bench: Bench) -> None:
