@@ -9,8 +9,8 @@ matters in full: so the robot is turned a quarter at a time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, Protocol
 
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
@@ -36,12 +36,26 @@ _MIN_GAIN: Final = 0.05  # V or g per g
 Axes = tuple[float, ...]
 
 
+class RawAxes(Protocol):
+    """A driver of three axes that are to be calibrated."""
+
+    def raw(self) -> Sequence[float]:
+        """One sample of the axes, in their unit.
+
+        Raises:
+            DeviceError: The device failed.
+        """
+
+    def check(self) -> None:
+        """As ``SensorDriver.check``."""
+
+
 class AccelerometerSession:
     """Leads through the accelerometer.
 
     Args:
         sensor: Its axes and what was believed of them so far.
-        sample: Reads them once, in their unit.
+        driver: Reads them.
         rate: Samples per second.
         clock: The robot clock.
         dialogue: With whom.
@@ -50,14 +64,14 @@ class AccelerometerSession:
     def __init__(
         self,
         sensor: CalibratedAxes,
-        sample: Callable[[], Sequence[float]],
+        driver: RawAxes,
         *,
         rate: float,
         clock: Clock,
         dialogue: Questions,
     ):
         self._sensor = sensor
-        self._sample = sample
+        self._driver = driver
         self._rate = rate
         self._clock = clock
         self._dialogue = dialogue
@@ -163,7 +177,8 @@ class AccelerometerSession:
     def _rest(self) -> Axes:
         samples = []
         for _ in range(SAMPLES):
-            samples.append(self._sample())
+            samples.append(self._driver.raw())
+            self._driver.check()
             self._clock.sleep(1.0 / self._rate)
         axes = [spread(axis) for axis in zip(*samples, strict=True)]
         if max(one.deviation for one in axes) > _MOVING:

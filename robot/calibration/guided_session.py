@@ -26,7 +26,7 @@ from robot.configuration.calibration_file import (
     check_calibration,
 )
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.analogue_inputs import AnalogueInputs
 from robot.drivers.sensor_drivers import DistanceSensor
 from robot.drivers.servo_bus import ServoBus
 from robot.errors import AbandonedError, CommandError, ConfigError
@@ -54,8 +54,8 @@ class CalibratedDevices(Protocol):
         """The servo driver."""
 
     @property
-    def board(self) -> AnalogueBoard | None:
-        """The data acquisition board, if there is one."""
+    def inputs(self) -> AnalogueInputs | None:
+        """The inputs of the data acquisition board, if there is one."""
 
     @property
     def accelerometer(self) -> Any:
@@ -169,23 +169,23 @@ class GuidedSession:
             return None
         return AccelerometerSession(
             axes,
-            driver.raw,
+            driver,
             rate=self._config.settling.rate,
             clock=self._clock,
             dialogue=self._dialogue,
         ).run()
 
     def _gauges(self) -> Iterator[tuple[str, GaugeCalibration]]:
-        gauges, board = self._config.gauges, self._devices.board
+        gauges, inputs = self._config.gauges, self._devices.inputs
         wanted = [p for p in self._config.touch if p.name in gauges and p.name in self._wanted]
-        if not wanted or board is None:
+        if not wanted or inputs is None:
             return
         self._dialogue.say(GAUGES)
         for point in wanted:
             measured = GaugeSession(
                 point,
                 gauges[point.name].channel,
-                board,
+                inputs,
                 rate=self._config.settling.rate,
                 clock=self._clock,
                 dialogue=self._dialogue,

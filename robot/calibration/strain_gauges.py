@@ -7,9 +7,9 @@ from typing import Final
 
 from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import GaugeCalibration
-from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.analogue_inputs import AnalogueInputs
 from robot.host.clock import Clock
-from robot.sensing.raw_samples import Spread, sample_channels
+from robot.sensing.raw_samples import Spread, sample_channel
 from robot.sensing.touch import TouchPoint
 
 SAMPLES: Final = 100
@@ -26,7 +26,7 @@ class GaugeSession:
     Args:
         point: The part that carries it, and its thresholds so far.
         channel: Its analogue input.
-        board: The data acquisition board.
+        inputs: Those of its board.
         rate: Samples per second.
         clock: The robot clock.
         dialogue: With whom.
@@ -36,7 +36,7 @@ class GaugeSession:
         self,
         point: TouchPoint,
         channel: int,
-        board: AnalogueBoard,
+        inputs: AnalogueInputs,
         *,
         rate: float,
         clock: Clock,
@@ -44,7 +44,7 @@ class GaugeSession:
     ):
         self._point = point
         self._channel = channel
-        self._board = board
+        self._inputs = inputs
         self._rate = rate
         self._clock = clock
         self._dialogue = dialogue
@@ -60,8 +60,7 @@ class GaugeSession:
             return None
         free = self._dialogue.attempt(self._sample)
         while True:
-            load = self._load()
-            loaded = self._dialogue.attempt(self._sample)
+            load, loaded = self._dialogue.attempt(self._loaded)
             change = loaded.mean - free.mean
             if abs(change) > max(_MIN_CHANGE, _CLEAR_OF_NOISE * free.deviation):
                 break
@@ -97,7 +96,10 @@ class GaugeSession:
                     return load
             self._dialogue.say(f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, or q to leave.")
 
+    def _loaded(self) -> tuple[float, Spread]:
+        return self._load(), self._sample()
+
     def _sample(self) -> Spread:
-        return sample_channels(
-            self._board, [self._channel], count=SAMPLES, rate=self._rate, clock=self._clock
-        )[0]
+        return sample_channel(
+            self._inputs, self._channel, count=SAMPLES, rate=self._rate, clock=self._clock
+        )

@@ -125,7 +125,8 @@ class AnalogueInputs:
                 raise DeviceDataError(
                     f"{self._name} input {channel}, {name}, is at the end of its range "
                     f"({volts:.3f} V).",
-                    "Look for a broken wire, a short circuit or an amplifier without supply.",
+                    "Look for a broken wire, a short circuit, an amplifier without supply or too "
+                    "heavy a load.",
                 )
             if self._dithers and self._repeats[channel] >= STUCK_AFTER:
                 raise DeviceDataError(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.analogue_inputs import AnalogueInputs
 from robot.drivers.sensor_drivers import DistanceSensor
 from robot.host.clock import Clock
 
@@ -35,20 +35,20 @@ def spread(values: Sequence[float]) -> Spread:
     )
 
 
-def sample_channels(
-    board: AnalogueBoard, channels: Sequence[int], *, count: int, rate: float, clock: Clock
-) -> list[Spread]:
-    """Volts at some channels, ``count`` scans at ``rate`` per second.
+def sample_channel(
+    inputs: AnalogueInputs, channel: int, *, count: int, rate: float, clock: Clock
+) -> Spread:
+    """Volts at a connected channel, ``count`` scans at ``rate`` per second.
 
     Raises:
-        DeviceError: The board failed.
+        DeviceError: The board failed, or the channel is stuck or at an end of its range.
     """
-    low, high = min(channels), max(channels)
-    scans = []
+    volts = []
     for _ in range(count):
-        scans.append(board.scan(low, high))
+        volts.append(inputs.scan()[channel])
+        inputs.check([channel])
         clock.sleep(1.0 / rate)
-    return [spread([scan[channel - low] for scan in scans]) for channel in channels]
+    return spread(volts)
 
 
 def sample_distance(sensor: DistanceSensor, *, count: int) -> Spread | None:

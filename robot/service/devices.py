@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_inputs import AnalogueBoard
+from robot.drivers.analogue_inputs import AnalogueInputs
 from robot.drivers.buses import Buses
 from robot.drivers.sensor_drivers import (
     Accelerometer,
@@ -29,7 +29,7 @@ class Devices:
     """The drivers of one robot; ``touch`` in the order of the configuration."""
 
     servos: ServoBus
-    board: AnalogueBoard | None
+    inputs: AnalogueInputs | None
     accelerometer: Accelerometer
     touch: tuple[TouchSensor, ...]
     distance: DistanceSensor | None
@@ -45,8 +45,8 @@ class Devices:
         self.servos.close()
         for sensor in self.sensors:
             sensor.close()
-        if self.board is not None:
-            self.board.close()
+        if self.inputs is not None:
+            self.inputs.board.close()
 
 
 def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Devices:
@@ -65,13 +65,11 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
         with _named(file, "servos"):
             servos = config.servos.open(buses)
         opened.callback(servos.close)
-        board = None
         if config.daq is not None:
             with _named(file, "daq"):
                 buses = attach_board(buses, config.daq)
             assert buses.analogue is not None
-            board = buses.analogue.board
-            opened.callback(board.close)
+            opened.callback(buses.analogue.board.close)
 
         def start(table: str, settings: SensorSettings, called: str) -> Any:
             with _named(file, table):
@@ -83,7 +81,7 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
         distance = config.distance
         devices = Devices(
             servos=servos,
-            board=board,
+            inputs=buses.analogue,
             accelerometer=start("accelerometer", config.accelerometer, "accelerometer"),
             touch=tuple(
                 start(numbered("touch", number, point.name), point.driver, point.name)
@@ -122,8 +120,8 @@ def revive(config: RobotConfig, devices: Devices) -> None:
     else:
         if not config.servos.reads_back:
             devices.servos.reopen()
-    if devices.board is not None:
-        devices.board.probe()
+    if devices.inputs is not None:
+        devices.inputs.board.probe()
     for sensor in devices.sensors:
         sensor.start()
 

@@ -6,6 +6,7 @@ import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
+from robot.drivers.analogue_inputs import AnalogueInputs
 from robot.errors import DeviceTimeoutError
 from tests.robot.clocks import InstantClock
 
@@ -84,7 +85,9 @@ class Board:
 
 
 class Inputs:
-    """Analogue inputs with some noise; a test sets the volts."""
+    """A data acquisition board with some noise, ±5 V; a test sets the volts."""
+
+    RAILS = (-5.0, 5.0)
 
     def __init__(self, *volts: float, noise: float = 1e-4):
         self.volts = list(volts)
@@ -98,4 +101,11 @@ class Inputs:
         """There is no link."""
 
     def scan(self, low: int, high: int) -> list[float]:
-        return [volts + self._random.gauss(0, self.noise) for volts in self.volts[low : high + 1]]
+        noisy = [volts + self._random.gauss(0, self.noise) for volts in self.volts[low : high + 1]]
+        return [min(max(volts, self.RAILS[0]), self.RAILS[1]) for volts in noisy]
+
+    def connected(self, names: Mapping[int, str]) -> AnalogueInputs:
+        """Its inputs, those of some channels connected."""
+        inputs = AnalogueInputs(self, name="DAQ", rails=self.RAILS, clock=InstantClock())
+        inputs.connect(names)
+        return inputs

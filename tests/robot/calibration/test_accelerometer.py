@@ -10,7 +10,7 @@ import pytest
 from robot.calibration.accelerometer import POSITIONS, AccelerometerSession
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
-from robot.drivers.analogue_sensors import AnalogueAxes
+from robot.drivers.analogue_sensors import AnalogueAccelerometer, AnalogueAxes
 from robot.errors import AbandonedError
 from tests.robot.calibration.desk import Answer, Inputs, Script
 from tests.robot.clocks import InstantClock
@@ -44,7 +44,7 @@ class Body:
 def run(body: Body, script: Script) -> AxesCalibration | None:
     return AccelerometerSession(
         BELIEVED,
-        lambda: body.inputs.scan(1, 3),
+        AnalogueAccelerometer(BELIEVED, body.inputs.connected(dict(enumerate("xyz", 1)))),
         rate=50,
         clock=InstantClock(),
         dialogue=Questions(script),

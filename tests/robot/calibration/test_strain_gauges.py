@@ -31,7 +31,7 @@ def run(foot: Foot, script: Script) -> GaugeCalibration | None:
     return GaugeSession(
         BELIEVED,
         GAUGE.channel,
-        foot.inputs,
+        foot.inputs.connected({GAUGE.channel: "the gauge of foot"}),
         rate=50,
         clock=InstantClock(),
         dialogue=Questions(script),
@@ -66,6 +66,27 @@ def test_a_load_on_another_foot_is_noticed() -> None:
     assert script.heard("channel 2")
     assert calibration is not None
     assert calibration.volts_per_newton == pytest.approx(0.1, rel=2e-3)
+
+
+def test_a_load_that_is_too_heavy_for_the_amplifier_is_asked_for_again() -> None:
+    foot = Foot(0.2)
+    heavy, light = (lambda: foot.load(50), "50"), (lambda: foot.load(2), "2")
+    script = Script("", heavy, "", light)
+    calibration = run(foot, script)
+    assert script.heard("input 2, the gauge of foot, is at the end of its range (5.000 V)")
+    assert script.heard("too heavy a load")
+    assert calibration is not None
+    assert calibration.volts_per_newton == pytest.approx(0.2, rel=2e-3)
+
+
+def test_a_free_foot_whose_input_is_at_its_rail_is_measured_again() -> None:
+    foot = Foot(0.2)
+    foot.load(-50)
+    script = Script("", (lambda: foot.load(0), ""), (lambda: foot.load(2), "2"))
+    calibration = run(foot, script)
+    assert script.heard("end of its range (-5.000 V)")
+    assert calibration is not None
+    assert calibration.tare == pytest.approx(0.35, abs=1e-4)
 
 
 @pytest.mark.parametrize("load", ["0", "-1", "900", "heavy", "g", ""])

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robot.sensing.raw_samples import sample_channels, sample_distance, spread
+from robot.errors import DeviceDataError
+from robot.sensing.raw_samples import sample_channel, sample_distance, spread
 from tests.robot.calibration.desk import Inputs
 from tests.robot.clocks import InstantClock
 from tests.robot.sensing.resting import Leaning
@@ -17,19 +18,24 @@ def test_a_spread_by_hand() -> None:
     assert spread([5.0]).deviation == 0.0
 
 
-def test_channels_are_sampled_at_the_rate_and_picked_out() -> None:
+def test_a_channel_is_sampled_at_the_rate_and_picked_out() -> None:
     class Counting(Inputs):
         scans = 0
 
         def scan(self, low: int, high: int) -> list[float]:
             assert (low, high) == (2, 5)
             self.scans += 1
-            return [float(self.scans), 0.0, 0.0, 10.0]
+            return [float(self.scans), 0.0, 0.0, 9.0]
 
-    clock = InstantClock()
-    last, first = sample_channels(Counting(), [5, 2], count=4, rate=50, clock=clock)
-    assert (first.mean, last.mean) == (2.5, 10.0)
+    clock, inputs = InstantClock(), Counting().connected({2: "one", 5: "another"})
+    assert sample_channel(inputs, 2, count=4, rate=50, clock=clock).mean == 2.5
     assert clock.now() == pytest.approx(4 / 50)
+
+
+def test_a_channel_that_cannot_be_believed_is_not_sampled() -> None:
+    inputs = Inputs(0, 0, 9).connected({2: "a gauge"})
+    with pytest.raises(DeviceDataError, match="input 2, a gauge, is at the end of its range"):
+        sample_channel(inputs, 2, count=4, rate=50, clock=InstantClock())
 
 
 class Finder(Leaning):

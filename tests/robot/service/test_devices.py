@@ -53,7 +53,7 @@ def test_a_link_is_opened_anew_unless_it_is_known_to_work(
     dead: bool, reads_back: bool, reopened: int
 ) -> None:
     servos = Servos(dead=dead)
-    devices = Devices(servos=servos, board=None, accelerometer=Leaning(), touch=(), distance=None)
+    devices = Devices(servos=servos, inputs=None, accelerometer=Leaning(), touch=(), distance=None)
     revive(config(reads_back=reads_back), devices)
     assert len(servos.reopened) == reopened
 
