@@ -12,7 +12,7 @@ from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.posterior import Mode, Posterior, share_met_alike
+from estimator.posterior.posterior import MOSTLY, Mode, Posterior, share_met_alike
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
@@ -23,7 +23,6 @@ from estimator.storage.beliefs import (
 _FEW: Final = 10.0  # effective draws
 _KEPT: Final = 120  # modes, as many as are weighed at most
 _RIVALS: Final = 20  # of them, that are compared with the first where nothing is stated
-_MOSTLY: Final = 0.5  # of a mode: it is told as one that no sensor can tell from the first
 
 
 def believe(
@@ -65,7 +64,7 @@ def believe(
                 probability=mode.probability,
                 effective=mode.effective,
                 genes=tuple(mode.point.tolist()),
-                like_the_first=bool(share >= _MOSTLY),
+                like_the_first=bool(share >= MOSTLY),
                 met=mode.met,
             )
             for mode, share in zip(modes, shares.tolist(), strict=True)

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.unknowns import Attachments
+
+MOSTLY: Final = 0.5
+"""Part of a mode that must feel like the first for the whole to count as one that does."""
 
 
 @dataclass(frozen=True)
@@ -72,13 +76,16 @@ def share_met(shares: Array, met: Flags) -> float:
 def share_met_alike(shares: Array, met: Flags, alike: Array) -> float:
     """The same, where some feel like the first: which of those was met makes no difference.
 
+    One of which only a trifle does, such as one leg so short that it touches nothing, does not
+    stand for the first.
+
     Args:
         shares: As in ``share_met``.
         met: Likewise.
         alike: The part of each that does, shape (n,).
     """
     together = np.append(shares * (1 - alike), shares @ alike)
-    return share_met(together, np.vstack([met, met[alike > 0].any(axis=0)]))
+    return share_met(together, np.vstack([met, met[alike >= MOSTLY].any(axis=0)]))
 
 
 def met_by_each(keys: Sequence[Attachments], met: Sequence[Collection[Attachments]]) -> Flags:

@@ -65,11 +65,29 @@ class Genome:
         columns = self._columns
         chosen[:, columns.chosen] = _scaled(values[:, columns.chosen], columns.counts)
         if columns.open_mounts.size:
-            tables = self._problem.tables
-            on_base = chosen[:, columns.their_parents] == 0
-            counts = np.where(on_base, tables.base_choices, tables.part_choices)
+            counts = self._mounts_of_parents(chosen)
             chosen[:, columns.open_mounts] = _scaled(values[:, columns.open_mounts], counts)
         return chosen
+
+    def log_room(self, genes: Array) -> Array:
+        """How much of the cube the choices of n genomes have, shape (n,).
+
+        Returns:
+            Logarithms, 0 where every part of unknown parent sits on what has the more mounts: a
+            choice among fewer mounts has more room for each.
+        """
+        if not self._columns.open_mounts.size:
+            return np.zeros(len(genes))
+        tables = self._problem.tables
+        most = max(tables.base_choices, tables.part_choices)
+        rooms: Array = np.log(most / self._mounts_of_parents(self.choices(genes))).sum(axis=1)
+        return rooms
+
+    def _mounts_of_parents(self, chosen: Integers) -> Integers:
+        """How many mounts the parts of unknown parent choose from, shape (n, parts)."""
+        tables = self._problem.tables
+        on_base = chosen[:, self._columns.their_parents] == 0
+        return np.where(on_base, tables.base_choices, tables.part_choices)
 
     def words(self, column: int, genes: Array) -> tuple[str, ...]:
         """What a gene stands for on each of n genomes: the name of a part, a mount or a hinge."""

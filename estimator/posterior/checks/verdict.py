@@ -81,7 +81,8 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
     best = posterior.modes[0].point[None]
     likelihood = Likelihood(data, noise)
     misfits = likelihood.misfits_of(predictor, posterior.values)
-    outliers = likelihood.inlier_share(misfits, scales=posterior.scales).mean(axis=0) < 0.5
+    inliers = posterior.weights @ likelihood.inlier_share(misfits, scales=posterior.scales)
+    outliers = inliers < 0.5
     margins = _margins(best, predictor, data)
     strays = deviations(best, predictor, data, noise)
     unexplained = tuple(
@@ -91,7 +92,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
         )
         for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
     )
-    share = np.mean(posterior.scales > math.log(TOO_NOISY), axis=0)
+    share = posterior.weights @ (posterior.scales > math.log(TOO_NOISY))
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
     contradicting = _contradicting(best, predictor, data, noise, ~outliers)
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)

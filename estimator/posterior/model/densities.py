@@ -33,7 +33,7 @@ class Felt:
     """One modality's readings of k interactions.
 
     Attributes:
-        values: Shape (k, values); NaN where missing.
+        values: Shape (k, values), or (k, 1) for all of what does not count; NaN where missing.
         beyond: Whether what is measured lies beyond the sensor's range, shape (k,); ``None`` for
             sensors that have no such end.
     """
@@ -124,6 +124,12 @@ class TouchDensity(Density):
     residuals = 0
     scaled = False
     beside = 0.0
+
+    def felt(self, observations: Sequence[Observation], *, counts: bool) -> Felt:
+        """The bits; where touch does not count the robot may have other sensors than its models."""
+        if not counts:
+            return Felt(values=np.full((len(observations), 1), np.nan))
+        return super().felt(observations, counts=True)
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""

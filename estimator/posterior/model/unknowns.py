@@ -106,6 +106,10 @@ class Unknowns:
         """The same by column, −1 for what is any in a range; shape (n, size)."""
         return self._genome.choices(values)
 
+    def log_prior(self, values: Array) -> Array:
+        """Logarithm of the prior of n points' attachments, to a constant; shape (n,)."""
+        return self._genome.log_room(values)
+
     def keys(self, values: Array) -> list[Attachments]:
         """The same as tuples, to be compared and counted."""
         return [tuple(row) for row in self.attachments(values).tolist()]

@@ -41,7 +41,8 @@ class ModeEvidence:
     """One set of attachments.
 
     Attributes:
-        log_evidence: Logarithm of the integral of the likelihood over lengths and noise factors.
+        log_evidence: Logarithm of the integral of the likelihood over lengths and noise factors,
+            times the prior of the attachments, to a constant.
         effective: Effective sample size of the draws.
         values: Draws, points of the cube, shape (draws, size).
         scales: Noise factors drawn for each, logarithms, shape (draws, 2).
@@ -90,7 +91,8 @@ class EvidenceEstimator:
             values: The best point of each mode, shape (n, size); see ``fits``.
         """
         half_volumes = self._looked_up(self._half_volumes, values, self._half_volumes_of)
-        guesses: Array = self.fits(values) + np.minimum(0.0, half_volumes)
+        prior = self._predictor.unknowns.log_prior(values)
+        guesses: Array = self.fits(values) + np.minimum(0.0, half_volumes) + prior
         return guesses
 
     def _looked_up(
@@ -137,8 +139,9 @@ class EvidenceEstimator:
             if len(proposals) == _ROUNDS:
                 break
             proposals.append(_Proposal.fitted(lengths, weights, rng))
+        prior = self._predictor.unknowns.log_prior(point[None])[0]
         return ModeEvidence(
-            log_evidence=float(logsumexp(ratios) - math.log(len(lengths))),
+            log_evidence=float(logsumexp(ratios) - math.log(len(lengths)) + prior),
             effective=float(1 / np.sum(weights**2)),
             values=self._points(point, lengths),
             scales=np.concatenate([scales for _, scales in kept]),

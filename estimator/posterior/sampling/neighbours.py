@@ -91,7 +91,7 @@ class Neighbours:
         unknowns = self._unknowns
         counts = unknowns.counts[columns]
         lengths = columns[counts == 0]
-        choices = np.array([one for one in columns[counts > 0] if one not in kept])
+        choices = np.array([one for one in columns[counts > 0] if one not in kept], dtype=np.intp)
         cells = np.array(list(product(*map(range, unknowns.counts[choices])))) + 0.5
         before = np.repeat(leaders, len(cells) * _LENGTHS, axis=0)
         points = before.copy()

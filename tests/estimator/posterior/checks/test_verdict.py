@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,6 +23,23 @@ def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:
     verdict = judge(certain(), predictor, data, NOISE)
     assert verdict.explained
     assert fit_of(POINT, predictor, data, NOISE).unexplained == 0
+
+
+def test_samples_that_weigh_nothing_have_no_say(predictor: Predictor) -> None:
+    data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
+    for turn in (1, 4):
+        data.felt["tilt"].values[turn] += 0.3
+    scales = np.zeros((100, 2))
+    scales[1:] = 4.0  # so noisy that anything is explained
+    posterior = replace(
+        certain(),
+        values=np.tile(POINT, (100, 1)),
+        scales=scales,
+        weights=np.append(0.999, np.full(99, 0.001 / 99)),
+    )
+    verdict = judge(posterior, predictor, data, NOISE)
+    assert [item.interaction for item in verdict.unexplained] == [1, 4]
+    assert not verdict.noisy
 
 
 def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(

@@ -140,3 +140,11 @@ def test_a_reading_at_the_end_of_the_range_is_the_tail_of_the_normal_distributio
     inlier, _ = Likelihood(data, NOISE).terms(misfits, width)
     tail = log_ndtr(away / (NOISE.clearance * width))
     assert inlier[0, 0] == pytest.approx(tail + math.log1p(-NOISE.outlier), rel=1e-10)
+
+
+@pytest.mark.parametrize("sensors", [0, 1, 6])
+def test_where_touch_does_not_count_the_robot_may_have_other_sensors(sensors: int) -> None:
+    felt = Observation(angles=(0.0,), touch=(True,) * sensors, tilt=(0.2, -0.1), clearance=0.1)
+    data = SensorData.of([felt], ("tilt", "clearance"), CAP)
+    misfits = data.misfits(one_reading(), np.zeros(1, dtype=np.intp))
+    assert np.array_equal(misfits, np.zeros((1, MISFITS)))
