@@ -11,13 +11,11 @@ from estimator.report.canvas import as_png
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.result import Result, summarise
 from estimator.report.run_plots import run_plots
-from estimator.storage.store import RunStore
+from estimator.storage.store import READINGS, ROBOT, RunStore
 from protocol.system.interrupts import interrupts_deferred
 from protocol.system.replace_file import replace_bytes, replace_file, replace_text
 
 RESULT: Final = "result.json"
-READINGS: Final = "readings.csv"
-ROBOT: Final = "robot.json"
 POSTERIOR: Final = "posterior.csv"
 PLOTS: Final = "plots"
 BODY: Final = "plots/body.png"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estimator.storage.beliefs import AGREED, OTHERWISE, Belief, NotKnown
+from estimator.storage.beliefs import ACCIDENTS, AGREED, OTHERWISE, Belief, NotKnown
 
 
 def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
@@ -29,12 +29,14 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
             )
         return f"Some body that this problem allows explains every interaction{rest}."
     reasons = []
-    if len(belief.unexplained) > 1:
-        numbers = [str(item.interaction + 1) for item in belief.unexplained]
+    numbers = [str(item.interaction + 1) for item in belief.unexplained]
+    if numbers and (len(numbers) > ACCIDENTS or len(belief.foretold) <= ACCIDENTS):
         sensors = sorted({name for item in belief.unexplained for name in item.sensors})
-        listed = f"{', '.join(numbers[:-1])} and {numbers[-1]}"
+        listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
+        if len(numbers) == 1:
+            listed = f"interaction {numbers[0]}, the only one"
         where = f" ({', '.join(sensors)})" if sensors else ""
-        reasons.append(f"explains interactions {listed}{where}")
+        reasons.append(f"explains {listed}{where}")
     if belief.noisy:
         reasons.append(
             f"explains {' and '.join(belief.noisy)} without more than twice the announced noise"

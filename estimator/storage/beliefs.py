@@ -179,9 +179,13 @@ class Belief(_Record):
 
     @property
     def explained(self) -> bool:
-        """Whether some body of the problem explains the readings, as far as can be told."""
+        """Whether some body of the problem explains the readings, as far as can be told.
+
+        An accident leaves others explained.
+        """
+        unexplained = len(self.unexplained)
         return (
-            len(self.unexplained) <= ACCIDENTS
+            (not unexplained or unexplained <= ACCIDENTS < len(self.foretold))
             and self.departed < OTHERWISE
             and not (self.noisy or self.contradicting or self.departure)
             and self.overturned is None

@@ -51,6 +51,8 @@ from protocol.system.closable import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOCK: Final = "run.lock"
+READINGS: Final = "readings.csv"
+ROBOT: Final = "robot.json"
 FORMAT: Final = 4
 IDS_PER_CONNECTION: Final = 2**20
 """Each connection numbers its requests from its own block, so no id is ever used for two."""
@@ -110,8 +112,15 @@ class RunStore(Closable):
         """Makes a run directory with one connection to the robot, number 0, already counted.
 
         Raises:
-            RunDirectoryError: The directory holds a run already, or cannot be made.
+            RunDirectoryError: The directory holds a run already, or files that it would replace,
+                or cannot be made.
         """
+        for name in (READINGS, ROBOT):
+            if (directory / name).exists() and not holds_run(directory):
+                raise RunDirectoryError(
+                    f"{directory} holds a {name} that is of no run there, and a run would replace "
+                    "it: give another --out."
+                )
         held = lock(directory, LOCK)
         database = None
         try:

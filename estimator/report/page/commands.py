@@ -10,18 +10,18 @@ from estimator.identification.run import METHODS
 from estimator.storage.records import RunSettings
 
 
-def commands(settings: RunSettings, directory: Path) -> tuple[str, str]:
+def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str, str]:
     """Command lines that make a run again: with its robot, and from its recorded readings.
 
     Args:
         settings: What the run was asked to do.
         directory: Where it is.
+        recorded: How many interactions it has had so far.
     """
+    again = settings.model_copy(update={"interactions": recorded})
     return (
         shlex.join(["estimator", "identify", "--robot", settings.robot, *_options(settings)]),
-        shlex.join(
-            ["estimator", "identify", "--robot", f"replay:{directory}", *_options(settings)]
-        ),
+        shlex.join(["estimator", "identify", "--robot", f"replay:{directory}", *_options(again)]),
     )
 
 

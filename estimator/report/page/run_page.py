@@ -132,7 +132,7 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         modalities=tuple(MODALITIES),
         felt=_felt(result, seen, shown.predicted, driven),
         plots=drawings,
-        commands=commands(store.settings, store.directory),
+        commands=commands(store.settings, store.directory, len(seen)),
         problem_text=store.settings.problem_text,
     )
 

@@ -17,6 +17,7 @@ from estimator.report.terminal_tables import print_result
 from estimator.report.verdict import verdict_on_fit
 from estimator.storage.beliefs import (
     BelievedMode,
+    Foretold,
     NextMovement,
     NotKnown,
     UnexplainedInteraction,
@@ -202,13 +203,22 @@ def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
         (belief, _) = run.beliefs()[-1]
     odd = UnexplainedInteraction(interaction=2, sensors=("tilt",))
-    one, two = (belief.model_copy(update={"unexplained": (odd,) * count}) for count in (1, 2))
+    told = Foretold(touch=(), tilt=(0.0, 0.0), clearance=0.1, deviations={}, outlier=0.0)
+    one, two = (
+        belief.model_copy(update={"unexplained": (odd,) * count, "foretold": (told,) * 3})
+        for count in (1, 2)
+    )
     assert one.explained
     assert verdict_on_fit(one) == (
         "Some body that this problem allows explains every interaction but interaction 3, an "
         "accident or a fault that came or went."
     )
     assert not two.explained
+    only = one.model_copy(update={"foretold": one.foretold[:1]})
+    assert not only.explained
+    assert verdict_on_fit(only) == (
+        "NO BODY THAT THIS PROBLEM ALLOWS explains interaction 3, the only one (tilt)."
+    )
 
 
 def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: Path) -> None:

@@ -117,6 +117,14 @@ def test_a_run_is_never_overwritten(directory: Path) -> None:
         RunStore.create(directory, SETTINGS, make_capabilities(), "me")
 
 
+@pytest.mark.parametrize("name", ["readings.csv", "robot.json"])
+def test_what_was_written_down_by_hand_is_never_overwritten(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text("by hand", encoding="utf-8")
+    with pytest.raises(RunDirectoryError, match=rf"holds a {name} that is of no run there.*--out"):
+        RunStore.create(tmp_path, SETTINGS, make_capabilities(), "me")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
 def test_two_writers_at_once_are_refused(directory: Path) -> None:
     with RunStore.open(directory):
         with pytest.raises(RunDirectoryError, match="Another process works on"):

@@ -208,7 +208,10 @@ def test_every_shipped_problem_has_a_page(problem: str, method: str, tmp_path: P
     assert ("NO BODY THAT THIS PROBLEM ALLOWS explains interactions 1 and 2 (tilt)" in text) == (
         method == "posterior"
     )
-    assert f"--robot replay:{directory} --problem {problem} --method {method}" in text
+    with RunStore.open(directory, to_write=False) as run:
+        recorded = len(run.observations())
+    again = f"--robot replay:{directory} --problem {problem} --method {method}"
+    assert f"{again} --interactions {recorded} " in text
     assert "tells &lt;b&gt;1&lt;/b&gt; apart" in text or method == "paper"
     assert text.count("<svg") == 3
     assert ("undecided)" in text) == (method == "paper")
