@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
+from operator import matmul
+
+import numpy as np
 
 from sim_robot.world.urdf.elements import (
     Element,
@@ -53,6 +57,8 @@ def _let_go(root: Element, note: Say) -> None:
 def _make_root(root: Element, wanted: Callable[[Element], bool]) -> str:
     """Turns the fixed joints between the root and the nearest link that is wanted as one.
 
+    The new root is upright as the old one was: it has its axes.
+
     Returns:
         The name of the new root; empty where the old one stays.
     """
@@ -68,7 +74,10 @@ def _make_root(root: Element, wanted: Callable[[Element], bool]) -> str:
             if joint.get("type") != "fixed" or link is None or below in seen:
                 continue
             if wanted(link):
+                upright = reduce(matmul, map(frame, [*way, joint]))
+                upright[:3, 3] = 0.0
                 _turn(*way, joint)
+                _give_axes(root, link, upright)
                 return below
             seen.add(below)
             ways.append((below, [*way, joint]))
@@ -81,6 +90,17 @@ def _turn(*joints: Element) -> None:
         set_end(joint, "parent", below)
         set_end(joint, "child", above)
         set_frame(joint, inverse(frame(joint)))
+
+
+def _give_axes(root: Element, link: Element, turn: Frame) -> None:
+    """Turns the axes of a link back, so that all in it is turned instead."""
+    if np.allclose(turn, np.eye(4)):
+        return
+    joints = joints_at(root, link.get("name", ""), "parent")
+    for one in [*link.findall("inertial"), *link.findall("collision"), *link.findall("visual")]:
+        set_frame(one, turn @ frame(one))
+    for joint in joints:
+        set_frame(joint, turn @ frame(joint))
 
 
 def _show_instead(root: Element, note: Say) -> None:

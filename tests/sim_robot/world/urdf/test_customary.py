@@ -57,6 +57,23 @@ def test_a_joint_without_end_and_without_effort_is_a_strong_servo(tmp_path: Path
     ]
 
 
+@pytest.mark.parametrize("above", ["", INERTIAL])
+def test_what_the_main_body_is_fixed_to_says_which_way_is_up(tmp_path: Path, above: str) -> None:
+    on_edge = '<collision><geometry><box size="0.05 0.14 0.2"/></geometry></collision>'
+    turned = '<origin xyz="0.01 0.02 0.03" rpy="0 -1.5707963267948966 0"/>'
+    body = taken(
+        tmp_path,
+        f'<link name="base_link">{above}</link>',
+        f'<link name="trunk">{INERTIAL}{on_edge}</link>',
+        LEG,
+        joint("fixed", "base_link", "trunk", turned),
+        joint("revolute", "trunk", "leg", f'<origin xyz="0 0 -0.12"/>{LIMIT}'),
+    )
+    assert body.base_size == pytest.approx((0.2, 0.14, 0.05))
+    (place,) = [one for one in body.robot.joints if one.type == "revolute"]
+    assert vector(place.origin.xyz) == pytest.approx((0.12, 0, 0))  # what was below is in front
+
+
 @pytest.mark.parametrize(("lower", "upper"), [("0", "1.5"), ("-1.5", "0")])
 def test_a_limit_may_be_0(tmp_path: Path, lower: str, upper: str) -> None:
     limit = f'<limit lower="{lower}" upper="{upper}" effort="1" velocity="0"/>'
