@@ -89,6 +89,15 @@ class Mover:
             self._send(self.count + (way if target > self.count else -way))
             self._clock.sleep(PACE)
 
+    def release(self) -> None:
+        """Lets it go limp.
+
+        Raises:
+            DeviceError: The board failed.
+        """
+        self._servos.release([self._output])
+        self.count = 0
+
     def check(self) -> None:
         """Makes sure that the board still holds the count.
 
@@ -115,21 +124,25 @@ def calibrate_joint(
     """Leads through one joint.
 
     Returns:
-        What was measured, or ``None`` if the joint was skipped; it then went back to where it was.
+        What was measured, or ``None`` if the joint was skipped; it then went back to where it was,
+        or was let go limp again.
 
     Raises:
         AbandonedError: Somebody left.
     """
     dialogue.say(f"\n{joint.name}, servo output {joint.output}")
-    if mover.count == 0:
-        dialogue.choose(f"{joint.name} is limp; hold it, then Enter drives it to its middle", "")
+    limp = mover.count == 0
+    if limp:
+        prompt = f"{joint.name} is limp; hold it, then Enter drives it to its middle; or skip"
+        if dialogue.choose(prompt, "", "skip"):
+            return None
         dialogue.attempt(lambda: mover.go(middle(joint.scale.counts)))
     start = mover.count
     measuring = _Measuring(joint, mover, dialogue)
     while True:
         answer = dialogue.ask(measuring.prompt)
         if answer == "skip":
-            dialogue.attempt(lambda: mover.go(start))
+            dialogue.attempt(mover.release if limp else lambda: mover.go(start))
             return None
         if answer == "done":
             calibration = measuring.finish()

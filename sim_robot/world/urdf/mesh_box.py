@@ -93,7 +93,8 @@ def _of_collada(data: bytes) -> Points:
             + shape.matrix[:3, 3]
             for shape in scene
             for part in shape.original.primitives
+            if part.vertex_index is not None and len(part.vertex_index)
         ]
-    except (collada.DaeError, etree.XMLSyntaxError) as error:
+    except (collada.DaeError, etree.XMLSyntaxError, AttributeError) as error:
         raise ValueError(f"is no Collada file: {error}") from error
     return np.concatenate([np.empty((0, 3)), *parts]) * (document.assetInfo.unitmeter or 1.0)

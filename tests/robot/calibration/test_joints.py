@@ -165,6 +165,21 @@ def test_a_limp_joint_is_only_driven_with_notice() -> None:
     assert [count for _, _, count in board.sent] == [128]
 
 
+def test_a_limp_joint_that_is_skipped_is_not_driven() -> None:
+    board, script = Board(), Script("skip")
+    board.counts[2] = 0
+    assert run(board, script) is None
+    assert not board.sent
+
+
+def test_a_limp_joint_that_is_skipped_later_is_limp_again() -> None:
+    board, script = Board(), Script("", "u 20", "skip")
+    board.counts[2] = 0
+    assert run(board, script) is None
+    assert board.sent
+    assert board.counts[2] == 0
+
+
 def test_a_board_that_was_reset_is_noticed_and_does_not_jump() -> None:
     board = Board()
     mover = Mover(board, JOINT, board.clock)

@@ -26,6 +26,9 @@ BOX = '<collision><geometry><box size="0.2 0.1 0.1"/></geometry></collision>'
 BASE = f'<link name="base">{INERTIAL}{BOX}</link>'
 LEG = f'<link name="leg">{INERTIAL}{BOX}</link>'
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+NO_TRIANGLES = (
+    b'<triangles count="0"><input offset="0" semantic="VERTEX" source="#v"/><p></p></triangles>'
+)
 CORNERS = [(-0.01, 0.0, 0.0), (0.03, 0.0, 0.0), (0.0, 0.01, -0.2)]
 
 
@@ -247,6 +250,7 @@ def dae(corners: list[tuple[float, float, float]]) -> bytes:
         ("a.STL", text_stl(CORNERS)),
         ("a.obj", obj(CORNERS)),
         ("a.dae", dae(CORNERS)),
+        ("empty_beside.dae", dae(CORNERS).replace(b"</mesh>", NO_TRIANGLES + b"</mesh>")),
     ],
 )
 @pytest.mark.parametrize("prefix", ["meshes/", "package://my_robot/meshes/", "file://meshes/"])
