@@ -83,9 +83,14 @@ def validate(
     A validation that was interrupted is taken up again; its predictions stand.
 
     Raises:
-        EstimatorError: The run has no models yet.
+        EstimatorError: The run has not ended, so that its models may yet change.
         InteractionError: The robot did not do its part; calling again goes on.
     """
+    if not store.complete:
+        raise EstimatorError(
+            f"{store.directory} has not ended, and other models would be its result: go on with "
+            f"`estimator resume {store.directory}` first."
+        )
     validations = store.validations.all()
     unfinished = validations and any(item.observation is None for item in validations[-1])
     if unfinished:

@@ -1,7 +1,7 @@
 """``posterior.csv``: the samples of a posterior, one row each.
 
 Columns: ``weight``; then per gene what it stands for (a word, or a quantity); then the factors
-on the announced noise of tilt and clearance.
+on the expected noise of tilt and clearance.
 """
 
 from __future__ import annotations

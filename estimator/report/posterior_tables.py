@@ -55,14 +55,15 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
     _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
     factors = "; ".join(
-        f"{name} {factor.median:.1f} times what the robot announces ({_between(factor, 1, 1)})"
+        f"{name} {factor.median:.1f} times what is expected ({_between(factor, 1, 1)})"
         for name, factor in posterior.noise.items()
     )
     console.print(f"Noise: {factors}.")
     if posterior.effective is not None:
         console.print(
-            f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples; "
-            f"reweighted, they are worth {posterior.effective:.1f}."
+            f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples, "
+            f"and by its readings they are worth {posterior.effective:.1f}; sets of attachments "
+            "are weighed by these."
         )
     console.print(
         f"{result.interactions} interactions, {result.simulations_requested:,} simulations "

@@ -39,7 +39,8 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         reasons.append(f"explains {listed}{where}")
     if belief.noisy:
         reasons.append(
-            f"explains {' and '.join(belief.noisy)} without more than twice the announced noise"
+            f"explains {' and '.join(belief.noisy)} without more than twice the noise that is "
+            "expected"
         )
     if belief.contradicting:
         several = len(belief.contradicting) > 1

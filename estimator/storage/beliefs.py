@@ -120,7 +120,8 @@ class Belief(_Record):
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.
         unexplained: Interactions that the best body leaves unexplained.
-        noisy: Modalities whose noise is surely more than twice what the robot announces.
+        noisy: Modalities whose noise is surely more than twice what is expected: what the robot
+            announces, together with what models leave.
         contradicting: Touch sensors that feel otherwise than the best body foretells too often.
         overturned: The interaction, by its index, after which other attachments were sure, which
             the readings since rule out; ``None``: nothing was.

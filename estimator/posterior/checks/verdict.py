@@ -29,7 +29,7 @@ SURE_PATH: Final = math.radians(1.0)
 """A body answers for an interaction where its path margin is larger, rad."""
 
 TOO_NOISY: Final = 2.0
-"""Factor on a sensor's announced noise that no sound sensor needs."""
+"""Factor on a sensor's expected noise that no sound sensor needs."""
 
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor

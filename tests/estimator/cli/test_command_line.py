@@ -19,7 +19,7 @@ from typer.testing import CliRunner, Result
 
 from estimator.cli.command_line import app
 from estimator.storage.store import RunStore
-from tests.estimator.evaluation.test_score import make_run, write_truth
+from tests.estimator.evaluation.test_score import make_ended_run, make_run, write_truth
 from tests.estimator.identification.test_run import generations_reach, start_identify
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import (
@@ -117,7 +117,7 @@ def test_score_for_people_parts_legs_that_never_touched(tmp_path: Path) -> None:
 
 def test_validate_over_the_wire(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("estimator.evaluation.validate.RANDOM_MODELS", 4)
-    store = make_run(tmp_path, TRUE_LENGTHS)
+    store = make_ended_run(tmp_path, TRUE_LENGTHS)
     store.close()
     with serving(ModelRobot()) as uri:
         ended = estimator(

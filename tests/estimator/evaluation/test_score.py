@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,15 @@ def make_run(
         number=0, iteration=0, errors=(2.0, 1.0), best=tuple(genes), counters=Counters()
     )
     store.save(generation, {"population": [[0.0] * len(genes), genes]})
+    return store
+
+
+def make_ended_run(folder: Path, lengths: tuple[float, ...]) -> RunStore:
+    """The same after its last generation."""
+    store = make_run(folder, lengths)
+    (generation,), checkpoint = store.generations(), store.checkpoint()
+    assert checkpoint is not None
+    store.save(replace(generation, number=1), checkpoint.state)
     return store
 
 

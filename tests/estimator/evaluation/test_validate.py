@@ -13,7 +13,7 @@ from estimator.robot_link.wire import WireLink
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError
-from tests.estimator.evaluation.test_score import make_run
+from tests.estimator.evaluation.test_score import make_ended_run
 from tests.estimator.model_robot import TRUE_LENGTHS, ModelRobot, make_capabilities, serving
 
 PROGRAMS = 4
@@ -21,8 +21,8 @@ PROGRAMS = 4
 
 @pytest.fixture
 def run(tmp_path: Path) -> RunStore:
-    """A run whose best model is the robot itself."""
-    return make_run(tmp_path, TRUE_LENGTHS)
+    """A run that has ended, and whose best model is the robot itself."""
+    return make_ended_run(tmp_path, TRUE_LENGTHS)
 
 
 def performed(run: RunStore, uri: str, physics: PyBulletPhysics, first_id: int = 1) -> Validation:
@@ -111,7 +111,7 @@ def test_a_robot_without_touch_sensors_has_no_touch_error() -> None:
     assert validation.best_model["tilt_deg"] == 0
 
 
-def test_a_run_without_models_predicts_nothing(
+def test_a_run_that_has_not_ended_is_not_validated(
     tmp_path: Path, run: RunStore, physics: PyBulletPhysics
 ) -> None:
     settings, capabilities = run.settings, run.capabilities
@@ -119,7 +119,7 @@ def test_a_run_without_models_predicts_nothing(
     with (
         serving(ModelRobot()) as uri,
         RunStore.create(tmp_path / "empty", settings, capabilities, "me") as empty,
-        pytest.raises(EstimatorError, match="has no model yet"),
+        pytest.raises(EstimatorError, match=r"has not ended.*estimator resume"),
     ):
         performed(empty, uri, physics)
 

@@ -239,9 +239,9 @@ def test_where_searches_disagree_the_problem_is_not_blamed(tmp_path: Path) -> No
     noisy = belief.model_copy(update={"noisy": ("tilt",)})
     assert verdict_on_fit(noisy).startswith("NO BODY THAT THIS PROBLEM ALLOWS explains tilt")
     assert verdict_on_fit(noisy.model_copy(update={"met_in_common": 0.3})) == (
-        "NO BODY THAT WAS FOUND explains tilt without more than twice the announced noise. But the "
-        "searches found different ones, so that a better one may have been missed: more movements "
-        "help, and a problem that leaves less open."
+        "NO BODY THAT WAS FOUND explains tilt without more than twice the noise that is expected. "
+        "But the searches found different ones, so that a better one may have been missed: more "
+        "movements help, and a problem that leaves less open."
     )
 
 
