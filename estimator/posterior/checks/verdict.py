@@ -23,7 +23,6 @@ from estimator.posterior.model.special import at_least
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.storage.beliefs import ACCIDENTS
 
 SURE_PATH: Final = math.radians(1.0)
 """A body answers for an interaction where its path margin is larger, rad."""
@@ -62,11 +61,6 @@ class FitVerdict:
     unexplained: tuple[Unexplained, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...]
-
-    @property
-    def explained(self) -> bool:
-        """Whether some body of the problem explains the readings, as far as can be told."""
-        return len(self.unexplained) <= ACCIDENTS and not (self.noisy or self.contradicting)
 
 
 def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:

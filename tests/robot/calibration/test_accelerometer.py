@@ -51,6 +51,15 @@ def run(body: Body, script: Script) -> AxesCalibration | None:
     ).run()
 
 
+def test_an_axis_at_its_rail_is_measured_again() -> None:
+    body = Body()
+    first, *others = body.six()
+    loose = (lambda: body.inputs.volts.__setitem__(1, 9.0), "")
+    calibration = run(body, Script("six", loose, first, *others))
+    assert calibration is not None
+    assert calibration.zero == pytest.approx(ZERO, abs=1e-3)
+
+
 def test_six_positions_find_zero_gain_and_sign() -> None:
     body = Body()
     calibration = run(body, Script("six", *body.six()))

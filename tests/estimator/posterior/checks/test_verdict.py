@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.posterior.checks.verdict import deviations, fit_of, judge
+from estimator.posterior.checks.verdict import FitVerdict, deviations, fit_of, judge
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 MOVED = programs(6, seed=4)
+EXPLAINED = FitVerdict(unexplained=(), noisy=(), contradicting=())
 
 
 def certain(scale: float = 0.0) -> Posterior:
@@ -21,7 +22,7 @@ def certain(scale: float = 0.0) -> Posterior:
 def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     verdict = judge(certain(), predictor, data, NOISE)
-    assert verdict.explained
+    assert verdict == EXPLAINED
     assert fit_of(POINT, predictor, data, NOISE).unexplained == 0
 
 
@@ -49,7 +50,6 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
     for turn in (1, 4):
         data.felt["tilt"].values[turn] += 0.3
     verdict = judge(certain(), predictor, data, NOISE)
-    assert not verdict.explained
     assert [(item.interaction, item.sensors) for item in verdict.unexplained] == [
         (1, ("tilt",)),
         (4, ("tilt",)),
@@ -67,12 +67,13 @@ def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor
     assert fit.unexplained == 0
 
 
-def test_one_such_interaction_is_an_accident(predictor: Predictor) -> None:
+def test_one_such_interaction_is_named_alone(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     data.felt["tilt"].values[2] += 0.3
     verdict = judge(certain(), predictor, data, NOISE)
     assert [item.interaction for item in verdict.unexplained] == [2]
-    assert verdict.explained
+    assert not verdict.noisy
+    assert not verdict.contradicting
 
 
 def test_where_every_interaction_is_an_outlier_no_touch_sensor_is_blamed(
@@ -87,7 +88,6 @@ def test_a_sensor_that_is_surely_noisier_than_announced_is_named(predictor: Pred
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     verdict = judge(certain(scale=1.0), predictor, data, NOISE)
     assert verdict.noisy == ("tilt", "clearance")
-    assert not verdict.explained
 
 
 def test_a_touch_sensor_that_contradicts_the_body_again_and_again_is_named(
@@ -98,11 +98,10 @@ def test_a_touch_sensor_that_contradicts_the_body_again_and_again_is_named(
     data.felt["touch"].values[:, 1] = felt
     for turn in (0, 3):
         data.felt["touch"].values[turn, 1] = not felt[turn]
-    assert judge(certain(), predictor, data, NOISE).explained
+    assert judge(certain(), predictor, data, NOISE) == EXPLAINED
     data.felt["touch"].values[5, 1] = not felt[5]
     verdict = judge(certain(), predictor, data, NOISE)
     assert verdict.contradicting == (1,)
-    assert not verdict.explained
 
 
 def test_deviations_are_in_units_of_the_noise(predictor: Predictor) -> None:

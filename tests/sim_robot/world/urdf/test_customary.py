@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import math
-import struct
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,37 +15,19 @@ from estimator.evaluation.truth.urdf import read_urdf as read_truth
 from sim_robot.cli.command_line import main
 from sim_robot.errors import BodyError
 from sim_robot.simulator.pc104_set import configure
-from sim_robot.world.body import Body, examine, load_body
+from sim_robot.world.body import examine, load_body
 from sim_robot.world.engines import ENGINES, open_world
 from sim_robot.world.sensor_noise import NoiseLevels
-from sim_robot.world.urdf.declarations import Box, vector
-
-INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-BOX = '<collision><geometry><box size="0.2 0.1 0.1"/></geometry></collision>'
-BASE = f'<link name="base">{INERTIAL}{BOX}</link>'
-LEG = f'<link name="leg">{INERTIAL}{BOX}</link>'
-LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
-NO_TRIANGLES = (
-    b'<triangles count="0"><input offset="0" semantic="VERTEX" source="#v"/><p></p></triangles>'
+from sim_robot.world.urdf.declarations import vector
+from tests.sim_robot.world.urdf.pieces import (
+    BASE,
+    INERTIAL,
+    LEG,
+    LIMIT,
+    joint,
+    taken,
+    written,
 )
-CORNERS = [(-0.01, 0.0, 0.0), (0.03, 0.0, 0.0), (0.0, 0.01, -0.2)]
-
-
-def joint(kind: str, parent: str, child: str, inside: str = "") -> str:
-    return (
-        f'<joint name="{parent}_{child}" type="{kind}"><parent link="{parent}"/>'
-        f'<child link="{child}"/><axis xyz="0 -1 0"/>{inside}</joint>'
-    )
-
-
-def written(folder: Path, *parts: str) -> Path:
-    file = folder / "robot.urdf"
-    file.write_text(f'<robot name="r">{"".join(parts)}</robot>')
-    return file
-
-
-def taken(folder: Path, *parts: str) -> Body:
-    return load_body(written(folder, *parts))
 
 
 def test_a_joint_without_end_and_without_effort_is_a_strong_servo(tmp_path: Path) -> None:
@@ -207,67 +188,6 @@ def test_joints_are_counted_after_what_carries_them(tmp_path: Path) -> None:
     assert [motor.name for motor in body.motors] == ["base_leg", "leg_foot"]
     (note,) = body.notes
     assert note.startswith("joint 'leg_foot' stands before the joint that carries it")
-
-
-def binary_stl(corners: list[tuple[float, float, float]]) -> bytes:
-    numbers = [0.0, 0.0, 1.0, *(value for corner in corners for value in corner)]
-    return bytes(80) + struct.pack("<I12fH", 1, *numbers, 0)
-
-
-def text_stl(corners: list[tuple[float, float, float]]) -> bytes:
-    lines = "".join("vertex {} {} {}\n".format(*corner) for corner in corners)
-    return f"solid leg\nfacet normal 0 0 1\nouter loop\n{lines}endloop\nendfacet\n".encode()
-
-
-def obj(corners: list[tuple[float, float, float]]) -> bytes:
-    return ("".join("v {} {} {}\n".format(*corner) for corner in corners) + "f 1 2 3\n").encode()
-
-
-def dae(corners: list[tuple[float, float, float]]) -> bytes:
-    """In centimetres, half a metre to the left in the file and back in the scene."""
-    numbers = " ".join(f"{100 * x} {100 * y + 50} {100 * z}" for x, y, z in corners)
-    accessor = '<accessor source="#n" count="3" stride="3">' + "".join(
-        f'<param name="{axis}" type="float"/>' for axis in "XYZ"
-    )
-    return f"""<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
-<asset><created>2026-11-22T00:00:00</created><modified>2026-11-22T00:00:00</modified>
-<unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
-<library_geometries><geometry id="g"><mesh>
-<source id="s"><float_array id="n" count="9">{numbers}</float_array>
-<technique_common>{accessor}</accessor></technique_common></source>
-<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>
-<triangles count="1"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2</p></triangles>
-</mesh></geometry></library_geometries>
-<library_visual_scenes><visual_scene id="w"><node><translate>0 -50 0</translate>
-<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
-<scene><instance_visual_scene url="#w"/></scene></COLLADA>""".encode()
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("a.stl", binary_stl(CORNERS)),
-        ("a.STL", text_stl(CORNERS)),
-        ("a.obj", obj(CORNERS)),
-        ("a.dae", dae(CORNERS)),
-        ("empty_beside.dae", dae(CORNERS).replace(b"</mesh>", NO_TRIANGLES + b"</mesh>")),
-    ],
-)
-@pytest.mark.parametrize("prefix", ["meshes/", "package://my_robot/meshes/", "file://meshes/"])
-def test_a_mesh_is_taken_as_the_box_around_it(
-    tmp_path: Path, name: str, content: bytes, prefix: str
-) -> None:
-    folder = tmp_path / "my_robot"
-    (folder / "meshes").mkdir(parents=True)
-    (folder / "meshes" / name).write_bytes(content)
-    mesh = f'mesh filename="{prefix}{name}" scale="2 2 1"'
-    mesh = LEG.replace('box size="0.2 0.1 0.1"', mesh)
-    body = taken(folder, BASE, mesh, joint("revolute", "base", "leg", LIMIT))
-    (collision,) = body.robot.links[1].collisions
-    assert isinstance(collision.geometry.shape, Box)
-    assert vector(collision.geometry.shape.size) == pytest.approx((0.08, 0.02, 0.2), abs=1e-6)
-    assert vector(collision.origin.xyz) == pytest.approx((0.02, 0.01, -0.1), abs=1e-6)
-    assert body.notes[0].endswith(f"{name} is taken as the box around it, 80 × 20 × 200 mm")
 
 
 def test_a_main_body_of_any_shapes_is_announced_as_the_box_around_them(tmp_path: Path) -> None:
