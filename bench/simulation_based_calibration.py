@@ -41,7 +41,8 @@ from estimator.posterior.alike import feel_alike
 from estimator.posterior.belief import believe
 from estimator.posterior.information import SAMPLES, information_gained
 from estimator.posterior.model.densities import DENSITIES
-from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, SensorData, apart
+from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler

@@ -31,8 +31,9 @@ from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
-from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.possible_departures import possible_departures
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR

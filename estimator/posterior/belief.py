@@ -10,7 +10,8 @@ from estimator.body.morphology import Array
 from estimator.posterior.alike import Alike, alike_shares
 from estimator.posterior.checks.verdict import deviations, judge
 from estimator.posterior.information import information_gained
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import MOSTLY, Mode, Posterior, share_met_alike
 from estimator.storage.beliefs import (

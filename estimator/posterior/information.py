@@ -8,7 +8,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import Posterior

@@ -7,7 +7,8 @@ import numpy as np
 from estimator.body.morphology import Array, Base
 from estimator.parallel.workers import ThisProcess, Workers
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler

@@ -26,13 +26,8 @@ from estimator.posterior.checks.fitting import departing_starts, fitted
 from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Departure, Doubt
-from estimator.posterior.model.likelihood import (
-    ASTRAY,
-    LIKELY,
-    Likelihood,
-    Noise,
-    SensorData,
-)
+from estimator.posterior.model.likelihood import LIKELY, Likelihood, Noise
+from estimator.posterior.model.sensor_data import ASTRAY, SensorData
 from estimator.posterior.model.slopes import PRIOR, Lengths
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Predictor, departing_points, sizes_of

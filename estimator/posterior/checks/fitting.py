@@ -14,7 +14,8 @@ import numpy as np
 
 from estimator.body.morphology import BASE, Array
 from estimator.posterior.model.departures import Departure
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Predictor, departing_points
 
@@ -67,7 +68,7 @@ def fitted(
             first.
     """
     likelihood = Likelihood(data, noise)
-    lengths = Lengths(predictor, data, likelihood)
+    lengths = Lengths(predictor, data, likelihood, noise_known=True)
     points, fits = starts, lengths.fits(starts)
     for some in (slice(None), slice(_FINISHED)):
         more, better = lengths.polished(points[some])

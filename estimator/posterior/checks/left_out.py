@@ -18,7 +18,8 @@ from estimator.body.morphology import Array
 from estimator.physics.base import Physics
 from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Predictor

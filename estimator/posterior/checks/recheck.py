@@ -14,7 +14,8 @@ import numpy as np
 
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import Physics, WorldSettings
-from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, SensorData, apart
+from estimator.posterior.model.likelihood import FORKS, Likelihood, Noise, apart
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior

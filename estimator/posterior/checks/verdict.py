@@ -18,7 +18,8 @@ import numpy as np
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import DENSITIES, SCALED
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import at_least
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior

@@ -18,10 +18,8 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import accumulate, pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -34,26 +32,13 @@ from estimator.posterior.model.densities import (
     MODEL_CLEARANCE,
     MODEL_TILT,
     SCALED,
-    Felt,
 )
-from estimator.posterior.model.special import expit
+from estimator.posterior.model.noise_factors import NoiseFactors
+from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, MISFITS, SensorData
+from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation
 from protocol.wire.capabilities import Capabilities
-
-_ENDS: Final = (0, *accumulate(density.misfits for density in DENSITIES.values()))
-COLUMNS: Final = {name: slice(*ends) for name, ends in zip(DENSITIES, pairwise(_ENDS), strict=True)}
-"""Of each modality among the misfits."""
-
-SILENT: Final = _ENDS[-1]
-"""Column of the misfits that is 1 where the model predicts nothing; the modalities' come before."""
-
-ASTRAY: Final = SILENT + 1
-"""Column that is 0 where the model falls as statics has it, else the number of the lean by which it
-comes to where it explains what was felt."""
-
-MISFITS: Final = ASTRAY + 1
 
 _SIDES: Final = np.radians([22.5, 202.5, 112.5, 292.5])
 _INCLINED: Final = [
@@ -73,6 +58,9 @@ LIKELY: Final = np.array([1.0, *[0.5] * len(_SIDES), *[0.05] * len(_SIDES)])
 """How likely each of ``LEANS`` is, beside the first."""
 
 _LOG_LIKELY: Final = np.log(LIKELY)
+AT_ONCE: Final = 2000
+"""Points whose noise factors are integrated at once."""
+
 _PLAINLY: Final = 3.0  # standard deviations
 _WORST_TOUCH: Final = 0.4  # chance of a wrong bit on the hottest levels
 _AS_ANNOUNCED: Final = np.zeros((1, 2))
@@ -125,72 +113,16 @@ def apart(one: Readings, other: Readings, noise: Noise) -> Flags:
     return plainly
 
 
-@dataclass(frozen=True, kw_only=True)
-class SensorData:
-    """What a robot felt, as arrays over k interactions.
-
-    Attributes:
-        programs: Angles that the motors took, rad, shape (k, motors).
-        felt: The readings by modality.
-        cap: The distance sensor's range, m.
-    """
-
-    programs: Array
-    felt: Mapping[str, Felt]
-    cap: float
-
-    @classmethod
-    def of(
-        cls, observations: Sequence[Observation], modalities: Collection[str], cap: float
-    ) -> SensorData:
-        """Collects the readings of the modalities that count."""
-        return cls(
-            programs=np.array([item.angles for item in observations], dtype=float),
-            felt={
-                name: density.felt(observations, counts=name in modalities)
-                for name, density in DENSITIES.items()
-            },
-            cap=cap,
-        )
-
-    def __len__(self) -> int:
-        return len(self.programs)
-
-    def __getitem__(self, turns: slice | Columns) -> SensorData:
-        """Some of the interactions."""
-        felt = {name: values[turns] for name, values in self.felt.items()}
-        return SensorData(programs=self.programs[turns], felt=felt, cap=self.cap)
-
-    def misfits(self, readings: Readings, turns: Columns) -> Array:
-        """The misfits of n readings, each in one of the interactions.
-
-        Args:
-            readings: Of n bodies.
-            turns: Which interaction each is of, shape (n,).
-
-        Returns:
-            Shape (n, MISFITS).
-        """
-        values = np.empty((len(turns), MISFITS))
-        for name, density in DENSITIES.items():
-            density.misfit(self.felt[name][turns], readings, values[:, COLUMNS[name]])
-        values[:, SILENT] = readings.undecided | ~readings.valid
-        values[:, ASTRAY] = 0.0
-        return values
-
-    def residuals(self, readings: Readings, turns: Columns) -> Array:
-        """Observed minus predicted tilt (rad) and clearance (m), shape (n, 3); 0 where unknown."""
-        return np.column_stack(
-            [one.residual(self.felt[name][turns], readings) for name, one in DENSITIES.items()]
-        )
-
-
 class Likelihood:
     """The mixture of some interactions, for bodies of which the misfits are known.
 
     Args:
         data: What the robot felt.
         noise: How far readings stray.
+
+    Attributes:
+        sigmas: Announced standard deviation of each residual, shape (RESIDUALS,).
+        noise_factors: Over which ``integrated`` does so.
     """
 
     def __init__(self, data: SensorData, noise: Noise):
@@ -217,6 +149,9 @@ class Likelihood:
             clearance_beside=DENSITIES["clearance"].beside,
             outlier=noise.outlier,
             nearby=noise.nearby,
+        )
+        self.noise_factors = NoiseFactors.known_by(
+            float(known["tilt"].count.sum()), float(known["clearance"].count.sum())
         )
         self.sigmas = np.repeat(
             [noise.of(name) for name in DENSITIES],
@@ -331,6 +266,42 @@ class Likelihood:
         both = np.empty(misfits.shape[:2])
         self._mix(misfits, width, scales, turns, (both, _NO_COLUMNS))
         return both
+
+    def by_noise_factors(self, misfits: Array) -> Array:
+        """Logarithms whose exponentials add up to the integral over noise factors.
+
+        Args:
+            misfits: Shape (n, k, MISFITS).
+
+        Returns:
+            Shape (n, nodes of ``noise_factors``).
+        """
+        factors = self.noise_factors
+        terms = np.empty((len(misfits), factors.tilt.size, factors.clearance.size))
+        _compiled().over_factors(
+            np.ascontiguousarray(misfits),
+            factors.tilt,
+            factors.clearance,
+            self._read,
+            self._spread,
+            _LOG_LIKELY,
+            terms,
+        )
+        by_factors: Array = terms.reshape(len(misfits), -1) + factors.log_weights
+        return by_factors
+
+    def integrated(self, misfits: Array) -> Array:
+        """Log-likelihoods with the noise factors integrated out, shape (n,).
+
+        By these bodies are compared: under the announced noise a quiet robot's would differ too
+        little, a noisy one's too much.
+
+        Args:
+            misfits: Shape (n, k, MISFITS).
+        """
+        parts = [misfits[start : start + AT_ONCE] for start in range(0, len(misfits), AT_ONCE)]
+        fits = [logsumexp(self.by_noise_factors(part), axis=1) for part in parts]
+        return np.concatenate([np.empty(0), *fits])
 
     def best(self, width: Array | float = 1.0, scales: Array | None = None) -> Array:
         """What no body exceeds, shape (n, k); see ``of``."""

@@ -1,6 +1,7 @@
 """The compiled part of the likelihood: both terms of the mixture, from misfits.
 
-A search computes them for every proposal of every chain, on every level of noise.
+A search computes them for every proposal of every chain, on every level of noise, and for whole
+grids of noise factors where these are integrated out.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
-from estimator.posterior.model.likelihood import ASTRAY, COLUMNS, SILENT
+from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, SILENT
 
 _SOURCES: Final = stamp(Path(__file__).parent)
 _TILT: Final = COLUMNS["tilt"].start
@@ -29,6 +30,7 @@ _LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
 _LOG_EVEN: Final = math.log(0.5)
 _ROOT_HALF: Final = math.sqrt(0.5)
 _FAR: Final = -30.0  # standard deviations, beyond which the error function underflows
+_MULTIPLIED: Final = 8  # interactions whose densities are multiplied before a logarithm is taken
 
 
 class Read(NamedTuple):
@@ -92,6 +94,12 @@ def _log_sum(one: float, other: float) -> float:
 
 
 @compiled
+def _log_tilt(squares: float, angles: float, noise: float, log_noise: float) -> float:
+    """Normal, of some angles together."""
+    return -squares / (2 * noise * noise) - angles * (log_noise + _LOG_ROOT)
+
+
+@compiled
 def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) -> float:
     """Normal, or its tail beyond the sensor's range."""
     away = misfit / noise
@@ -149,9 +157,9 @@ def _make_mixture(sources: int) -> Any:
                     bits = (read.bits[turn] - doubtful - wrong) * log_right
                     bits += wrong * log_wrong + doubtful * _LOG_EVEN
                     first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
-                    first -= squares / (2 * tilt * tilt) + angles * (log_tilt + _LOG_ROOT)
-                    beside = log_outlier + bits - squares / (2 * tilt_wide * tilt_wide)
-                    beside -= angles * (log_tilt_wide + _LOG_ROOT)
+                    first += _log_tilt(squares, angles, tilt, log_tilt)
+                    beside = log_outlier + bits
+                    beside += _log_tilt(squares, angles, tilt_wide, log_tilt_wide)
                     if read.clear[turn]:
                         away, beyond = misfits[row, column, _CLEARANCE], read.beyond[turn]
                         first += _log_clearance(away, beyond, clearance, log_clearance)
@@ -167,3 +175,86 @@ def _make_mixture(sources: int) -> Any:
 
 
 mixture: Final = _make_mixture(_SOURCES)
+
+
+def _make_over_factors(sources: int) -> Any:
+    @entrance
+    def over_factors(
+        misfits: Array,
+        tilt_factors: Array,
+        clearance_factors: Array,
+        read: Read,
+        spread: Spread,
+        log_likely: Array,
+        terms: Array,
+    ) -> int:
+        """Fills the log-likelihoods of n points under each pair of noise factors.
+
+        A density is a product of what tilt's factor changes and what clearance's does, so
+        exponentials are taken for each factor and not for each pair.
+
+        Args:
+            misfits: Shape (n, k, MISFITS).
+            tilt_factors: Logarithms, shape (t,).
+            clearance_factors: Logarithms, shape (c,).
+            read: What was read.
+            spread: How far readings stray.
+            log_likely: Of each lean.
+            terms: Receives them, shape (n, t, c).
+        """
+        log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
+        log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
+        log_wrong, log_right = math.log(spread.touch), math.log1p(-spread.touch)
+        tilts = spread.tilt * np.exp(tilt_factors)
+        clearances = spread.clearance * np.exp(clearance_factors)
+        tilts_wide = np.hypot(tilts, spread.tilt_beside)
+        clearances_wide = np.hypot(clearances, spread.clearance_beside)
+        log_tilts, log_tilts_wide = np.log(tilts), np.log(tilts_wide)
+        log_clearances, log_wide = np.log(clearances), np.log(clearances_wide)
+        by_tilt, by_tilt_beside = np.empty(len(tilts)), np.empty(len(tilts))
+        product = np.empty((len(tilts), len(clearances)))
+        for row in range(misfits.shape[0]):
+            terms[row] = 0.0
+            product[:] = 1.0
+            multiplied = 0
+            for column in range(misfits.shape[1]):
+                anywhere = read.log_anywhere[column]
+                if misfits[row, column, _SILENT] > 0:
+                    terms[row] += anywhere
+                    continue
+                least = log_elsewhere + anywhere  # what remains where nothing is explained
+                terms[row] += least
+                squares, angles = misfits[row, column, _TILT], read.tilts[column]
+                wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
+                bits = (read.bits[column] - doubtful - wrong) * log_right
+                bits += wrong * log_wrong + doubtful * _LOG_EVEN - least
+                first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
+                beside = log_nearby + log_outlier + bits
+                for one in range(len(tilts)):
+                    alone = _log_tilt(squares, angles, tilts[one], log_tilts[one])
+                    wide = _log_tilt(squares, angles, tilts_wide[one], log_tilts_wide[one])
+                    by_tilt[one] = math.exp(first + alone)
+                    by_tilt_beside[one] = math.exp(beside + wide)
+                away, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]
+                for other in range(len(clearances)):
+                    near, nearby = 1.0, 1.0
+                    if read.clear[column]:
+                        noise, log_noise = clearances[other], log_clearances[other]
+                        near = math.exp(_log_clearance(away, beyond, noise, log_noise))
+                        noise, log_noise = clearances_wide[other], log_wide[other]
+                        nearby = math.exp(_log_clearance(away, beyond, noise, log_noise))
+                    for one in range(len(tilts)):
+                        product[one, other] *= (
+                            1.0 + by_tilt[one] * near + by_tilt_beside[one] * nearby
+                        )
+                multiplied += 1
+                if multiplied % _MULTIPLIED == 0:
+                    terms[row] += np.log(product)
+                    product[:] = 1.0
+            terms[row] += np.log(product)
+        return 0 * sources
+
+    return over_factors
+
+
+over_factors: Final = _make_over_factors(_SOURCES)

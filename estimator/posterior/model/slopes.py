@@ -15,7 +15,8 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
-from estimator.posterior.model.likelihood import ASTRAY, LEANS, Likelihood, SensorData
+from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.sensor_data import ASTRAY, SensorData
 from estimator.posterior.model.unknowns import Predictor
 
 ROUGH: Final = 4.0
@@ -56,19 +57,31 @@ class Lengths:
         predictor: Computes readings.
         data: What the robot felt.
         likelihood: Of ``data``.
+        noise_known: Whether readings stray as announced, by no unknown factor.
     """
 
-    def __init__(self, predictor: Predictor, data: SensorData, likelihood: Likelihood):
+    def __init__(
+        self,
+        predictor: Predictor,
+        data: SensorData,
+        likelihood: Likelihood,
+        *,
+        noise_known: bool = False,
+    ):
         self._predictor = predictor
         self._data = data
         self._likelihood = likelihood
+        self._noise_known = noise_known
 
     def fits(self, values: Array) -> Array:
-        """Log-likelihood of n points, shape (n, size), under the announced noise."""
-        return self._of(self._likelihood.misfits_of(self._predictor, values), 1.0)
+        """Log-likelihood of n points, shape (n, size), unknown noise factors integrated out."""
+        misfits = self._likelihood.misfits_of(self._predictor, values)
+        if self._noise_known:
+            return self._of(misfits, 1.0)
+        return self._likelihood.integrated(misfits)
 
     def rough_fits(self, values: Array) -> Array:
-        """The same under ``ROUGH`` times the noise, everybody taken to fall as statics has it."""
+        """Under ``ROUGH`` times the announced noise, everybody falling as statics has it."""
         misfits = self._likelihood.misfits_of(self._predictor, values, surely=True)
         return self._of(misfits, ROUGH)
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import Fit, fit_of
-from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import met_by_each, share_met

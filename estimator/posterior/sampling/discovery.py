@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.sampling.neighbours import Neighbours

@@ -4,7 +4,7 @@ How many chains of a short run lie in a mode says how often the mode was discove
 it weighs. What it weighs is an integral over its few lengths and the noise factors. The lengths
 are drawn from a mixture that is fitted to the mode and adapted once (Student's t, broad ones too,
 and a part that covers the whole prior, so that no weight is unbounded); the two noise factors are
-integrated by a Gauss-Hermite rule.
+integrated on a grid.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.likelihood import AT_ONCE, Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import log_gamma, logsumexp, softmax
-from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor
+from estimator.posterior.model.unknowns import Predictor
 
 _FREEDOM: Final = 5.0  # of Student's t
 _SHARES: Final = np.array([0.65, 0.27, 0.08])  # close, broad, anywhere
@@ -28,12 +29,6 @@ _CLOSE: Final = 1.2
 _BROAD: Final = 3.0
 _ROUNDS: Final = 3
 _CENTRES: Final = 8
-_AT_ONCE: Final = 2000
-_NODES, _NODE_WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
-_FACTORS: Final = SCALE_SPREAD * np.stack(np.meshgrid(_NODES, _NODES, indexing="ij"), -1).reshape(
-    -1, 2
-)
-_FACTOR_WEIGHTS: Final = np.log(np.outer(_NODE_WEIGHTS, _NODE_WEIGHTS).ravel() / (2 * math.pi))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +101,7 @@ class EvidenceEstimator:
         return np.array([known[point] for point in points])
 
     def _fits_of(self, values: Array) -> Array:
-        misfits = self._likelihood.misfits_of(self._predictor, values)
-        parts = [misfits[start : start + _AT_ONCE] for start in range(0, len(misfits), _AT_ONCE)]
-        return np.concatenate([logsumexp(self._by_factors(part), axis=1) for part in parts])
+        return self._lengths.fits(values)
 
     def _half_volumes_of(self, values: Array) -> Array:
         precision = self._lengths.slopes(values).precision
@@ -173,21 +166,14 @@ class EvidenceEstimator:
         rows = np.flatnonzero(inside)
         points = self._points(point, lengths[rows])
         misfits = self._likelihood.misfits_of(self._predictor, points)
-        for start in range(0, len(rows), _AT_ONCE):
-            part = slice(start, start + _AT_ONCE)
-            terms = self._by_factors(misfits[part])
+        for start in range(0, len(rows), AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            terms = self._likelihood.by_noise_factors(misfits[part])
             fits[rows[part]] = logsumexp(terms, axis=1)
-            chosen = np.argmax(terms + rng.gumbel(size=terms.shape), axis=1)
-            scales[rows[part]] = _FACTORS[chosen]
+            shares = np.cumsum(np.exp(terms - terms.max(axis=1, keepdims=True)), axis=1)
+            chosen = np.argmax(shares > rng.random((len(terms), 1)) * shares[:, -1:], axis=1)
+            scales[rows[part]] = self._likelihood.noise_factors.both[chosen]
         return fits, scales
-
-    def _by_factors(self, misfits: Array) -> Array:
-        """Logarithms whose exponentials add up to the integral over noise factors, (n, nodes)."""
-        count, nodes = len(misfits), len(_FACTORS)
-        several, factors = np.repeat(misfits, nodes, axis=0), np.tile(_FACTORS, (count, 1))
-        terms = self._likelihood.of(several, scales=factors).sum(axis=1)
-        by_factors: Array = terms.reshape(count, nodes) + _FACTOR_WEIGHTS
-        return by_factors
 
     def _points(self, point: Array, lengths: Array) -> Array:
         values = np.tile(point, (len(lengths), 1))

@@ -15,7 +15,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import ROUGH, Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.part_trees import exchanged, joined_parts

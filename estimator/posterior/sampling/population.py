@@ -14,13 +14,8 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import (
-    ASTRAY,
-    MISFITS,
-    Likelihood,
-    Noise,
-    SensorData,
-)
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import ASTRAY, MISFITS, SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Columns, Predictor
 from estimator.posterior.sampling.moves import exchange_parts, propose
 
@@ -131,10 +126,11 @@ class Population:
         return chains
 
     def posterior_fits(self, levels: int) -> Array:
-        """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,)."""
-        rows = slice(0, levels * self.width)
-        fits: Array = self._likelihood.of(self._misfits[rows], scales=self.scales[rows]).sum(axis=1)
-        return fits
+        """Log-likelihood of the chains of the lowest levels under level 0's noise, shape (n,).
+
+        The noise factors are integrated out, not the chains' own: bodies are compared by it.
+        """
+        return self._likelihood.integrated(self._misfits[: levels * self.width])
 
     def state(self) -> Mapping[str, Any]:
         """All that ``from_state`` needs, for JSON."""

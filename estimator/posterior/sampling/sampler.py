@@ -15,7 +15,8 @@ from estimator.errors import SearchStateError
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.checks.verdict import fit_of
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, met_by_each
 from estimator.posterior.sampling.agreement import CONSIDERED, Agreement

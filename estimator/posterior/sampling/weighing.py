@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Noise, SensorData
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.evidence import ModeEvidence

@@ -241,7 +241,7 @@ def test_what_departs_is_named_where_known_attachments_explain_the_readings_badl
     too_far = Travel(text="all servos turning {} times as far as told", amount=1.25)
     monkeypatch.setattr(posterior_method, "possible_departures", lambda _: (too_far,))
     with serving(ModelRobot(travel=1.25)) as uri:
-        asked = replace(order(tmp_path, uri), interactions=3)
+        asked = replace(order(tmp_path, uri), interactions=4)
         result = identify(
             tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
         )

@@ -32,7 +32,8 @@ from estimator.posterior.model.departures import (
     TurnedHinge,
     TurnedMount,
 )
-from estimator.posterior.model.likelihood import FORKS, LEANS, Noise, SensorData, apart
+from estimator.posterior.model.likelihood import FORKS, LEANS, Noise, apart
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.problem.genome import Genome

@@ -11,7 +11,8 @@ import pytest
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import ASTRAY, LEANS, Likelihood, SensorData, apart
+from estimator.posterior.model.likelihood import LEANS, Likelihood, apart
+from estimator.posterior.model.sensor_data import ASTRAY, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

@@ -6,7 +6,8 @@ from scipy.special import log_ndtr
 
 from estimator.body.morphology import Array
 from estimator.physics.base import Readings
-from estimator.posterior.model.likelihood import MISFITS, SILENT, Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import MISFITS, SILENT, SensorData
 from estimator.readings.observation import Observation
 
 CAP = 0.2

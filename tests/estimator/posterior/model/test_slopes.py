@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import LEANS, Likelihood, SensorData
+from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome

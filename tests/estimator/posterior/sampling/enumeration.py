@@ -8,7 +8,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
-from estimator.posterior.model.likelihood import Likelihood, Noise, SensorData
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Attachments, Predictor
 
 _COARSE = 4  # values of each length,

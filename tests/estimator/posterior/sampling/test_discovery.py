@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.posterior.model.likelihood import SensorData
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.discovery import Discovery
 from estimator.posterior.sampling.population import Population

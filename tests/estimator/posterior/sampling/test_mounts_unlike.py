@@ -6,7 +6,7 @@ import numpy as np
 
 from estimator.body.morphology import Base
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import SensorData
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

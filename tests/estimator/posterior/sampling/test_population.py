@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor
 from estimator.posterior.sampling.population import HOTTEST, Population
 from estimator.readings.observation import Observation

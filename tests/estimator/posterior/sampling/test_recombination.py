@@ -7,7 +7,8 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.discovery import Discovery

@@ -7,7 +7,8 @@ import pytest
 
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.likelihood import Likelihood, SensorData
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from tests.estimator.exploration.test_few_limbs import genome_of

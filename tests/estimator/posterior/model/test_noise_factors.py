@@ -1,0 +1,86 @@
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import (
+    ASTRAY,
+    COLUMNS,
+    MISFITS,
+    SILENT,
+    SensorData,
+)
+from estimator.posterior.model.unknowns import SCALE_SPREAD
+from estimator.readings.observation import Observation
+
+NOISE = Noise(tilt=0.01, clearance=0.004)
+CAP = 0.2
+
+
+def readings_of(rng: np.random.Generator, count: int) -> SensorData:
+    """Some without a clearance, some beyond the range, some without touch."""
+    observations = []
+    for _ in range(count):
+        beyond = bool(rng.random() < 0.2)
+        clearance = CAP if beyond else float(rng.uniform(0, CAP))
+        tilt = tuple(rng.normal(0, 0.1, 2).tolist())
+        observations.append(
+            Observation(
+                angles=(0.0,),
+                touch=(True, None if rng.random() < 0.3 else False),
+                tilt=tilt,
+                clearance=None if rng.random() < 0.2 else clearance,
+                clearance_saturated=beyond,
+            )
+        )
+    return SensorData.of(observations, ("touch", "tilt", "clearance"), CAP)
+
+
+def misfits_of(rng: np.random.Generator, points: int, count: int, factor: float) -> Array:
+    misfits = np.zeros((points, count, MISFITS))
+    strayed = rng.normal(0, factor * NOISE.tilt, (points, count, 2))
+    misfits[..., COLUMNS["tilt"].start] = (strayed**2).sum(axis=2)
+    strays = rng.normal(0, factor * NOISE.clearance, (points, count))
+    misfits[..., COLUMNS["clearance"].start] = strays
+    misfits[..., COLUMNS["touch"].start] = rng.random((points, count)) < 0.1
+    misfits[..., SILENT] = rng.random((points, count)) < 0.05
+    misfits[..., ASTRAY] = np.where(rng.random((points, count)) < 0.1, 2, 0)
+    return misfits
+
+
+@pytest.mark.parametrize("count", [1, 7, 8, 25])
+def test_each_pair_of_factors_gives_what_the_mixture_gives(count: int) -> None:
+    rng = np.random.default_rng(count)
+    likelihood = Likelihood(readings_of(rng, count), NOISE)
+    misfits = misfits_of(rng, 3, count, 3.0)
+    factors = likelihood.noise_factors
+    terms = likelihood.by_noise_factors(misfits) - factors.log_weights
+    for node, pair in enumerate(factors.both):
+        one_by_one = likelihood.of(misfits, scales=np.tile(pair, (3, 1))).sum(axis=1)
+        assert terms[:, node] == pytest.approx(one_by_one, abs=1e-9)
+
+
+@pytest.mark.parametrize("factor", [0.3, 1.0, 2.5])
+@pytest.mark.parametrize("count", [3, 24])
+def test_the_integral_over_noise_factors_is_that_of_adaptive_quadrature(
+    count: int, factor: float
+) -> None:
+    rng = np.random.default_rng(round(10 * factor))
+    likelihood = Likelihood(readings_of(rng, count), NOISE)
+    misfits = misfits_of(rng, 1, count, factor)
+    (fit,) = likelihood.integrated(misfits)
+    factors = likelihood.noise_factors.both
+    peak = factors[np.argmax(likelihood.by_noise_factors(misfits)[0])]
+
+    def density(clearance: float, tilt: float) -> float:
+        log_prior = -(tilt**2 + clearance**2) / (2 * SCALE_SPREAD**2)
+        log_prior -= math.log(2 * math.pi * SCALE_SPREAD**2)
+        scales = np.array([[tilt, clearance]])
+        return math.exp(likelihood.of(misfits, scales=scales).sum() + log_prior - fit)
+
+    around = [(float(one) - 1.5, float(one) + 1.5) for one in peak]
+    mass = dblquad(density, *around[0], *around[1], epsabs=1e-4, epsrel=1e-4)[0]
+    assert mass == pytest.approx(1.0, abs=0.01)
