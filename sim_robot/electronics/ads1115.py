@@ -40,6 +40,9 @@ class ADS1115Emulator(I2CDevice):
             "railed_channel": "input n reads the top of the range",
         }
     )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {**I2CDevice.NUMBERS, "stuck_channel": range(4), "railed_channel": range(4)}
+    )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"reset": "the supply dips: the chip forgets its settings, and a conversion under way"}
     )

@@ -113,6 +113,7 @@ class HostClock(FaultSwitch):
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"jump": "the robot clock jumps by n seconds, which may be negative"}
     )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({"jump": range(1 - 10**9, 10**9)})
 
     def __init__(self, clock: Clock):
         super().__init__()

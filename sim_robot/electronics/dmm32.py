@@ -71,6 +71,9 @@ class DMM32Emulator(FaultSwitch):
             "swapped_channels": "the wires of channels n and n+1 are exchanged",
         }
     )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {"stuck_channel": range(32), "railed_channel": range(32), "swapped_channels": range(31)}
+    )
 
     def __init__(
         self,

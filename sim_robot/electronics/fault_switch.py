@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from robot.errors import CommandError
+
+EVERY_NTH: Final = range(10**9)
+"""Numbers of what fails now and then; 0, like 1, is every time."""
 
 
 class FaultSwitch:
@@ -15,10 +18,12 @@ class FaultSwitch:
     Attributes:
         FAULTS: What each lasting fault does, by name; subclasses fill it in.
         EVENTS: What happens once and is over, by name, likewise.
+        NUMBERS: The numbers that make sense, by name, of those that take one.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({})
 
     def __init__(self) -> None:
         self._faults: dict[str, int] = {}
@@ -32,15 +37,43 @@ class FaultSwitch:
         """Switches a fault on, or makes an event happen; may be called from any thread.
 
         Raises:
-            CommandError: There is no such fault here.
+            CommandError: See ``check``.
         """
+        self.check(fault, value)
         if fault in self.EVENTS:
             self._happen(fault, value)
-        elif fault in self.FAULTS:
-            self._faults[fault] = value
         else:
+            self._faults[fault] = value
+
+    def check(self, fault: str, value: int) -> None:
+        """Finds out whether a fault can be injected.
+
+        Args:
+            fault: Its name.
+            value: Its number, 0 for none.
+
+        Raises:
+            CommandError: There is no such fault here, or none of this number.
+        """
+        if fault not in self.FAULTS and fault not in self.EVENTS:
             known = ", ".join([*self.FAULTS, *self.EVENTS])
             raise CommandError(f"the faults here are {known}, not {fault!r}")
+        numbers = self.numbers(fault)
+        if value not in numbers:
+            if isinstance(numbers, range):
+                needed = f"a number from {numbers[0]} to {numbers[-1]}"
+            else:
+                needed = f"one of the numbers {', '.join(map(str, numbers))}"
+            given = f"not {value}" if value else f"as in {fault}={numbers[-1]}"
+            raise CommandError(
+                f"{fault} needs {needed}, {given}"
+                if numbers[-1]
+                else f"{fault} takes no number; leave out ={value}"
+            )
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """The numbers that a fault may have; 0 stands for none."""
+        return self.NUMBERS.get(fault, range(1))
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them."""

@@ -19,7 +19,7 @@ from typing import ClassVar, Final
 from smbus2 import i2c_msg
 
 from robot.host.clock import Clock
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
 
 TRANSFER_TIME: Final = 100e-6
 
@@ -40,6 +40,7 @@ class I2CDevice(FaultSwitch, ABC):
             "hang": "the device holds the bus low until the kernel gives up",
         }
     )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({"nak": EVERY_NTH})
 
     def __init__(self, clock: Clock):
         super().__init__()

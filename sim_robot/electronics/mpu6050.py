@@ -51,6 +51,13 @@ class MPU6050Emulator(I2CDevice):
             "other": "another chip is there, which calls itself n",
         }
     )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {
+            **I2CDevice.NUMBERS,
+            **dict.fromkeys(("stuck_axis", "railed_axis", "weak"), range(3)),
+            "other": range(256),
+        }
+    )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "reset": "the supply dips: the chip sleeps and has lost its settings",

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.host.clock import Clock
+from sim_robot.electronics.fault_switch import EVERY_NTH
 from sim_robot.electronics.i2c_bus import I2CDevice
 
 OUTPUTS: Final = 16
@@ -54,6 +55,9 @@ class PCA9685Emulator(I2CDevice):
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {**I2CDevice.FAULTS, "lost": "every n-th write to an output is acknowledged and lost"}
+    )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {**I2CDevice.NUMBERS, "lost": EVERY_NTH}
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {

@@ -13,7 +13,11 @@ from sim_robot.electronics.fault_switch import FaultSwitch
 
 
 class Servos(FaultSwitch):
-    """The servos of one robot and their plugs."""
+    """The servos of one robot and their plugs.
+
+    Args:
+        count: Of the servos, by the board's outputs.
+    """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
@@ -23,21 +27,26 @@ class Servos(FaultSwitch):
         }
     )
 
-    def __init__(self) -> None:
+    def __init__(self, count: int) -> None:
         super().__init__()
+        self._count = count
         self._last: tuple[int, ...] = ()
         self._jammed: int | None = None
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """Those of the servos; the last has no neighbour to exchange plugs with."""
+        return range(1, self._count + (fault != "swapped"))
 
     def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:
         """The pulses that the servos follow when the board sends ``pulses``; 0 is limp."""
         driven = list(pulses)
         faults = self.faults
         swapped, dead, jammed = (faults.get(name) for name in ("swapped", "dead", "jammed"))
-        if swapped is not None and 1 <= swapped < len(driven):
+        if swapped is not None:
             driven[swapped - 1], driven[swapped] = driven[swapped], driven[swapped - 1]
-        if dead is not None and 1 <= dead <= len(driven):
+        if dead is not None:
             driven[dead - 1] = 0
-        if jammed is not None and 1 <= jammed <= len(driven):
+        if jammed is not None:
             if self._jammed is None:
                 self._jammed = (self._last or driven)[jammed - 1]
             driven[jammed - 1] = self._jammed

@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.errors import CommandError
-from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
 from sim_robot.electronics.sv203_board import OUTPUTS, Board
 
 _CHUNK: Final = 4096
@@ -52,6 +52,9 @@ class SV203Emulator(FaultSwitch):
             "mute": "the board answers no queries",
             "garbage": "every n-th answer has its first digit replaced by '~'",
         }
+    )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        dict.fromkeys(("drop", "corrupt", "garbage"), EVERY_NTH)
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
@@ -117,6 +120,10 @@ class SV203Emulator(FaultSwitch):
         super().mend(fault)
         if fault in (None, "unplugged"):
             self.replug()
+
+    def numbers(self, fault: str) -> Sequence[int]:
+        """Of a brown-out the boards', or 0 for all of them."""
+        return (0, *self._boards) if fault == "brown_out" else super().numbers(fault)
 
     def power_cycle(self, number: int = 0) -> None:
         """A brown-out of one board or of all: it is deselected, and its servos jump to neutral.

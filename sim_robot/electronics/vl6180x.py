@@ -61,6 +61,9 @@ class VL6180XEmulator(I2CDevice):
             "error": "every measurement ends with error n",
         }
     )
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        {**I2CDevice.NUMBERS, "error": range(16)}
+    )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {"reset": "the supply dips: the sensor forgets its settings"}
     )

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
+from robot.errors import CommandError
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import DMM32Emulator
@@ -157,10 +158,14 @@ class FaultPanel:
         """Injects a fault, at once or when it is due.
 
         Raises:
-            FaultError: This robot has no such device.
+            FaultError: This robot has no such device, or the fault no such number.
         """
         if spec.device not in self._devices:
             raise FaultError(f"This robot has no {spec.device}; it has {', '.join(self._devices)}.")
+        try:
+            self._devices[spec.device].check(spec.fault, spec.value)
+        except CommandError as error:
+            raise FaultError(f"{spec.device}.{error}.") from None
         with self._lock:
             self._waiting.append(spec)
             self._look()

@@ -141,7 +141,7 @@ def emulation(
             config = apply_calibration(config, calibrated, file=str(calibration))
         wiring = Wiring(truth, world, noise)
 
-        servos = Servos()
+        servos = Servos(max(joint.output for joint in config.joints))
 
         def advance(time: float) -> None:
             panel.advance()

@@ -40,7 +40,7 @@ class Panel:
 
     def __init__(self) -> None:
         self.time = 0.0
-        self.servos = Servos()
+        self.servos = Servos(8)
         self.daq = DMM32Emulator(lambda channel: 0.0, None)  # type: ignore[arg-type]
         self.panel = FaultPanel({"servos": self.servos, "daq": self.daq}, lambda: self.time)
 
@@ -141,11 +141,41 @@ def test_a_robot_without_the_device_says_so() -> None:
     with pytest.raises(FaultError, match="has no distance"):
         Panel().order("distance.nak")
     with pytest.raises(CommandError, match="the faults here"):
-        Servos().inject("tired")
+        Servos(8).inject("tired")
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("servos.swapped=8", "swapped needs a number from 1 to 7, not 8"),
+        ("servos.dead=9@2i", "dead needs a number from 1 to 8, not 9"),
+        ("servos.jammed", "jammed needs a number from 1 to 8, as in jammed=8"),
+        ("daq.stuck_channel=77", "stuck_channel needs a number from 0 to 31, not 77"),
+        ("daq.absent=2", "absent takes no number; leave out =2"),
+    ],
+)
+def test_a_number_that_nothing_has_is_refused(fault: str, words: str) -> None:
+    bench = Panel()
+    bench.order("servos.swapped=7")
+    with pytest.raises(FaultError, match=words):
+        bench.order(fault)
+    assert bench.panel.active() == ["servos.swapped=7"]
+    assert bench.panel.waiting() == []
+
+
+def test_a_board_that_is_not_there_browns_out_nowhere() -> None:
+    board = SV203Emulator(boards=[2, 7])
+    try:
+        for number in (0, 2, 7):
+            board.inject("brown_out", number)
+        with pytest.raises(CommandError, match="one of the numbers 0, 2, 7, not 8"):
+            board.inject("brown_out", 8)
+    finally:
+        board.close()
 
 
 def test_servos_fail_as_ordered() -> None:
-    servos = Servos()
+    servos = Servos(8)
     pulses = (10, 20, 30, 40, 50, 60, 70, 80)
     assert servos.carry(pulses) == pulses
     servos.inject("dead", 8)
