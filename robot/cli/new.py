@@ -12,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from protocol.wire.field_checks import MAX_NAME
 from robot.configuration.robot_config import load_config
 from robot.errors import ConfigError
 
@@ -72,6 +73,10 @@ def run(options: argparse.Namespace) -> int:
     ):
         if not least <= count <= most:
             raise ConfigError(f"must be from {least} to {most}, not {count}.", key=key)
+    if not 1 <= len(options.name) <= MAX_NAME:
+        raise ConfigError(
+            f"must have 1 to {MAX_NAME} characters, not {len(options.name)}.", key="--name"
+        )
     text = robot_toml(
         options.electronics, name=options.name, joints=options.joints, touch=options.touch
     )
@@ -123,11 +128,11 @@ def robot_toml(electronics: str, *, name: str, joints: int, touch: int) -> str:
             whole = re.sub(
                 rf"^{re.escape(line)} *", _chips(line, number), whole, flags=re.MULTILINE
             )
-    for old, new in (
-        ('name = "quadruped"', f"name = {json.dumps(name, ensure_ascii=False)}"),
+    for old, new in (  # the name last: in it anything may stand
         ("joints = 8", f"joints = {joints}"),
         ("touch_sensors = 4", f"touch_sensors = {touch}"),
         ("# [calibration]\n# file", "[calibration]\nfile"),
+        ('name = "quadruped"', f"name = {json.dumps(name, ensure_ascii=False)}"),
     ):
         whole = whole.replace(old, new, 1)
     return re.sub(r" +$", "", whole, flags=re.MULTILINE)

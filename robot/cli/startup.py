@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
+import select
 import sys
 from importlib import metadata
 
@@ -22,17 +24,34 @@ def start(command: str, module: str, *, extra: str = "") -> int:
         extra: What of our optional dependencies it needs.
 
     Returns:
-        The exit code: that of ``main``, or 1 after a sentence on standard error.
+        The exit code: that of ``main``, or 1: after a sentence on standard error, or where nobody
+        reads what the command prints, as in ``robotd doctor | head -1``.
     """
     try:
         with interrupts_deferred():
             loaded = importlib.import_module(module)
-        return int(loaded.main())
+        code = int(loaded.main())
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:
+        if not _reader_left():
+            raise
+        return 1
     except KeyboardInterrupt:
         print(f"{command}: interrupted", file=sys.stderr)
         return 1
     except ModuleNotFoundError as error:
         return lacking(command, extra, error)
+
+
+def _reader_left() -> bool:
+    """Whether nobody reads standard output any more; if so, what is left of it is dropped."""
+    ends = select.poll()
+    ends.register(sys.stdout, 0)  # of a pipe without a reader, poll(2) tells POLLERR unasked
+    if not any(event & select.POLLERR for _, event in ends.poll(0)):
+        return False
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return True
 
 
 def add_version(parser: argparse.ArgumentParser) -> None:

@@ -8,11 +8,22 @@ import numpy as np
 
 from protocol.wire.field_checks import MAX_NAME
 from sim_robot.errors import BodyError
-from sim_robot.world.urdf.declarations import Inertia, Joint, Link, Robot, vector
+from sim_robot.world.urdf.declarations import (
+    Box,
+    Cylinder,
+    Inertia,
+    Joint,
+    Link,
+    Robot,
+    Sphere,
+    vector,
+)
 from sim_robot.world.urdf.reading import Description
 
 MAX_MOTORS = 24  # outputs of three servo boards on one line
 MAX_LINKS = 100  # PyBullet loads no body of 127
+LONGEST = 10.0  # m; a robot in millimetres is longer
+HEAVIEST = 1000.0  # kg; a robot in grams is heavier
 
 
 def faults_of(description: Description, file: str) -> list[BodyError]:
@@ -92,15 +103,24 @@ def _link(link: Link, *, root: bool) -> Iterator[tuple[str, str]]:
     where = f"link '{link.name}'"
     if link.inertial is None:
         yield where, "needs <inertial> with a mass above 0."
-    elif not _possible(link.inertial.inertia):
-        yield (
-            f"{where}: inertia",
-            "is that of no rigid body: its principal moments must be 0 or more.",
-        )
+    else:
+        mass = link.inertial.mass.value
+        if mass > HEAVIEST:
+            reason = f"is {mass:g} kg, and may be {HEAVIEST:g} at most: URDF has kilograms."
+            yield f"{where}: mass", reason
+        if not _possible(link.inertial.inertia):
+            yield (
+                f"{where}: inertia",
+                "is that of no rigid body: its principal moments must be 0 or more.",
+            )
+        yield from _extent(f"{where}: inertial: origin", *vector(link.inertial.origin.xyz))
     for collision in link.collisions:
         if collision.geometry.shape is None:
             place = f"{where}: collision: geometry"
             yield place, "must hold exactly one box, cylinder or sphere."
+        else:
+            yield from _extent(f"{where}: collision: geometry", *_sizes(collision.geometry.shape))
+        yield from _extent(f"{where}: collision: origin", *vector(collision.origin.xyz))
     if root and not link.collisions:
         yield where, "the root link must have a shape, <collision>: it is the main body."
 
@@ -110,6 +130,23 @@ def _possible(tensor: Inertia) -> bool:
     xy, xz, yz = tensor.ixy, tensor.ixz, tensor.iyz
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return bool(moments.min() >= -1e-6 * abs(moments).max())
+
+
+def _extent(where: str, *lengths: float) -> Iterator[tuple[str, str]]:
+    longest = max(map(abs, lengths))
+    if longest > LONGEST:
+        reason = f"is {longest:g} m, and may be {LONGEST:g} at most: URDF has metres."
+        yield where, reason
+
+
+def _sizes(shape: Box | Cylinder | Sphere) -> tuple[float, ...]:
+    match shape:
+        case Box():
+            return vector(shape.size)
+        case Cylinder():
+            return shape.radius, shape.length
+        case Sphere():
+            return (shape.radius,)
 
 
 def _joint(joint: Joint) -> Iterator[tuple[str, str]]:
@@ -122,5 +159,6 @@ def _joint(joint: Joint) -> Iterator[tuple[str, str]]:
             f"lower must be below upper, not {limit.lower:g} and {limit.upper:g}; what is left "
             "out is 0.",
         )
+    yield from _extent(f"{where}: origin", *vector(joint.origin.xyz))
     if not any(vector(joint.axis.xyz)):
         yield f"{where}: axis", "must not be 0 0 0."

@@ -57,6 +57,8 @@ def test_run_says_what_comes_first(
     ("options", "words"),
     [
         (["--joints", "25"], "--joints: must be from 1 to 24, not 25"),
+        (["--name", ""], "--name: must have 1 to 64 characters, not 0"),
+        (["--name", "r" * 65], "--name: must have 1 to 64 characters, not 65"),
         (["--touch", "-1"], "--touch: must be from 0 to 24, not -1"),
     ],
 )
@@ -67,6 +69,15 @@ def test_what_it_cannot_write_is_refused(
     assert main(["new", "--electronics", "pc104", *options, str(file)]) == 1
     assert words in capsys.readouterr().err
     assert not file.exists()
+
+
+@pytest.mark.parametrize("name", ["joints = 8", "touch_sensors = 4", 'a "b" \\ é', "x\ny"])
+def test_any_name_is_written_as_it_is(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "robot.toml"
+    made = ["new", "--electronics", "pc104", "--joints", "3", "--name", name, str(file)]
+    assert main(made) == 0
+    config = load_config(file, uncalibrated=True)
+    assert (config.name, len(config.joints)) == (name, 3)
 
 
 def test_a_file_that_is_there_stays(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
@@ -43,6 +44,25 @@ def test_an_interrupt_waits_for_the_libraries_and_ends_in_a_sentence(
     ended = run(tmp_path, **{when: PRESS})
     assert (ended.returncode, ended.stdout) == (1, "loaded\n")
     assert ended.stderr == "crawl: interrupted\n"
+
+
+@pytest.mark.parametrize("lines", [1, 10_000])
+def test_a_reader_that_leaves_is_no_error(tmp_path: Path, lines: int) -> None:
+    (tmp_path / "command.py").write_text(
+        f"def main():\n    print('much\\n' * {lines})\n    return 0\n"
+    )
+    left, written = os.pipe()
+    os.close(left)
+    with os.fdopen(written, "w") as nobody:
+        ended = subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            env={"PYTHONPATH": f"{tmp_path}:{Path(__file__).parents[3]}"},
+            stdout=nobody,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert (ended.returncode, ended.stderr) == (1, "")
 
 
 @pytest.mark.parametrize("when", ["loading", "working"])

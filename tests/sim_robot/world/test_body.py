@@ -110,6 +110,15 @@ def test_fixed_links_belong_to_the_sensor_of_what_moves_them(tmp_path: Path) -> 
             robot(BASE.replace("0.1 0.1 0.1", "0.1 nan 0.1"), LEG, joint()),
             ["link 'base'", "finite"],
         ),
+        (robot(BASE.replace("0.1 0.1 0.1", "0.1 200 0.1"), LEG, joint()), ["200 m", "metres"]),
+        (
+            robot(BASE, LEG, joint().replace("<axis", '<origin xyz="0 -55 0"/><axis')),
+            ["joint 'hip': origin", "55 m", "metres"],
+        ),
+        (
+            robot(BASE, LEG.replace('mass value="1"', 'mass value="1200"'), joint()),
+            ["link 'leg'", "1200 kg", "kilograms"],
+        ),
         (robot(BASE.replace(BOX, ""), LEG, joint()), ["link 'base'", "must have a shape"]),
         (robot(BASE.replace("</geometry>", "<sphere radius='1'/></geometry>"), LEG, joint()), []),
         (robot(BASE, LEG, joint().replace("0 -1 0", "0 0 0")), ["joint 'hip'", "axis"]),
