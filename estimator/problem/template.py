@@ -2,7 +2,7 @@
 
 What a file says of robots in general becomes what it says of one, before anything is checked:
 
-* joints may go by their names: the numbers that the robot gives them take their place;
+* joints may all go by their names: the numbers that the robot gives them take their place;
 * ``motors.driven`` may be ``"all"``, or a table from numbers of joints to lists of joints, with
   ``other`` for the rest: ``{ 8 = [1, 2, 3, 4], other = "all" }``;
 * a part with ``each = "driven"`` stands for one such part per driven joint, in their order.
@@ -42,19 +42,18 @@ def supposed_robot(raw: Mapping[str, Any]) -> Inventory:
     """Returns a robot to write a file out for before any is known: the paper's if the file allows.
 
     Where all joints are driven and each part names its own, it has as many joints as they name.
-    Joints that go by their names have the lowest numbers that are free, in the order of the file.
+    Joints that go by their names are numbered in the order of the file.
+
+    Raises:
+        ValueError: Some joints go by their names and others by their numbers.
     """
     names = _supposed_names(raw)
     return replace(_supposed_joints(_by_number(raw, names)), names=names)
 
 
 def _supposed_names(raw: Mapping[str, Any]) -> tuple[str, ...]:
-    said = [holder[key] for _, holder, key in _joints(raw)]
-    names = list(dict.fromkeys(one for one in said if isinstance(one, str) and one))
-    for number in sorted({one for one in said if isinstance(one, int) and one > 0}):
-        if number <= len(names):
-            names.insert(number - 1, "")
-    return tuple(names)
+    said = (holder[key] for _, holder, key in _joints(raw))
+    return tuple(dict.fromkeys(one for one in said if isinstance(one, str) and one))
 
 
 def _supposed_joints(raw: Mapping[str, Any]) -> Inventory:
@@ -130,18 +129,26 @@ def _by_number(raw: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, Any
     """The same with joints by number that went by their names.
 
     Raises:
-        ValueError: The robot has no such joint.
+        ValueError: The robot has no such joint, or others go by their numbers.
     """
     written = deepcopy(raw)
+    named, numbered = "", ""
     for where, holder, key in _joints(written):
         name = holder[key]
+        if isinstance(name, int):
+            numbered = numbered or f"{where} has {name}"
         if isinstance(name, str):
+            named = named or f"{where} has {name!r}"
             if not name or name not in names:
-                known = ", ".join(filter(None, names))
+                known = ", ".join(names)
                 raise ValueError(
                     f"{where}: the robot has no joint named {name!r}; its joints are {known}"
                 )
             holder[key] = names.index(name) + 1
+    if named and numbered:
+        raise ValueError(
+            f"joints go by their names or by their numbers, not by both: {named}, {numbered}"
+        )
     return written
 
 

@@ -10,7 +10,6 @@ import pytest
 from estimator.errors import ProblemError
 from estimator.problem.problem import Problem
 from protocol.wire.capabilities import Capabilities
-from tests.estimator.model_robot import PROBLEM
 from tests.estimator.problem.test_problem import NAMES, robot
 
 BY_NUMBER = re.sub(
@@ -64,17 +63,12 @@ def test_names_in_a_table_by_the_number_of_joints() -> None:
     assert Problem.parse(table, "named").for_robot(_turned_round()).motors.driven == (7, 6, 5, 4)
 
 
-def test_names_and_numbers_may_be_mixed() -> None:
-    head, *parts = PROBLEM.split("[[parts]]")
-    mixed = "[[parts]]".join(
-        [
-            head.replace("[1, 2, 3, 4]", '["hip_back", 1, 2, 3]'),
-            *(part.replace("motor = 4", 'motor = "hip_back"') for part in parts),
-        ]
-    )
-    problem = Problem.parse(mixed, "mixed")
-    assert problem.motors.driven == (3, 0, 1, 2)
-    assert problem.for_robot(robot()).motors.driven == (3, 0, 1, 2)
+@pytest.mark.parametrize("number", [1, 4])
+def test_names_and_numbers_in_one_file_are_refused(number: int) -> None:
+    text = _by_name(BY_NUMBER).replace(f'motor = "{NAMES[number - 1]}"', f"motor = {number}")
+    said = rf"motors\.driven has 'hip_left', parts\[{number}\]\.motor has {number}"
+    with pytest.raises(ProblemError, match=rf"mixed: joints go by .* not by both: {said}"):
+        Problem.parse(text, "mixed")
 
 
 def test_a_joint_that_the_robot_does_not_have_is_named() -> None:
