@@ -119,14 +119,17 @@ def that_can_be_felt(
         programs: Movements, rad, shape (n, motors).
         modalities: Sensors that may tell.
     """
-    as_stated = predictor.read_all(point[None], programs)
-    told = []
-    for departure in departures:
-        departing = predictor.departing([departure])
-        readings = departing.read_all(departing_points(point[None], 0), programs)
-        if np.mean(agree(as_stated, readings, modalities)) < AGREEMENT:
-            told.append(departure)
-    return tuple(told)
+    count = len(departures)
+    if not count:
+        return ()
+    points = np.repeat(point[None], count, axis=0)
+    as_stated = predictor.read_all(points, programs)
+    departing = predictor.departing(departures)
+    readings = departing.read_all(departing_points(points, np.arange(count)), programs)
+    alike = agree(as_stated, readings, modalities).reshape(count, len(programs))
+    return tuple(
+        one for one, share in zip(departures, alike.mean(axis=1), strict=True) if share < AGREEMENT
+    )
 
 
 def probability_departed(doubted: Sequence[Doubt], outliers: Array, noise: Noise) -> float:

@@ -8,12 +8,13 @@ next to those of the problem, by which such a robot is noticed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 import numpy as np
 
-from estimator.body.arrays import BASE_YAW, CENTRE, PART_YAW, Bodies
+from estimator.body.arrays import BASE_YAW, CENTRE, PART_YAW, Bodies, Integers
 from estimator.body.morphology import BASE, Array
 
 _STUB: Final = 0.02  # of a part's length
@@ -55,6 +56,11 @@ class Departure(ABC):
     def sized(self, size: float) -> Departure:
         """The same that goes so far as to be the new amount."""
         return replace(self, amount=float(self._amounts(np.array(size))))
+
+    @property
+    def kind(self) -> Departure:
+        """What it has in common with those that differ from it in their amounts alone."""
+        return replace(self, text="", amount=1.0, unit=1.0)
 
     def _amounts(self, sizes: Array) -> Array:
         amounts: Array = self.amount**sizes if self.is_factor else self.amount * sizes
@@ -251,6 +257,38 @@ class Doubt:
     def clear_gain(self) -> float:
         """The same without the interaction that gains most: it may have ended there by accident."""
         return self.gain - float(self.gains.max())
+
+
+class Departures:
+    """Several departures; bodies of the same kind of them are built at once.
+
+    Args:
+        departures: By number.
+    """
+
+    def __init__(self, departures: Sequence[Departure]) -> None:
+        numbers: dict[Departure, int] = {}
+        self._kind = np.array(
+            [numbers.setdefault(one.kind, len(numbers)) for one in departures], dtype=np.intp
+        )
+        self._kinds = list(numbers)
+        self._amount = np.array([one.amount for one in departures])
+        self._is_factor = np.array([one.is_factor for one in departures])
+
+    def of(self, bodies: Bodies, which: Integers, sizes: Array) -> Bodies:
+        """Bodies of a problem, each built by one of the departures.
+
+        Args:
+            bodies: n bodies.
+            which: Number of the departure of each, shape (n,).
+            sizes: How far each departs, shape (n,); see ``Departure.of``.
+        """
+        amount, kind = self._amount[which], self._kind[which]
+        powers = np.abs(amount) ** sizes  # factors are positive
+        amounts = np.where(self._is_factor[which], powers, amount * sizes)
+        groups = [np.flatnonzero(kind == number) for number in np.unique(kind)]
+        built = [self._kinds[kind[rows[0]]]._built(bodies[rows], amounts[rows]) for rows in groups]
+        return Bodies.joined(built)[np.argsort(np.concatenate(groups))]
 
 
 def _times(values: Array, factors: Array, column: int | None) -> Array:

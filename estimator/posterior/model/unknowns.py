@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import ArrayMarginPhysics, Readings
-from estimator.posterior.model.departures import Departure
+from estimator.posterior.model.departures import Departure, Departures
 from estimator.posterior.model.servos_and_sensors import as_sensed, performed
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
@@ -128,15 +128,12 @@ class Departing(Unknowns):
         super().__init__(genome)
         self.size += 2
         self.continuous = np.append(self.continuous, self.size - 1)
-        self._departures = tuple(departures)
+        self._departures = Departures(departures)
 
     def bodies(self, values: Array) -> Bodies:
         """The bodies of n points, each built by its departure."""
-        bodies, which = super().bodies(values[:, :-2]), values[:, -2].astype(np.intp)
-        sizes = sizes_of(values)
-        groups = [np.flatnonzero(which == number) for number in np.unique(which)]
-        built = [self._departures[which[rows[0]]].of(bodies[rows], sizes[rows]) for rows in groups]
-        return Bodies.joined(built)[np.argsort(np.concatenate(groups))]
+        which = values[:, -2].astype(np.int64)
+        return self._departures.of(super().bodies(values[:, :-2]), which, sizes_of(values))
 
 
 def departing_points(
