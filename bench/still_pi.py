@@ -11,12 +11,12 @@ from typing import Final
 from bench.still_robot import OnElectronics, StillWorld, example_config, on_electronics
 from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.ads1115 import ADS1115Settings
-from robot.drivers.analogue_sensors import StrainGauge
 from robot.drivers.buses import Buses
-from robot.drivers.mpu6050 import MPU6050Settings
-from robot.drivers.pca9685 import PCA9685Settings
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.daq.ads1115 import ADS1115Settings
+from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.mpu6050 import MPU6050Settings
+from robot.drivers.servos.pca9685 import PCA9685Settings
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.host.clock import Clock
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.i2c_bus import I2CBus

@@ -16,7 +16,7 @@ from pathlib import Path
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
 from robot.drivers.buses import Buses
-from robot.drivers.sv203 import SERVOS, SV203, SV203Settings
+from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller

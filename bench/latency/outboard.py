@@ -21,7 +21,7 @@ import serial
 from bench.still_robot import StillWorld, example_config
 from protocol.transport.server import Server
 from robot.drivers.buses import Buses
-from robot.drivers.serial_line import open_serial
+from robot.drivers.links.serial_line import open_serial
 from robot.host.clock import WallClock
 from robot.host.logs import set_up_logging
 from robot.service.daemon import HOUSEKEEPING, build_controller, serve

@@ -12,7 +12,7 @@ from typing import Final
 
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import RulerCalibration
-from robot.drivers.sensor_drivers import DistanceSensor
+from robot.drivers.sensors.contracts import DistanceSensor
 from robot.errors import DeviceDataError
 from robot.sensing.raw_samples import Spread, sample_distance, spread
 from robot.sensing.sensors import BellySensor

@@ -26,9 +26,9 @@ from robot.configuration.calibration_file import (
     check_calibration,
 )
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_inputs import AnalogueInputs
-from robot.drivers.sensor_drivers import DistanceSensor
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.links.analogue_inputs import AnalogueInputs
+from robot.drivers.sensors.contracts import DistanceSensor
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import AbandonedError, CommandError, ConfigError
 from robot.host.clock import Clock
 

@@ -23,7 +23,7 @@ from robot.configuration.joint_calibration import (
     middle,
     slopes,
 )
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import GaugeCalibration
-from robot.drivers.analogue_inputs import AnalogueInputs
+from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.host.clock import Clock
 from robot.sensing.raw_samples import Spread, sample_channel
 from robot.sensing.touch import TouchPoint

@@ -14,8 +14,8 @@ from typing import Final
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale, slopes
 from robot.drivers.registry import SENSORS, driver_class
-from robot.drivers.sensor_drivers import BoardSettings, DistanceSettings, SensorSettings
-from robot.drivers.servo_bus import ServoSettings
+from robot.drivers.sensors.contracts import BoardSettings, DistanceSettings, SensorSettings
+from robot.drivers.servos.servo_bus import ServoSettings
 from robot.sensing.sensors import BellySensor
 from robot.sensing.settling import RestCriterion
 from robot.sensing.touch import TouchPoint

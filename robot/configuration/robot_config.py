@@ -25,11 +25,11 @@ from robot.configuration.device_tables import (
     read_touch,
 )
 from robot.configuration.joint_calibration import DrivenJoint
-from robot.drivers.analogue_sensors import StrainGauge
-from robot.drivers.axes import CalibratedAxes
 from robot.drivers.registry import SERVOS, driver_class
-from robot.drivers.sensor_drivers import BoardSettings, SensorSettings
-from robot.drivers.servo_bus import ServoSettings
+from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.axes import CalibratedAxes
+from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
+from robot.drivers.servos.servo_bus import ServoSettings
 from robot.errors import ConfigError
 from robot.sensing.plausibility import Underside
 from robot.sensing.settling import RestCriterion

@@ -21,7 +21,7 @@ from protocol.errors import RobotError
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
 from robot.control.motion import Slew
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceDataError
 from robot.host.trusted_clock import MAX_GAP, SteadyClock
 from robot.sensing.sensors import OnProgress, Reading, Senses

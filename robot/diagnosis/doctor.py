@@ -19,8 +19,8 @@ from robot.diagnosis.sensors import (
 )
 from robot.diagnosis.servos import check_board, check_joints, move_joints
 from robot.drivers.buses import Buses
-from robot.drivers.sensor_drivers import SensorSettings, attach_board
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.sensors.contracts import SensorSettings, attach_board
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceError, DeviceMissingError
 
 _TILT: Final = "accelerometer"

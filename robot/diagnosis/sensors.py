@@ -9,9 +9,9 @@ from typing import Any, Final, Generic, TypeVar
 
 from robot.configuration.robot_config import RobotConfig
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
-from robot.drivers.analogue_inputs import STUCK_AFTER, AnalogueInputs
-from robot.drivers.analogue_sensors import StrainGauge
-from robot.drivers.sensor_drivers import BoardSettings, DistanceSensor, SensorDriver
+from robot.drivers.links.analogue_inputs import STUCK_AFTER, AnalogueInputs
+from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.contracts import BoardSettings, DistanceSensor, SensorDriver
 from robot.errors import DeviceDataError, DeviceError
 from robot.host.clock import Clock
 from robot.sensing.raw_samples import spread

@@ -10,7 +10,7 @@ from protocol.errors import HOLD
 from robot.calibration.joints import Mover
 from robot.configuration.joint_calibration import USUAL_SPAN, DrivenJoint, middle
 from robot.diagnosis.findings import Finding, bad, failed, look, ok
-from robot.drivers.servo_bus import ServoBus, ServoSettings
+from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.errors import DeviceError
 from robot.host.clock import Clock
 

@@ -28,20 +28,20 @@ OURS: Final = MappingProxyType(
     {
         SERVOS: MappingProxyType(
             {
-                "sv203": "robot.drivers.sv203:SV203Settings",
-                "pca9685": "robot.drivers.pca9685:PCA9685Settings",
+                "sv203": "robot.drivers.servos.sv203:SV203Settings",
+                "pca9685": "robot.drivers.servos.pca9685:PCA9685Settings",
             }
         ),
         SENSORS: MappingProxyType(
             {
-                "daq.dmm32": "robot.drivers.dmm32:DMM32Settings",
-                "daq.comedi": "robot.drivers.comedi:ComediSettings",
-                "daq.ads1115": "robot.drivers.ads1115:ADS1115Settings",
-                "accelerometer.mpu6050": "robot.drivers.mpu6050:MPU6050Settings",
-                "accelerometer.analogue": "robot.drivers.analogue_sensors:AnalogueAxes",
-                "touch.switch": "robot.drivers.switch:SwitchSettings",
-                "touch.analogue": "robot.drivers.analogue_sensors:StrainGauge",
-                "distance.vl6180x": "robot.drivers.vl6180x:VL6180XSettings",
+                "daq.dmm32": "robot.drivers.daq.dmm32:DMM32Settings",
+                "daq.comedi": "robot.drivers.daq.comedi:ComediSettings",
+                "daq.ads1115": "robot.drivers.daq.ads1115:ADS1115Settings",
+                "accelerometer.mpu6050": "robot.drivers.sensors.mpu6050:MPU6050Settings",
+                "accelerometer.analogue": "robot.drivers.sensors.analogue:AnalogueAxes",
+                "touch.switch": "robot.drivers.sensors.switch:SwitchSettings",
+                "touch.analogue": "robot.drivers.sensors.analogue:StrainGauge",
+                "distance.vl6180x": "robot.drivers.sensors.vl6180x:VL6180XSettings",
             }
         ),
     }

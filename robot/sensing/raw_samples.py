@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot.drivers.analogue_inputs import AnalogueInputs
-from robot.drivers.sensor_drivers import DistanceSensor
+from robot.drivers.links.analogue_inputs import AnalogueInputs
+from robot.drivers.sensors.contracts import DistanceSensor
 from robot.host.clock import Clock
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from protocol.wire.readings import tilt_of
-from robot.drivers.sensor_drivers import Accelerometer, DistanceSensor, TouchSensor
+from robot.drivers.sensors.contracts import Accelerometer, DistanceSensor, TouchSensor
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 from robot.sensing.plausibility import Underside

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from robot.drivers.sensor_drivers import SensorSettings
+from robot.drivers.sensors.contracts import SensorSettings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.control.interaction import Attendant, MotorProgramRunner
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.host.clock import Clock
 from robot.host.service_manager import ServiceManager
 from robot.host.trusted_clock import SteadyClock

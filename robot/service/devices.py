@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_inputs import AnalogueInputs
 from robot.drivers.buses import Buses
-from robot.drivers.sensor_drivers import (
+from robot.drivers.links.analogue_inputs import AnalogueInputs
+from robot.drivers.sensors.contracts import (
     Accelerometer,
     DistanceSensor,
     SensorDriver,
@@ -19,7 +19,7 @@ from robot.drivers.sensor_drivers import (
     TouchSensor,
     attach_board,
 )
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceError
 from robot.toml_sections import numbered
 

@@ -10,7 +10,7 @@ from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
 from robot.control.interaction import LATENESS
 from robot.control.motion import Slew
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
-from robot.drivers.sensor_drivers import (
+from robot.drivers.sensors.contracts import (
     Accelerometer,
     DistanceSensor,
     SensorDriver,

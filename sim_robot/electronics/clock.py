@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
-from robot.drivers.sv203 import SV203
+from robot.drivers.servos.sv203 import SV203
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.sv203 import SV203Emulator

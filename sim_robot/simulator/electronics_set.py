@@ -9,11 +9,11 @@ from typing import Final, Protocol
 from robot.configuration.device_tables import DistanceConfig
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import BodyConfig, NoiseConfig, RobotConfig
-from robot.drivers.analogue_sensors import StrainGauge
 from robot.drivers.buses import Buses
-from robot.drivers.sensor_drivers import BoardSettings, SensorSettings
-from robot.drivers.servo_bus import ServoBus, ServoSettings
-from robot.drivers.vl6180x import VL6180XSettings
+from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
+from robot.drivers.sensors.vl6180x import VL6180XSettings
+from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.host.clock import Clock
 from robot.sensing.sensors import BellySensor
 from robot.sensing.settling import RestCriterion

@@ -15,8 +15,8 @@ import numpy as np
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_sensors import StrainGauge
-from robot.drivers.sensor_drivers import SensorSettings
+from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.contracts import SensorSettings
 from robot.sensing.touch import TouchPoint
 
 COUNTS_OFF: Final = 15 / 255  # share of all counts, at most, either way

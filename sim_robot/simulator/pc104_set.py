@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_sensors import AnalogueAxes
 from robot.drivers.buses import Buses
-from robot.drivers.dmm32 import DMM32Settings
-from robot.drivers.servo_bus import ServoBus
-from robot.drivers.sv203 import SERVOS, SV203, SV203Settings
+from robot.drivers.daq.dmm32 import DMM32Settings
+from robot.drivers.sensors.analogue import AnalogueAxes
+from robot.drivers.servos.servo_bus import ServoBus
+from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock
 from sim_robot.electronics.clock import Follower
 from sim_robot.electronics.dmm32 import DMM32Emulator

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
 from robot.drivers.buses import Buses
-from robot.drivers.mpu6050 import MPU6050Settings
-from robot.drivers.pca9685 import PCA9685Settings
-from robot.drivers.pca9685_board import OUTPUTS
-from robot.drivers.servo_bus import ServoBus
+from robot.drivers.daq.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
+from robot.drivers.sensors.mpu6050 import MPU6050Settings
+from robot.drivers.servos.pca9685 import PCA9685Settings
+from robot.drivers.servos.pca9685_board import OUTPUTS
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.host.clock import Clock
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch

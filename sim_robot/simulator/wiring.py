@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from robot.configuration.robot_config import RobotConfig
-from robot.drivers.analogue_sensors import AnalogueAxes
+from robot.drivers.sensors.analogue import AnalogueAxes
 from sim_robot.world.sensor_noise import Noise
 from sim_robot.world.simulation import World
 

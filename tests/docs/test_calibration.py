@@ -18,7 +18,7 @@ from robot.cli.command_line import main
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import load_config
 from robot.drivers.buses import Buses
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator

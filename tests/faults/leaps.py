@@ -33,7 +33,7 @@ from bench.still_robot import StillRobot, still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
-from robot.drivers.sv203 import NEUTRAL, SERVOS, SV203Settings
+from robot.drivers.servos.sv203 import NEUTRAL, SERVOS, SV203Settings
 from sim_robot.electronics.clock import Follower
 from sim_robot.faults.fault_panel import FaultSpec
 from tests.robot.stepped import Bench, SteppedClock, program, request

@@ -6,7 +6,7 @@ import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from robot.drivers.analogue_inputs import AnalogueInputs
+from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.errors import DeviceTimeoutError
 from tests.robot.clocks import InstantClock
 

@@ -10,7 +10,7 @@ import pytest
 from robot.calibration.accelerometer import POSITIONS, AccelerometerSession
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
-from robot.drivers.analogue_sensors import AnalogueAccelerometer, AnalogueAxes
+from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueAxes
 from robot.errors import AbandonedError
 from tests.robot.calibration.desk import Answer, Inputs, Script
 from tests.robot.clocks import InstantClock

@@ -19,7 +19,7 @@ from robot.configuration.calibration_file import (
     read_calibration,
     save_calibration,
 )
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import AbandonedError, CommandError
 from robot.service.devices import Devices
 from tests.robot.calibration.desk import Answer, Script

@@ -11,7 +11,7 @@ from robot.calibration.joints import Mover, calibrate_joint
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import AbandonedError, DeviceDataError
 from tests.robot.calibration.desk import Answer, Board, Script
 

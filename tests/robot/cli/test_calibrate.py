@@ -14,7 +14,7 @@ from bench.still_robot import still_robot
 from robot.cli.calibrate import calibrate
 from robot.cli.command_line import main
 from robot.configuration.calibration_file import Calibration, read_calibration
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import AbandonedError
 from tests.robot.calibration.desk import Script
 from tests.robot.clocks import InstantClock

@@ -26,7 +26,7 @@ from robot.configuration.calibration_file import (
 )
 from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import load_config
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import ConfigError
 
 EXAMPLE = Path(str(resources.files("robot") / "robot.toml"))

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from robot.configuration import device_tables
-from robot.drivers.analogue_sensors import read_bridge
-from robot.drivers.axes import read_axes
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.sensors.analogue import read_bridge
+from robot.drivers.sensors.axes import read_axes
+from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 
 HIP = JointScale(((3, math.radians(-96)), (253, math.radians(74))), COUNTS)
 

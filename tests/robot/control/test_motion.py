@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.control.motion import Slew
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 
 SPEED = math.radians(60)
 NUMBERS = st.integers(1, 255)

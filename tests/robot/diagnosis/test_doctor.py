@@ -10,7 +10,7 @@ import serial
 
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Severity
-from robot.drivers.serial_line import open_serial
+from robot.drivers.links.serial_line import open_serial
 from sim_robot.simulator.daemon import emulation
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels

@@ -9,7 +9,7 @@ import pytest
 from robot.configuration.joint_calibration import JointScale
 from robot.diagnosis.findings import Finding, Severity
 from robot.diagnosis.servos import QUERIES, check_board, check_joints, move_joints
-from robot.drivers.sv203 import COUNTS, SV203Settings
+from robot.drivers.servos.sv203 import COUNTS, SV203Settings
 from tests.robot.calibration.desk import Board
 from tests.robot.diagnosis.clinic import Clinic
 

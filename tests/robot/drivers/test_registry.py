@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robot.drivers.registry import SENSORS, SERVOS, driver_class
-from robot.drivers.sv203 import SV203Settings
+from robot.drivers.servos.sv203 import SV203Settings
 from robot.errors import ConfigError
 from robot.toml_sections import Section, toml_section
 

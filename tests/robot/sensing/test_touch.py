@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from robot.drivers.analogue_sensors import StrainGauge
+from robot.drivers.sensors.analogue import StrainGauge
 from robot.sensing.touch import TouchDetector, TouchPoint
 
 GAUGE = StrainGauge(channel=0, tare=0.5, volts_per_newton=0.2)

@@ -9,8 +9,8 @@ import pytest
 from bench.still_robot import example_config
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
-from robot.drivers.i2c import I2CBus
-from robot.drivers.sv203 import SV203Settings
+from robot.drivers.links.i2c import I2CBus
+from robot.drivers.servos.sv203 import SV203Settings
 from robot.errors import DeviceError, DeviceMissingError
 from robot.service.devices import Devices, open_devices, revive
 from sim_robot.electronics.dmm32 import DMM32Emulator

@@ -11,7 +11,7 @@ import pytest
 
 from bench.still_robot import StillRobot, still_robot
 from robot.drivers.buses import Buses
-from robot.drivers.sv203 import SV203, SV203Settings
+from robot.drivers.servos.sv203 import SV203, SV203Settings
 from robot.errors import DeviceMissingError
 from robot.trial.session import QUIT, Trial
 from sim_robot.electronics.sv203 import SV203Emulator

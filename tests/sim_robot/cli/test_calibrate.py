@@ -20,7 +20,7 @@ from _pytest.mark import ParameterSet
 
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, apply_calibration
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
 from sim_robot.cli.command_line import _parser
 from sim_robot.simulator import pc104_set, pi_set

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from robot.configuration.calibration_file import read_calibration
-from robot.drivers.sv203 import COUNTS
+from robot.drivers.servos.sv203 import COUNTS
 from sim_robot.cli.console import RehearsalConsole
 from sim_robot.simulator.daemon import Emulation, emulation
 from sim_robot.world.body import default_body_path, load_body

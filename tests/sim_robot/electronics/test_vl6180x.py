@@ -7,7 +7,7 @@ import errno
 import pytest
 from smbus2 import i2c_msg
 
-from robot.drivers.vl6180x import VL6180X
+from robot.drivers.sensors.vl6180x import VL6180X
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from tests.robot.clocks import InstantClock
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.drivers.sv203 import SV203Settings
+from robot.drivers.servos.sv203 import SV203Settings
 from sim_robot.simulator.daemon import emulation
 from sim_robot.world.body import Body, load_body
 from sim_robot.world.sensor_noise import NO_NOISE

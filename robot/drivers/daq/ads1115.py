@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.i2c import I2CBus, I2CRegisters
+from robot.drivers.links.i2c import I2CBus, I2CRegisters
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section

@@ -9,7 +9,7 @@ from typing import cast
 
 import serial
 
-from robot.drivers.sv203 import SV203
+from robot.drivers.servos.sv203 import SV203
 from tests.robot.clocks import InstantClock
 
 

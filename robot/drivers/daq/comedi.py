@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.dmm32 import RANGES
+from robot.drivers.daq.dmm32 import RANGES
 from robot.errors import CommandError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from robot.toml_sections import Section
 
@@ -104,7 +104,7 @@ class ComediInput:
 
     Args:
         device: The board's device file, such as ``/dev/comedi0``.
-        range_: Input range of all channels, a key of ``robot.drivers.dmm32.RANGES``; the board
+        range_: Input range of all channels, a key of ``robot.drivers.daq.dmm32.RANGES``; the board
             must offer exactly this one.
         library: Comedilib, with its functions as attributes; default: the installed one.
 

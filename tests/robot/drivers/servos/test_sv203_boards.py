@@ -8,12 +8,12 @@ from typing import cast
 import pytest
 import serial
 
-from robot.drivers.serial_line import open_serial
-from robot.drivers.sv203 import SV203
+from robot.drivers.links.serial_line import open_serial
+from robot.drivers.servos.sv203 import SV203
 from robot.errors import CommandError, DeviceDataError, DeviceTimeoutError
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
-from tests.robot.drivers.lines import Line
+from tests.robot.drivers.servos.lines import Line
 
 POSE = {3: 90, 8: 140, 9: 20, 16: 255, 24: 60}
 

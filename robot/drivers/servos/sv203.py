@@ -31,8 +31,8 @@ from typing import ClassVar, Final
 import serial
 
 from robot.drivers.buses import Buses
-from robot.drivers.servo_bus import check_counts, check_outputs
-from robot.drivers.sv203_line import SV203Line
+from robot.drivers.servos.servo_bus import check_counts, check_outputs
+from robot.drivers.servos.sv203_line import SV203Line
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section

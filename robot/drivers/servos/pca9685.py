@@ -25,10 +25,17 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeVar
 
 from robot.drivers.buses import Buses
-from robot.drivers.gpio_line import GPIOLine, OutputLine
-from robot.drivers.i2c import I2CBus, keep_others_out
-from robot.drivers.pca9685_board import ALL_CALL, NAME, OSCILLATOR_MHZ, OUTPUTS, TICKS, PCA9685Board
-from robot.drivers.servo_bus import check_counts, check_outputs
+from robot.drivers.links.gpio_line import GPIOLine, OutputLine
+from robot.drivers.links.i2c import I2CBus, keep_others_out
+from robot.drivers.servos.pca9685_board import (
+    ALL_CALL,
+    NAME,
+    OSCILLATOR_MHZ,
+    OUTPUTS,
+    TICKS,
+    PCA9685Board,
+)
+from robot.drivers.servos.servo_bus import check_counts, check_outputs
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceMissingError
 from robot.host.clock import Clock
 from robot.toml_sections import Section

@@ -12,12 +12,12 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.drivers.serial_line import open_serial
-from robot.drivers.sv203 import SV203
+from robot.drivers.links.serial_line import open_serial
+from robot.drivers.servos.sv203 import SV203
 from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
-from tests.robot.drivers.lines import Line, Wire, on_line
+from tests.robot.drivers.servos.lines import Line, Wire, on_line
 
 
 def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emulator) -> None:

@@ -10,12 +10,12 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.drivers.serial_line import open_serial
-from robot.drivers.sv203 import SV203
+from robot.drivers.links.serial_line import open_serial
+from robot.drivers.servos.sv203 import SV203
 from robot.errors import CommandError, DeviceDataError
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
-from tests.robot.drivers.lines import Line
+from tests.robot.drivers.servos.lines import Line
 
 COUNTS = st.dictionaries(st.integers(1, 8), st.integers(1, 255))
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from smbus2 import i2c_msg
 
-from robot.drivers.vl6180x import VL6180X
+from robot.drivers.sensors.vl6180x import VL6180X
 from robot.errors import (
     DeviceDataError,
     DeviceError,

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from smbus2 import I2cFunc, SMBus
 
-from robot.drivers.i2c import open_i2c
-from robot.drivers.portio import DevPort, claimed_by, open_dev_port
+from robot.drivers.links.i2c import open_i2c
+from robot.drivers.links.portio import DevPort, claimed_by, open_dev_port
 from robot.errors import DeviceMissingError
 
 IOPORTS = """\

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from robot.drivers.analogue_inputs import STUCK_AFTER, AnalogueInputs
+from robot.drivers.links.analogue_inputs import STUCK_AFTER, AnalogueInputs
 from robot.errors import DeviceDataError
 from tests.robot.clocks import InstantClock
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from robot.drivers.buses import Buses
-from robot.drivers.gpio_line import GPIOLine
-from robot.drivers.pca9685 import PCA9685, PCA9685Settings
+from robot.drivers.links.gpio_line import GPIOLine
+from robot.drivers.servos.pca9685 import PCA9685, PCA9685Settings
 from robot.errors import DeviceMissingError, DeviceTimeoutError
 from robot.toml_sections import toml_section
 from sim_robot.electronics.pca9685 import PCA9685Emulator

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from robot.drivers.i2c import I2CBus, I2CRegisters
+from robot.drivers.links.i2c import I2CBus, I2CRegisters
 from robot.errors import DeviceDataError, DeviceMissingError
 
 NAME: Final = "PCA9685"

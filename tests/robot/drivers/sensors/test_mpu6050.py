@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot.drivers.buses import Buses
-from robot.drivers.mpu6050 import MPU6050, MPU6050Settings
+from robot.drivers.sensors.mpu6050 import MPU6050, MPU6050Settings
 from robot.errors import ConfigError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.toml_sections import toml_section
 from sim_robot.electronics.mpu6050 import MPU6050Emulator

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
-from robot.drivers.analogue_inputs import AnalogueInputs
-from robot.drivers.analogue_sensors import OnInputs
 from robot.drivers.buses import Buses
+from robot.drivers.links.analogue_inputs import AnalogueInputs
+from robot.drivers.sensors.analogue import OnInputs
 from robot.errors import DeviceDataError
 from robot.toml_sections import Section
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, ClassVar, Protocol
 
-from robot.drivers.analogue_inputs import AnalogueBoard, AnalogueInputs
 from robot.drivers.buses import Buses
+from robot.drivers.links.analogue_inputs import AnalogueBoard, AnalogueInputs
 from robot.toml_sections import Section
 
 

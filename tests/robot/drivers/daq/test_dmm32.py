@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.drivers.dmm32 import BASES, DMM32, RANGES
+from robot.drivers.daq.dmm32 import BASES, DMM32, RANGES
 from robot.errors import (
     CommandError,
     DeviceDataError,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from robot.drivers.analogue_inputs import AnalogueInputs
-from robot.drivers.axes import CalibratedAxes, read_axes
 from robot.drivers.buses import Buses
+from robot.drivers.links.analogue_inputs import AnalogueInputs
+from robot.drivers.sensors.axes import CalibratedAxes, read_axes
 from robot.toml_sections import Section
 
 

@@ -10,7 +10,7 @@ import pytest
 from smbus2 import i2c_msg
 
 from robot.drivers.buses import Buses
-from robot.drivers.pca9685 import PCA9685, PCA9685Settings
+from robot.drivers.servos.pca9685 import PCA9685, PCA9685Settings
 from robot.errors import (
     CommandError,
     ConfigError,
