@@ -11,7 +11,7 @@ from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Live, LiveBind, computers
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
-from estimator.report.terminal_tables import print_result
+from estimator.report.tables.terminal import print_result
 
 
 def command(

@@ -13,7 +13,7 @@ from estimator.cli.screen import Screen
 from estimator.evaluation.validate import validate
 from estimator.identification.run import reconnect
 from estimator.report.evaluation_files import VALIDATION
-from estimator.report.terminal_tables import print_validation
+from estimator.report.tables.terminal import print_validation
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Final
 
 from estimator.live.run_view import RunState, RunView
-from estimator.report.leg_styles import leg_colour
-from estimator.report.posterior_summary import PosteriorSummary
+from estimator.report.plots.leg_styles import leg_colour
+from estimator.report.posterior.summary import PosteriorSummary
 from estimator.storage.records import InteractionRecord
 
 _STYLE: Final = "font-size:0.85em;line-height:1.4;padding:0 0.75em 0.5em;overflow-wrap:anywhere;"

@@ -15,7 +15,7 @@ from estimator.body.morphology import Array, Base, Morphology
 from estimator.readings.observation import Observation
 from estimator.report.bodies.jointed_body import MAIN_BODY, Kind, model_links
 from estimator.report.bodies.scene import Solid, at_rest, solids_of
-from estimator.report.leg_styles import leg_colour
+from estimator.report.plots.leg_styles import leg_colour
 
 KINDS: Final[tuple[Kind, ...]] = ("box", "cylinder", "sphere")
 _MAIN_BODY_COLOUR: Final = (178, 184, 190)

@@ -16,11 +16,11 @@ from estimator.identification.final_population import FinalPopulation
 from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.jointed_body import model_links
 from estimator.report.bodies.scene import at_rest, solids_of
-from estimator.report.canvas import new_figure
 from estimator.report.evaluation_files import score_of
-from estimator.report.leg_styles import OTHER_MARKERS, leg_colour, leg_label
-from estimator.report.plots import legend_of_names
-from estimator.report.posterior_summary import Interval
+from estimator.report.plots.canvas import new_figure
+from estimator.report.plots.generations import legend_of_names
+from estimator.report.plots.leg_styles import OTHER_MARKERS, leg_colour, leg_label
+from estimator.report.posterior.summary import Interval
 from estimator.report.result import Result, summarise
 from estimator.storage.store import RunStore
 

@@ -15,7 +15,7 @@ from estimator.identification.final_population import FinalPopulation
 from estimator.identification.reference_check import pairs_turned
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
-from estimator.report.posterior_summary import Interval, PosteriorSummary, posterior_summary
+from estimator.report.posterior.summary import Interval, PosteriorSummary, posterior_summary
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions

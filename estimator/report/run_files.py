@@ -6,11 +6,11 @@ import json
 from typing import Final
 
 from estimator.readings import readings_csv
-from estimator.report import posterior_csv
-from estimator.report.canvas import as_png
 from estimator.report.page.run_page import PageSources, run_page
+from estimator.report.plots.canvas import as_png
+from estimator.report.plots.run import run_plots
+from estimator.report.posterior import samples_csv
 from estimator.report.result import Result, summarise
-from estimator.report.run_plots import run_plots
 from estimator.storage.store import READINGS, ROBOT, RunStore
 from protocol.system.interrupts import interrupts_deferred
 from protocol.system.replace_file import replace_bytes, replace_file, replace_text
@@ -64,7 +64,7 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
         belief, _ = beliefs[-1]
         replace_file(
             store.directory / POSTERIOR,
-            lambda path: posterior_csv.write(path, store.genome, belief),
+            lambda path: samples_csv.write(path, store.genome, belief),
         )
     if plots:
         drawn = run_plots(store, [leg.joint for leg in result.legs])

@@ -8,7 +8,7 @@ from typing import Final
 
 from estimator.physics.backends import REFERENCE
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.report.terminal_tables import number
+from estimator.report.tables.terminal import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import DrawnFigure
 from estimator.reproduction.output_files import write_csv

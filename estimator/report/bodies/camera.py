@@ -15,7 +15,7 @@ from estimator.body.morphology import Array
 from estimator.errors import EstimatorError
 from estimator.report.bodies.jointed_body import MAIN_BODY
 from estimator.report.bodies.scene import Solid
-from estimator.report.leg_styles import leg_colour
+from estimator.report.plots.leg_styles import leg_colour
 from protocol.system.native_output import native_output_discarded
 
 WIDTH: Final = 480

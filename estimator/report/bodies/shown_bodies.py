@@ -21,8 +21,8 @@ from estimator.report.bodies.scene import (
     solids_of,
     turn_at_rest,
 )
-from estimator.report.posterior_tables import percent
 from estimator.report.result import Result
+from estimator.report.tables.posterior import percent
 from estimator.storage.store import RunStore
 
 SAMPLES: Final = 16

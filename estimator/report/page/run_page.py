@@ -16,12 +16,15 @@ from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.bodies.body_picture import body_picture
 from estimator.report.bodies.shown_bodies import ShownBodies, shown_bodies
-from estimator.report.canvas import as_png, as_svg
 from estimator.report.evaluation_files import read_true_body, read_validation, score_of
-from estimator.report.leg_styles import leg_colour
 from estimator.report.page.commands import commands
 from estimator.report.page.templates import render
-from estimator.report.posterior_tables import (
+from estimator.report.plots.canvas import as_png, as_svg
+from estimator.report.plots.leg_styles import leg_colour
+from estimator.report.plots.predictions import plot_predictions
+from estimator.report.plots.run import RunPlot, run_plots
+from estimator.report.result import Result
+from estimator.report.tables.posterior import (
     WHAT_TO_CHECK,
     built_otherwise,
     nuisance_in_words,
@@ -30,9 +33,6 @@ from estimator.report.posterior_tables import (
     sureness,
     sureness_after,
 )
-from estimator.report.prediction_plot import plot_predictions
-from estimator.report.result import Result
-from estimator.report.run_plots import RunPlot, run_plots
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:

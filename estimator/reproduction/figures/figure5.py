@@ -17,8 +17,8 @@ from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.jointed_body import Link, model_links, robot_links
 from estimator.report.bodies.predictions import observation_of
 from estimator.report.bodies.scene import Solid, at_rest, solids_of
-from estimator.report.canvas import leg_patches, new_figure
 from estimator.report.evaluation_files import TRUTH
+from estimator.report.plots.canvas import leg_patches, new_figure
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.figures.figure4 import choose
 from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns, observed

@@ -11,7 +11,7 @@ from estimator.evaluation.validate import Validation
 from estimator.report.evaluation_files import read_document, read_score, read_validation
 from estimator.report.result import Result
 from estimator.report.run_files import RESULT
-from estimator.report.terminal_tables import number
+from estimator.report.tables.terminal import number
 from estimator.reproduction.runs.plan import PlannedRun
 
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from estimator.body.morphology import tips
 from estimator.live.pose_ensemble import KINDS, instances, posed
 from estimator.readings.observation import Observation
-from estimator.report.leg_styles import leg_colour
+from estimator.report.plots.leg_styles import leg_colour
 from tests.estimator.conftest import BODY, MakeBody
 
 LEVEL = Observation(angles=(0.3, -0.2, 0.1, 0.4, 0.2, -0.5, 0.0, 0.3), tilt=(0.0, 0.0))

@@ -9,9 +9,9 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.readings.observation import Observation
-from estimator.report.canvas import new_figure
-from estimator.report.leg_styles import COLOURS
-from estimator.report.plots import ABOVE
+from estimator.report.plots.canvas import new_figure
+from estimator.report.plots.generations import ABOVE
+from estimator.report.plots.leg_styles import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

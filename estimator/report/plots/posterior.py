@@ -9,10 +9,10 @@ import numpy as np
 
 from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.problem.genome import Genome
-from estimator.report.canvas import new_axes
-from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
-from estimator.report.plots import ABOVE, label, legend_of_names
-from estimator.report.posterior_summary import length_intervals
+from estimator.report.plots.canvas import new_axes
+from estimator.report.plots.generations import ABOVE, label, legend_of_names
+from estimator.report.plots.leg_styles import leg_colour, leg_label, leg_markers
+from estimator.report.posterior.summary import length_intervals
 from estimator.storage.beliefs import Belief
 
 if TYPE_CHECKING:

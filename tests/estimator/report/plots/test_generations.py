@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.canvas import as_png, as_svg, new_axes
-from estimator.report.leg_styles import MARKERS
-from estimator.report.plots import draw_errors, draw_lengths
+from estimator.report.plots.canvas import as_png, as_svg, new_axes
+from estimator.report.plots.generations import draw_errors, draw_lengths
+from estimator.report.plots.leg_styles import MARKERS
 from estimator.storage.records import Counters, Generation
 from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities, make_problem
 
@@ -137,7 +137,7 @@ class Interruption:
         if name == "matplotlib.backends":
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Interruption())
-from estimator.report.canvas import as_png, new_axes
+from estimator.report.plots.canvas import as_png, new_axes
 try:
     new_axes()
 except KeyboardInterrupt:

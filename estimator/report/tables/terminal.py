@@ -13,9 +13,9 @@ from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.report.plain_table import plain_table
-from estimator.report.posterior_tables import print_posterior
 from estimator.report.result import ModelFound, Result, in_words
+from estimator.report.tables.plain import plain_table
+from estimator.report.tables.posterior import print_posterior
 
 _NOT_FELT: Final = Text("not felt", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below

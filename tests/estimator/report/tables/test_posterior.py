@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.posterior_summary import sums_of_lengths
+from estimator.report.posterior.summary import sums_of_lengths
+from estimator.report.posterior.verdict import verdict_on_fit
 from estimator.report.result import summarise
-from estimator.report.terminal_tables import print_result
-from estimator.report.verdict import verdict_on_fit
+from estimator.report.tables.terminal import print_result
 from estimator.storage.beliefs import (
     BelievedMode,
     Foretold,

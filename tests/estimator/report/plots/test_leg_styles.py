@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from estimator.report.leg_styles import leg_colour, leg_markers
+from estimator.report.plots.leg_styles import leg_colour, leg_markers
 
 FOUR = ("left", "front", "right", "back")
 

@@ -8,8 +8,7 @@ from typing import Final
 from rich.console import Console
 from rich.text import Text
 
-from estimator.report.plain_table import plain_table
-from estimator.report.posterior_summary import (
+from estimator.report.posterior.summary import (
     FoundAlong,
     Interval,
     PosteriorSummary,
@@ -17,6 +16,7 @@ from estimator.report.posterior_summary import (
     SumOfLengths,
 )
 from estimator.report.result import Result
+from estimator.report.tables.plain import plain_table
 
 WHAT_TO_CHECK: Final = (
     "Check that the problem describes this robot: where legs can sit, radii, units, the order and "

@@ -9,7 +9,7 @@ import numpy as np
 
 from estimator.body.limbs import driven_limbs
 from estimator.problem.genome import Genome
-from estimator.report.leg_styles import leg_colour, leg_label, leg_markers
+from estimator.report.plots.leg_styles import leg_colour, leg_label, leg_markers
 from estimator.storage.records import Generation
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import io
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
-from estimator.report.leg_styles import leg_colour, leg_label
+from estimator.report.plots.leg_styles import leg_colour, leg_label
 from protocol.system.interrupts import interrupts_deferred
 
 if TYPE_CHECKING:

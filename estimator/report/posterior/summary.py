@@ -15,7 +15,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.verdict import verdict_on_fit
+from estimator.report.posterior.verdict import verdict_on_fit
 from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement, NotKnown
 from estimator.storage.store import RunStore
 

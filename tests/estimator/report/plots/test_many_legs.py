@@ -8,8 +8,8 @@ import pytest
 from estimator.body.morphology import Base
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.canvas import as_png
-from estimator.report.posterior_plots import plot_interval_lengths
+from estimator.report.plots.canvas import as_png
+from estimator.report.plots.posterior import plot_interval_lengths
 from estimator.storage.beliefs import Belief
 
 
