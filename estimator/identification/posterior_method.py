@@ -92,6 +92,8 @@ class PosteriorMethod:
         )
         beliefs = store.beliefs()
         self._learnt = len(beliefs)
+        if self._learnt < store.settings.interactions:
+            self._sampler.prepare()
         self._counters = beliefs[-1][1] if beliefs else Counters()
         self._started = time.monotonic()
         self._posterior = self._sampler.prior()

@@ -56,8 +56,8 @@ class Raised:
 class WorkerProcesses(Closable, Generic[Task, Message, Result]):
     """A group of worker processes; a context manager, which ends them.
 
-    Workers start with the first tasks, as many as are needed, and stay for later ones. They are
-    daemonic: they cannot start ``multiprocessing`` processes of their own.
+    Workers start with the first tasks, as many as are needed, or all before, and stay for later
+    ones. They are daemonic: they cannot start ``multiprocessing`` processes of their own.
 
     Args:
         start: Called once in each worker; returns the function that does its tasks. Must be
@@ -71,6 +71,11 @@ class WorkerProcesses(Closable, Generic[Task, Message, Result]):
         self._context = multiprocessing.get_context("forkserver")
         self._processes: dict[Connection, BaseProcess] = {}
         self._busy: dict[Connection, int] = {}
+
+    def start(self) -> None:
+        """Starts all workers, without waiting until they can work."""
+        while len(self._processes) < self._jobs:
+            self._new()
 
     def close(self) -> None:
         """Ends the workers, also busy ones; may be called twice. New tasks start new workers."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, Final, Protocol, TypeVar
 
 from estimator.parallel.cluster import Cluster
@@ -17,6 +18,13 @@ _TASK: Final = "share"
 
 class Workers(Protocol):
     """Do tasks that depend on nothing but themselves, so it does not matter who does which."""
+
+    def prepare(self, load: Callable[[], object]) -> None:
+        """Has each worker load what tasks will need, while this process goes on.
+
+        Args:
+            load: Picklable; called once in each worker that starts from now on.
+        """
 
     def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
         """Calls a copy of a function once with a copy of each task.
@@ -40,6 +48,9 @@ class Workers(Protocol):
 class ThisProcess:
     """No workers: tasks are done here, one after the other."""
 
+    def prepare(self, load: Callable[[], object]) -> None:
+        """Does nothing: what is needed is loaded when it is."""
+
     def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
         """See ``Workers``."""
         results = []
@@ -53,7 +64,7 @@ class ThisProcess:
 
 
 class LocalWorkers:
-    """Processes on this computer, which start with the first tasks.
+    """Processes on this computer, which start when they are prepared, or with the first tasks.
 
     Args:
         jobs: Maximum number of processes, at least 1.
@@ -63,6 +74,13 @@ class LocalWorkers:
         self._processes: WorkerProcesses[tuple[Callable[..., Any], Any], None, Any] = (
             WorkerProcesses(_start, jobs)
         )
+        self._jobs = jobs
+
+    def prepare(self, load: Callable[[], object]) -> None:
+        """See ``Workers``."""
+        self._processes.close()
+        self._processes = WorkerProcesses(partial(_start, load), self._jobs)
+        self._processes.start()
 
     def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
         """See ``Workers``."""
@@ -83,6 +101,9 @@ class DaskWorkers:
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
 
+    def prepare(self, load: Callable[[], object]) -> None:
+        """Does nothing: the workers have other things to do, and come and go."""
+
     def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
         """See ``Workers``; raises a ``ClusterError`` if the cluster fails."""
         futures = []
@@ -98,5 +119,9 @@ class DaskWorkers:
         """Does nothing: the workers are the cluster's."""
 
 
-def _start() -> Work[tuple[Callable[..., Any], Any], None, Any]:
+def _start(
+    load: Callable[[], object] | None = None,
+) -> Work[tuple[Callable[..., Any], Any], None, Any]:
+    if load is not None:
+        load()
     return lambda work, _: work[0](work[1])

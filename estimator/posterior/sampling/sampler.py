@@ -111,6 +111,10 @@ class Sampler:
         self._known: set[Attachments] = set()
         self._cleared: set[Attachments] = set()  # nothing better was found
 
+    def prepare(self) -> None:
+        """Has the workers load what they will need, while others do something else."""
+        self._workers.prepare(partial(_read_one, self._searches[0].predictor))
+
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
         return {
@@ -306,6 +310,13 @@ class Sampler:
             self.predictor.simulations_elsewhere += simulations
             self.predictor.steps_elsewhere += steps
         return evidences
+
+
+def _read_one(predictor: Predictor) -> None:
+    """Has one body's readings computed, for which libraries and machine code are loaded."""
+    values = np.full((1, predictor.unknowns.size), 0.5)
+    motors = predictor.unknowns.bodies(values).motors
+    predictor.read_all(values, np.zeros((1, motors)))
 
 
 def _searched(steps: int, again: bool, anew: bool, search: Discovery) -> Discovery:

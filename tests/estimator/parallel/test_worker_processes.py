@@ -61,6 +61,14 @@ def test_results_are_in_order_and_workers_stay(workers: Workers) -> None:
     assert workers.results([3]) == [6]
 
 
+def test_workers_may_start_before_there_is_work(workers: Workers) -> None:
+    workers.start()
+    pids = {worker.pid for worker in active_children()}
+    assert len(pids) == 2
+    assert workers.results([1, 2, 3]) == [2, 4, 6]
+    assert {worker.pid for worker in active_children()} == pids
+
+
 def test_messages_come_before_results(workers: Workers) -> None:
     events = list(workers.do([7]))
     assert events == [(0, "task 7"), (0, Returned(14))]
