@@ -107,7 +107,8 @@ def _of_other_lengths(
     points = np.vstack(tried)
     if not len(points):
         return points
-    fits = Lengths(departing, data, Likelihood(data, noise)).rough_fits(points)
+    turns = np.arange(len(data))
+    fits = Lengths(departing, data, Likelihood(data, noise)).rough_fits(points, turns).sum(axis=1)
     ends = np.cumsum([len(some) for some in tried])[:-1]
     kept = [
         some[np.argsort(-own, kind="stable")[:_KEPT]]

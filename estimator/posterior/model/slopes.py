@@ -17,7 +17,7 @@ from estimator.body.morphology import Array
 from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import LEANS, Likelihood
 from estimator.posterior.model.sensor_data import ASTRAY, SensorData
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Columns, Predictor
 
 ROUGH: Final = 4.0
 """Factor on the noise under which bodies are compared whose lengths are not right yet."""
@@ -80,10 +80,23 @@ class Lengths:
             return self._of(misfits, 1.0)
         return self._likelihood.integrated(misfits)
 
-    def rough_fits(self, values: Array) -> Array:
-        """Under ``ROUGH`` times the announced noise, everybody falling as statics has it."""
-        misfits = self._likelihood.misfits_of(self._predictor, values, surely=True)
-        return self._of(misfits, ROUGH)
+    @property
+    def interactions(self) -> int:
+        """How many there are."""
+        return len(self._data)
+
+    def rough_fits(self, values: Array, turns: Columns) -> Array:
+        """Log-likelihoods of n points in k of the interactions, shape (n, k).
+
+        Under ``ROUGH`` times the announced noise, everybody falling as statics has it.
+        """
+        rows, each = np.repeat(np.arange(len(values)), len(turns)), np.tile(turns, len(values))
+        bodies = self._predictor.unknowns.bodies(values)
+        misfits = self._likelihood.misfits_at(
+            self._predictor, bodies, rows, each, ways=np.zeros(len(rows))
+        )
+        fits = self._likelihood.of(misfits[:, None], ROUGH, turns=each[:, None])
+        return fits.reshape(len(values), len(turns))
 
     def polished(self, values: Array, most: int | None = None) -> tuple[Array, Array]:
         """Points with better lengths, and their log-likelihoods.
@@ -120,7 +133,8 @@ class Lengths:
             trial = values[rows]
             trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
             turns = np.tile(np.arange(len(self._data)), len(rows))
-            misfits = self._data.misfits(self._read(trial, ways[rows]), turns)
+            readings = self._read(trial, ways[rows], quickly=width > 1)
+            misfits = self._data.misfits(readings, turns)
             misfits[:, ASTRAY] = ways[rows].ravel()
             fits = self._of(misfits.reshape(len(rows), *slopes.misfits.shape[1:]), width)
             better = fits > best[rows]
@@ -133,7 +147,8 @@ class Lengths:
     def slopes(self, values: Array, width: float = 1.0) -> Slopes:
         """Precision and gradient of the log-likelihood by differences, shape (n, size) in.
 
-        Under wider noise than announced forks are left out: they matter near the truth.
+        Under wider noise than announced forks are left out, and joints turn in coarse steps: that
+        matters near the truth.
         """
         columns = self._predictor.unknowns.continuous
         count, lengths, turns = len(values), columns.size, len(self._data)
@@ -144,7 +159,7 @@ class Lengths:
             moved[:, index + 1, column] += sign[:, index]
         flat = moved.reshape(count * (lengths + 1), -1)
         ways = np.repeat(misfits[..., ASTRAY], lengths + 1, axis=0)
-        readings = self._read(flat, ways)
+        readings = self._read(flat, ways, quickly=width > 1)
         which = np.tile(np.arange(turns), len(flat))
         residuals = self._data.residuals(readings, which).reshape(count, lengths + 1, turns, -1)
         change = (residuals[:, 1:] - residuals[:, :1]) / sign[:, :, None, None]
@@ -155,10 +170,10 @@ class Lengths:
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals[:, 0], optimize=True)
         return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
 
-    def _read(self, values: Array, ways: Array) -> Readings:
+    def _read(self, values: Array, ways: Array, *, quickly: bool) -> Readings:
         """What n points feel in k interactions, each under one of ``LEANS``, shape (n, k)."""
         leans = LEANS[ways.ravel().astype(np.intp)]
-        return self._predictor.read_all(values, self._data.programs, leans)
+        return self._predictor.read_all(values, self._data.programs, leans, quickly=quickly)
 
     def _of(self, misfits: Array, width: float) -> Array:
         fits: Array = self._likelihood.of(misfits, width).sum(axis=1)

@@ -220,17 +220,25 @@ class Predictor:
         chosen = bodies[rows]
         return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen))
 
-    def read_all(self, values: Array, programs: Array, leans: Array | None = None) -> Readings:
+    def read_all(
+        self,
+        values: Array,
+        programs: Array,
+        leans: Array | None = None,
+        *,
+        quickly: bool = False,
+    ) -> Readings:
         """What each of n points feels in each of k programs: n · k rows, programs fastest.
 
         Args:
             values: Points, shape (n, size).
             programs: rad, shape (k, motors).
             leans: As in ``read``.
+            quickly: Likewise.
         """
         count = len(programs)
         rows, each = np.repeat(np.arange(len(values)), count), np.tile(programs, (len(values), 1))
-        return self.read(self.unknowns.bodies(values), rows, each, leans)
+        return self.read(self.unknowns.bodies(values), rows, each, leans, quickly=quickly)
 
 
 def _places(genome: Genome) -> tuple[Columns, ...]:

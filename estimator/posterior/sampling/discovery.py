@@ -22,6 +22,7 @@ from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.sampling.neighbours import Neighbours
 from estimator.posterior.sampling.part_trees import joined_parts
 from estimator.posterior.sampling.population import EVERY, Population
+from estimator.posterior.sampling.ranking import ranked, ranked_by_attachments
 from estimator.posterior.sampling.recombination import with_subtrees_of_others
 from estimator.posterior.sampling.rows import other_rows
 
@@ -246,9 +247,8 @@ class _Visited:
                     for columns in self._unknowns.parts
                 ]
             )
-            fits = lengths.rough_fits(values)
-            order = best_of_each(self._unknowns.keys(values), fits)[:_PROMISING]
-            self._add_polished(values[order], lengths)
+            promising = ranked_by_attachments(values, lengths, self._unknowns, rng)[:_PROMISING]
+            self._add_polished(promising, lengths)
             self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
         return bool(chosen)
 
@@ -272,9 +272,7 @@ class _Visited:
         columns = self._unknowns.continuous
         trial = np.repeat(leader[None], _ELSEWHERE, axis=0)
         trial[:, columns] = rng.random((_ELSEWHERE, columns.size))
-        order = np.argsort(-lengths.rough_fits(trial), kind="stable")[:_STARTS]
-        starts: Array = trial[order]
-        return starts
+        return ranked(trial, lengths, rng)[:_STARTS]
 
     def _add_polished(self, values: Array, lengths: Lengths) -> None:
         better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))

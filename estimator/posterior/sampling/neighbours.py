@@ -17,9 +17,10 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.slopes import ROUGH, Lengths, best_of_each
+from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.part_trees import exchanged, joined_parts
+from estimator.posterior.sampling.ranking import ranked_by_attachments
 from estimator.posterior.sampling.rows import exchange_places
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
@@ -27,10 +28,6 @@ _KEPT: Final = 16  # of the rows of parts that are joined
 _NEWCOMERS: Final = 3  # on a mount that was another's, for each of which
 _SETTLED: Final = 2  # rows of that other one are kept
 _POLISHED: Final = 32  # of all
-_TRIED_FIRST: Final = 2  # interactions; with this share
-_GO_ON: Final = 0.25  # of the points, as many more are tried, and so on
-_FEWEST: Final = 200  # points that go on
-_SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
 
 
 class Neighbours:
@@ -53,11 +50,8 @@ class Neighbours:
         likelihood: Likelihood,
         rng: np.random.Generator,
     ) -> None:
-        self._predictor = predictor
         self._unknowns = predictor.unknowns
         self._joined = joined_parts(predictor.unknowns)
-        self._turns = np.arange(len(data))
-        self._likelihood = likelihood
         self._lengths = Lengths(predictor, data, likelihood)
         self._rng = rng
 
@@ -71,16 +65,26 @@ class Neighbours:
             carrying = leader[None].copy()
             for column, value in joined.carried:
                 carrying[:, column] = value
-            points = self._ranked(self._rows(carrying, joined.columns, joined.kept))
+            points = ranked_by_attachments(
+                self._rows(carrying, joined.columns, joined.kept),
+                self._lengths,
+                self._unknowns,
+                self._rng,
+            )
             near.append(points[:_KEPT])
             for newcomers, displaced in self._newcomers(points, leader, joined.columns):
                 near += [
-                    self._ranked(self._rows(newcomers, other.columns, (displaced,)))[:_SETTLED]
+                    ranked_by_attachments(
+                        self._rows(newcomers, other.columns, (displaced,)),
+                        self._lengths,
+                        self._unknowns,
+                        self._rng,
+                    )[:_SETTLED]
                     for other in self._joined
                     if displaced in other.columns and displaced not in other.kept
                 ]
         points = np.concatenate(near)
-        fits = self._lengths.rough_fits(points)
+        fits = self._lengths.rough_fits(points, np.arange(self._lengths.interactions)).sum(axis=1)
         best = best_of_each(self._unknowns.keys(points), fits)
         return self._lengths.polished(points[best], _POLISHED)
 
@@ -104,25 +108,7 @@ class Neighbours:
         return unknowns.permitted(points)
 
     def _ranked(self, points: Array) -> Array:
-        """The best point of each set of attachments, best first; unlikely ones are left out.
-
-        Interactions in which the points differ as much as usual are tried first, the others with
-        those alone that fit best in these. Where they differ most bodies fall to one side or the
-        other, whatever their lengths, and the right choices do not stand out.
-        """
-        count, rng = len(points), self._rng
-        sample = rng.choice(count, max(2, round(_SAMPLED * count)), replace=False)
-        spread = self._fits(points[sample], self._turns).std(axis=0)
-        order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
-        fits = self._fits(points, order[:_TRIED_FIRST]).sum(axis=1)
-        tried = _TRIED_FIRST
-        while tried < order.size:
-            best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
-            points = points[best]
-            fits = fits[best] + self._fits(points, order[tried : 2 * tried]).sum(axis=1)
-            tried *= 2
-        ranked: Array = points[best_of_each(self._unknowns.keys(points), fits)]
-        return ranked
+        return ranked_by_attachments(points, self._lengths, self._unknowns, self._rng)
 
     def _newcomers(
         self, points: Array, leader: Array, columns: Columns
@@ -136,14 +122,3 @@ class Neighbours:
                 lost = np.flatnonzero(chosen[:, column] != before[0, column])[:_NEWCOMERS]
                 if lost.size:
                     yield points[lost], column
-
-    def _fits(self, points: Array, turns: Columns) -> Array:
-        """Log-likelihoods in some interactions under wide noise, shape (n, turns)."""
-        each = np.tile(turns, len(points))
-        rows = np.repeat(np.arange(len(points)), len(turns))
-        bodies = self._unknowns.bodies(points)
-        misfits = self._likelihood.misfits_at(
-            self._predictor, bodies, rows, each, ways=np.zeros(len(rows))
-        )
-        fits = self._likelihood.of(misfits[:, None], ROUGH, turns=each[:, None])
-        return fits.reshape(len(points), len(turns))

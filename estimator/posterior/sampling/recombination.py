@@ -41,5 +41,5 @@ def with_subtrees_of_others(
             points.append(point)
     several = unknowns.permitted(np.array(points))
     several = several[best_of_each(unknowns.keys(several), np.zeros(len(several)))]
-    fits = lengths.rough_fits(several)
+    fits = lengths.rough_fits(several, np.arange(lengths.interactions)).sum(axis=1)
     return lengths.polished(several[np.argsort(-fits, kind="stable")[:_POLISHED]])

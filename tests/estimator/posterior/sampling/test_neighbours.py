@@ -151,7 +151,7 @@ def test_two_legs_in_each_others_places_are_put_right(
     rows = np.concatenate(
         [other_rows(leader, columns, unknowns, rng) for columns in unknowns.parts]
     )
-    best = rows[np.argsort(-lengths.rough_fits(rows))[:60]]
+    best = rows[np.argsort(-lengths.rough_fits(rows, np.arange(_POSES)).sum(axis=1))[:60]]
     _, alone = lengths.polished(best)
     assert alone.max() < wanted[0] - 10
     points, fits = Neighbours(predictor, data, likelihood, rng).of(leader)

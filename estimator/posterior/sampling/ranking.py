@@ -1,0 +1,55 @@
+"""Many points ranked by how well they fit, most of them by a few interactions only."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.slopes import Lengths, best_of_each
+from estimator.posterior.model.unknowns import Unknowns
+
+_TRIED_FIRST: Final = 2  # interactions; with this share
+_GO_ON: Final = 0.25  # of the points, as many more are tried, and so on
+_FEWEST: Final = 200  # points that go on
+_SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
+
+
+def ranked(points: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
+    """The points that fit best while the noise is wide, best first; unlikely ones are left out.
+
+    Interactions in which the points differ as much as usual are tried first, the others with
+    those alone that fit best in these. Where they differ most bodies fall to one side or the
+    other, whatever their lengths, and the right choices do not stand out.
+
+    Args:
+        points: Shape (n, size).
+        lengths: Compares them.
+        rng: Draws those that tell in which interactions they differ.
+    """
+    turns = np.arange(lengths.interactions)
+    if len(points) <= _FEWEST or turns.size <= _TRIED_FIRST:
+        fits = lengths.rough_fits(points, turns).sum(axis=1)
+        return points[np.argsort(-fits, kind="stable")]
+    sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
+    spread = lengths.rough_fits(points[sample], turns).std(axis=0)
+    order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
+    fits = lengths.rough_fits(points, order[:_TRIED_FIRST]).sum(axis=1)
+    tried = _TRIED_FIRST
+    while tried < order.size:
+        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
+        points = points[best]
+        fits = fits[best] + lengths.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
+        tried *= 2
+    return points[np.argsort(-fits, kind="stable")]
+
+
+def ranked_by_attachments(
+    points: Array, lengths: Lengths, unknowns: Unknowns, rng: np.random.Generator
+) -> Array:
+    """The same, of each set of attachments the best alone; see ``ranked``."""
+    best_first = ranked(points, lengths, rng)
+    firsts = best_of_each(unknowns.keys(best_first), -np.arange(len(best_first), dtype=float))
+    rest: Array = best_first[firsts]
+    return rest
