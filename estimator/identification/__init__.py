@@ -9,6 +9,7 @@ Module                  What is in it
 ``acting``              performs a motor program so that no crash loses it or repeats it
 ``method``              what a method does: learns from interactions, says what it believes
 ``posterior_method``    samples of all bodies that explain the readings, and how sure it is
+``doubting``            bodies that depart from the problem, and what they take from a belief
 ``paper_method``        the paper's genetic algorithm
 ``objectives``          how errors of interactions become one figure of a model
 ``modelling``           fits the population to the observations, generation by generation

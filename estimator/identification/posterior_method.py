@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from estimator.body.limbs import leg_lengths
 from estimator.exploration.situation import Models
+from estimator.identification.doubting import SURE, Doubting, Grounds, attachments_known
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import next_program
 from estimator.parallel.workers import Workers
@@ -19,23 +21,12 @@ from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.alike import Alike, feel_alike, probability_of
 from estimator.posterior.belief import believe, recalled
-from estimator.posterior.checks.departed import (
-    clearly_better,
-    doubts,
-    outliers_left,
-    probability_departed,
-    that_can_be_felt,
-    with_consequence,
-)
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
-from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.observation import Observation
@@ -44,13 +35,8 @@ from estimator.storage.beliefs import RIVAL, Belief, NextMovement, NotKnown
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore
 
-SURE: Final = 0.95
-"""Attachments are known when they are stated to be so probable."""
-
 PRECISE: Final = 0.005
 """A length is known when half of its 90 % interval is no more, m."""
-
-_FEW: Final = 100  # movements, in which a departure shows if it can be felt at all
 
 
 class PosteriorMethod:
@@ -105,6 +91,7 @@ class PosteriorMethod:
         self._alike: Alike = partial(
             feel_alike, self._predictor, self._movements, store.settings.modalities
         )
+        self._doubting = Doubting(store, self._noise, self._movements)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -134,8 +121,14 @@ class PosteriorMethod:
         )
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
         with closing(self._open_reference()) as reference:
-            self._doubted = self._doubts_once_sure(belief, data, self._predictor, reference)
-            belief = self._doubting(belief, self._doubted, self._posterior, data, reference)
+            grounds = Grounds(
+                posterior=self._posterior,
+                predictor=self._predictor,
+                data=data,
+                reference=reference,
+            )
+            self._doubted = self._doubting.once_sure(belief, grounds)
+            belief = self._doubting.left_of(belief, self._doubted, grounds)
             self._count(reference)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
@@ -168,8 +161,13 @@ class PosteriorMethod:
                 closing(self._make_physics()) as physics,
                 closing(self._open_reference()) as reference,
             ):  # apart, since what it costs was counted before
-                elsewhere = Predictor(self._predictor.unknowns, physics)
-                self._doubted = self._doubts_once_sure(belief, data, elsewhere, reference)
+                grounds = Grounds(
+                    posterior=self._posterior,
+                    predictor=Predictor(self._predictor.unknowns, physics),
+                    data=data,
+                    reference=reference,
+                )
+                self._doubted = self._doubting.once_sure(belief, grounds)
         return self._doubted
 
     def is_sure(self, number: int) -> bool:
@@ -182,18 +180,14 @@ class PosteriorMethod:
         if wanted is None or not number or number != self._learnt - 1:
             return False
         return all(
-            self._attachments_known(one, wanted) and self._lengths_known(one)
+            attachments_known(one, wanted, self._store) and self._lengths_known(one)
             for one, _ in self._store.beliefs()[-2:]
         )
-
-    def _attachments_known(self, belief: Belief, wanted: float) -> bool:
-        contradicted = self._store.problem.contradictions(self._store.capabilities)
-        return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
 
     def _overturned(self, number: int) -> int | None:
         """The last interaction before after which attachments were sure that are ruled out now."""
         beliefs = [one for one, _ in self._store.beliefs()[:number]]
-        sure = [at for at, one in enumerate(beliefs) if self._attachments_known(one, SURE)]
+        sure = [at for at, one in enumerate(beliefs) if attachments_known(one, SURE, self._store)]
         if not sure:
             return None
         was = np.array(beliefs[sure[-1]].best)
@@ -204,74 +198,6 @@ class PosteriorMethod:
         lengths = leg_lengths(self._store.genome.decode_all(np.array(belief.genes)))
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
-
-    def _doubts_once_sure(
-        self, belief: Belief, data: SensorData, predictor: Predictor, reference: Physics
-    ) -> tuple[Doubt, ...]:
-        # that a robot has changed is a reason to look how
-        as_stated = belief.model_copy(
-            update={"departed": 0.0, "departure": None, "overturned": None}
-        )
-        if predictor.unknowns.bits and not self._attachments_known(as_stated, SURE):
-            return ()
-        return self._doubts(self._posterior, data, self._noise, predictor, reference)
-
-    def _noise_for_doubts(self, belief: Belief) -> Noise:
-        """As announced, or as sampled along where attachments are open and the best fits poorly.
-
-        By announced noise readings of a noisier robot would speak for bodies that depart.
-        """
-        if not self._predictor.unknowns.bits or belief.not_known is not NotKnown.POOR_FIT:
-            return self._noise
-        return self._noise.widened(np.exp(np.array(belief.weights) @ np.array(belief.scales)))
-
-    def _doubts(
-        self,
-        posterior: Posterior,
-        data: SensorData,
-        noise: Noise,
-        predictor: Predictor,
-        reference: Physics,
-    ) -> tuple[Doubt, ...]:
-        some, modalities = self._movements[:_FEW], self._store.settings.modalities
-        possible = possible_departures(self._store.problem)
-        best = posterior.modes[0].point
-        departures = that_can_be_felt(possible, best, predictor, some, modalities)
-        return doubts(posterior, predictor, data, noise, departures, reference=reference)
-
-    def _doubting(
-        self,
-        belief: Belief,
-        doubted: Sequence[Doubt],
-        posterior: Posterior,
-        data: SensorData,
-        reference: Physics,
-    ) -> Belief:
-        """What is believed, in the light of bodies that depart from the problem."""
-        if not doubted:
-            return belief
-        by_statics = np.array([one.outlier for one in belief.foretold])
-        noise = self._noise_for_doubts(belief)
-        outliers = outliers_left(
-            by_statics, posterior, self._predictor, data, noise, reference=reference
-        )
-        better = clearly_better(doubted)
-        return belief.model_copy(
-            update={
-                "departed": probability_departed(doubted, outliers, self._noise),
-                "departure": None if better is None else better.name,
-            }
-        )
-
-    def _untested(self, doubted: Sequence[Doubt], posterior: Posterior) -> tuple[str, ...]:
-        decode_all = self._store.genome.decode_all
-        rows = systematic(posterior.weights, len(posterior.values), 0.5)
-        believed = leg_lengths(decode_all(posterior.values[rows]))
-        return tuple(
-            with_consequence(one.departure, leg_lengths(decode_all(one.point[None]))[0], believed)
-            for one in doubted
-            if one.is_left
-        )
 
     def finish(self, observations: Sequence[Observation]) -> None:
         """Has some of the samples simulated, and reweights."""
@@ -291,16 +217,23 @@ class PosteriorMethod:
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
             final = believe(posterior, self._predictor, data, self._noise, self._alike)
-            noise = self._noise_for_doubts(final)
-            doubted = self._doubts(checked.posterior, data, noise, self._predictor, reference)
+            grounds = Grounds(
+                posterior=checked.posterior,
+                predictor=self._predictor,
+                data=data,
+                reference=reference,
+            )
+            doubted = self._doubting.in_the_end(final, grounds)
             known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
             poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
             if known or poor:
-                final = self._doubting(final, doubted, posterior, data, reference)
+                final = self._doubting.left_of(
+                    final, doubted, replace(grounds, posterior=posterior)
+                )
             self._count(reference)
         final = final.model_copy(
             update={
-                "untested": self._untested(doubted, posterior),
+                "untested": self._doubting.untested(doubted, posterior),
                 "gained": belief.gained,
                 "overturned": belief.overturned,
                 "simulated": checked.simulated,

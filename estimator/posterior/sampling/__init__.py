@@ -13,6 +13,7 @@ Module            What is in it
 ``moves``         their proposals
 ``neighbours``    better bodies near others, of limbs put on together
 ``recombination`` bodies with subtrees of others
+``ranking``       many points ranked, most of them by a few interactions only
 ``part_trees``    bodies as trees of parts: what is changed together
 ``rows``          other ways to put one part on, and who then has to move
 ================= ===============================================================================

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from estimator.errors import EstimatorError
-from estimator.identification import posterior_method
+from estimator.identification import doubting, posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
@@ -126,7 +126,7 @@ def test_what_is_left_open_comes_with_the_movement_that_would_decide(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        posterior_method,
+        doubting,
         "clearly_better",
         lambda doubted: doubted[0].departure if doubted else None,
     )
@@ -197,9 +197,7 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
 ) -> None:
     monkeypatch.setattr(posterior_method, "PRECISE", 1.0)  # m: any length is known
     otherwise = Thickness(text="thick parts", amount=2.0)
-    monkeypatch.setattr(
-        posterior_method, "clearly_better", lambda doubted: otherwise if doubted else None
-    )
+    monkeypatch.setattr(doubting, "clearly_better", lambda doubted: otherwise if doubted else None)
     with serving(ModelRobot()) as uri:
         asked = replace(order(tmp_path, uri), interactions=3, sure=0.9)
         result = identify(
@@ -219,7 +217,7 @@ def test_a_robot_that_changes_on_the_way_is_not_explained(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(posterior_method, "probability_of", lambda *_: 0.01)
-    monkeypatch.setattr(posterior_method, "possible_departures", lambda _: ())  # sure at once
+    monkeypatch.setattr(doubting, "possible_departures", lambda _: ())  # sure at once
     with serving(ModelRobot()) as uri:
         result = identify(
             tmp_path / "run",
@@ -239,7 +237,7 @@ def test_what_departs_is_named_where_known_attachments_explain_the_readings_badl
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     too_far = Travel(text="all servos turning {} times as far as told", amount=1.25)
-    monkeypatch.setattr(posterior_method, "possible_departures", lambda _: (too_far,))
+    monkeypatch.setattr(doubting, "possible_departures", lambda _: (too_far,))
     with serving(ModelRobot(travel=1.25)) as uri:
         asked = replace(order(tmp_path, uri), interactions=4)
         result = identify(
@@ -260,7 +258,7 @@ def test_noise_that_is_not_announced_is_no_other_body(
         by_noise.append(arguments[3].tilt)
         return departed.doubts(*arguments, **options)
 
-    monkeypatch.setattr(posterior_method, "doubts", doubts)
+    monkeypatch.setattr(doubting, "doubts", doubts)
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
         asked = replace(order(tmp_path, uri), interactions=4)
         path = tmp_path / "legs.toml"

@@ -1,0 +1,59 @@
+"""Many points ranked, most of them by a few interactions only."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimator.body.morphology import Array
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.slopes import Lengths
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.sampling.ranking import ranked, ranked_by_attachments
+from tests.estimator.two_unknown_rows import NOISE, draw, programs
+
+POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
+
+
+def fits_of(points: Array, lengths: Lengths) -> Array:
+    each: Array = lengths.rough_fits(points, np.arange(lengths.interactions)).sum(axis=1)
+    return each
+
+
+def lengths_with(predictor: Predictor, interactions: int) -> Lengths:
+    data: SensorData = draw(predictor, POINT, programs(interactions), np.random.default_rng(2))
+    return Lengths(predictor, data, Likelihood(data, NOISE))
+
+
+@pytest.mark.parametrize(("count", "interactions"), [(1500, 2), (150, 8)])
+def test_few_interactions_or_points_are_ranked_by_all(
+    predictor: Predictor, count: int, interactions: int
+) -> None:
+    rng, lengths = np.random.default_rng(3), lengths_with(predictor, interactions)
+    points = rng.random((count, POINT.size))
+    best_first = ranked(points, lengths, rng)
+    assert len(best_first) == count
+    assert np.all(np.diff(fits_of(best_first, lengths)) <= 1e-9)
+
+
+def test_what_fits_best_is_hardly_ever_lost_with_most_of_the_work_spared(
+    predictor: Predictor,
+) -> None:
+    rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)
+    points = rng.random((3000, POINT.size))
+    before = predictor.simulations
+    best_first = ranked(points, lengths, rng)
+    assert predictor.simulations - before < 0.5 * len(points) * 8
+    truly = points[np.argsort(-fits_of(points, lengths))[:20]]
+    assert np.array_equal(best_first[0], truly[0])
+    assert sum(any(np.array_equal(one, other) for other in best_first[:40]) for one in truly) >= 15
+
+
+def test_of_each_set_of_attachments_the_best_is_kept(predictor: Predictor) -> None:
+    rng, lengths = np.random.default_rng(3), lengths_with(predictor, 4)
+    points = rng.random((1000, POINT.size))
+    best_first = ranked_by_attachments(points, lengths, predictor.unknowns, rng)
+    keys = predictor.unknowns.keys(best_first)
+    assert len(set(keys)) == len(keys) > 20
+    assert np.array_equal(best_first[0], points[np.argmax(fits_of(points, lengths))])
