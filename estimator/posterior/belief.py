@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import Array
 from estimator.posterior.alike import Alike, alike_shares
 from estimator.posterior.checks.verdict import deviations, judge
@@ -59,7 +60,7 @@ def believe(
         genes=tuple(map(tuple, posterior.values.tolist())),
         scales=tuple(map(tuple, posterior.scales.tolist())),
         weights=tuple(posterior.weights.tolist()),
-        best=tuple(_medians(posterior, predictor).tolist()),
+        best=tuple(_middle_body(posterior, predictor).tolist()),
         modes=tuple(
             BelievedMode(
                 probability=mode.probability,
@@ -99,19 +100,45 @@ def recalled(belief: Belief, unknowns: Unknowns) -> Posterior:
     )
 
 
-def _medians(posterior: Posterior, predictor: Predictor) -> Array:
-    """The first mode's attachments with the weighted medians of its samples' lengths."""
+def _middle_body(posterior: Posterior, predictor: Predictor) -> Array:
+    """The first mode's attachments with the weighted medians of its samples' lengths.
+
+    The parts of a leg of several have the lengths of the sample whose leg is the median: medians of
+    parts do not add up to it.
+    """
     unknowns, first = predictor.unknowns, posterior.modes[0]
     rows = [key == first.attachments for key in unknowns.keys(posterior.values)]
     best = first.point.copy()
-    if any(rows):
-        lengths = posterior.values[rows][:, unknowns.continuous]
-        weights = posterior.weights[rows]
-        order = np.argsort(lengths, axis=0)
-        below = np.cumsum(weights[order], axis=0) < 0.5 * weights.sum()
-        middle = np.take_along_axis(order, below.sum(axis=0)[None], axis=0)[0]
-        best[unknowns.continuous] = lengths[middle, np.arange(lengths.shape[1])]
+    if not any(rows):
+        return best
+    values, weights = posterior.values[rows], posterior.weights[rows]
+    for column in unknowns.continuous.tolist():
+        best[column] = values[_middle(values[:, column], weights), column]
+    several = _legs_of_several_lengths(first.point, unknowns)
+    if several:
+        lengths = leg_lengths(unknowns.decode_all(values))
+        for leg, columns in several.items():
+            best[columns] = values[_middle(lengths[:, leg], weights), columns]
     return best
+
+
+def _middle(numbers: Array, weights: Array) -> int:
+    """Index of the weighted median."""
+    order = np.argsort(numbers, kind="stable")
+    below = np.cumsum(weights[order]) < 0.5 * weights.sum()
+    return int(order[below.sum()])
+
+
+def _legs_of_several_lengths(point: Array, unknowns: Unknowns) -> dict[int, list[int]]:
+    """Columns of the unknown lengths of each leg that has several, by its number."""
+    (body,) = unknowns.decode_all(point[None])
+    groups, legs = body.rigid_groups, [limb.motor for limb in driven_limbs(body)]
+    columns: dict[int, list[int]] = {}
+    for column, gene in enumerate(unknowns.genes):
+        motor = body.parts[groups[gene.part]].motor if gene.trait == "length" else None
+        if motor is not None:
+            columns.setdefault(legs.index(motor), []).append(column)
+    return {leg: own for leg, own in columns.items() if len(own) > 1}
 
 
 def _foretold(

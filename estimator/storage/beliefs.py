@@ -107,7 +107,8 @@ class Belief(_Record):
         genes: Samples, shape (n, genes).
         scales: Logarithms of their factors on tilt's and clearance's noise, shape (n, 2).
         weights: Of the samples, adding up to 1.
-        best: Genome of the first mode's attachments with the medians of its samples' lengths.
+        best: Genome of the first mode's attachments with its samples' lengths: each leg's is their
+            median.
         modes: Sets of attachments, the most probable first.
         within_problem: Probability, if the robot is built as the problem says, that the attachments
             are those of the first mode or, at the robot's lengths, such as no sensor can tell from

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import Flags
+from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
+from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.belief import believe
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.storage.beliefs import Belief, NotKnown
+from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -99,3 +102,17 @@ def test_known_attachments_need_no_draws(
     assert stated(predictor, replace(everything, modes=(only,)), alike=True) is None
     monkeypatch.setattr(predictor.unknowns, "choices", np.array([], dtype=np.intp))
     assert stated(predictor, replace(everything, modes=(only,)), alike=True) == 1.0
+
+
+def test_the_best_bodys_legs_are_as_long_as_the_middle_of_the_samples_legs() -> None:
+    predictor = Predictor(Unknowns(genome_of("parametric")), StaticsPhysics())
+    rng = np.random.default_rng(4)
+    values = rng.random((201, predictor.unknowns.size)) ** 2  # medians do not add up
+    felt = draw(predictor, values[0], rng.uniform(-0.5, 0.5, (2, 4)), rng)
+    alone = equally_likely(values, values[0])
+    belief = believe(alone, predictor, felt, NOISE, lambda ones, _: np.ones(len(ones), dtype=bool))
+    samples, best = (
+        leg_lengths(predictor.unknowns.decode_all(genes))
+        for genes in (values, np.array([belief.best]))
+    )
+    assert np.allclose(best[0], np.median(samples, axis=0))
