@@ -11,8 +11,8 @@ from estimator.cli.console import errors_as_sentences, out
 from estimator.cli.options import Directory
 from estimator.errors import RunDirectoryError
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.result import summarise
 from estimator.report.run_files import PAGE, write_files
+from estimator.report.summarise import summarise
 from estimator.reproduction.page import reproduction_page
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text

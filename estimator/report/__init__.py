@@ -9,8 +9,9 @@
 ``tables``                 what a person reads in a terminal
 ``evaluation_files``       what ``score`` and ``validate`` leave beside a run
 ``formats``                formats by name, ours and those of packages
+``summarise``              a run in numbers, from its store
 ``result_schema``          the JSON Schema of ``result.json``
-``result.summarise``       a run in numbers: the content of that file
+``result``                 what that file holds
 ``posterior``              the posterior in it, its verdict on fit, and its samples
 ========================== ===============================================================
 

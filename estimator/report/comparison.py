@@ -21,7 +21,8 @@ from estimator.report.plots.canvas import new_figure
 from estimator.report.plots.generations import legend_of_names
 from estimator.report.plots.leg_styles import OTHER_MARKERS, leg_colour, leg_label
 from estimator.report.posterior.summary import Interval
-from estimator.report.result import Result, summarise
+from estimator.report.result import Result
+from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:

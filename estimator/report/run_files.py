@@ -10,7 +10,8 @@ from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.plots.canvas import as_png
 from estimator.report.plots.run import run_plots
 from estimator.report.posterior import samples_csv
-from estimator.report.result import Result, summarise
+from estimator.report.result import Result
+from estimator.report.summarise import summarise
 from estimator.storage.store import READINGS, ROBOT, RunStore
 from protocol.system.interrupts import interrupts_deferred
 from protocol.system.replace_file import replace_bytes, replace_file, replace_text

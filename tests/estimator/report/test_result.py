@@ -4,8 +4,9 @@ from pathlib import Path
 import pytest
 
 from estimator.readings.observation import Observation
-from estimator.report.result import Result, summarise
+from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import JOINTS, PROBLEM, TRUE_LENGTHS

@@ -17,7 +17,7 @@ from estimator.body.morphology import tips
 from estimator.cli.command_line import app
 from estimator.report.evaluation_files import SCORE, TRUTH
 from estimator.report.page.run_page import PageSources
-from estimator.report.result import summarise
+from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
 from tests.browser import watched_page
 from tests.estimator.report.made_runs import capabilities_with, made_run

@@ -13,7 +13,7 @@ from rich.console import Console
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.posterior.summary import sums_of_lengths
 from estimator.report.posterior.verdict import verdict_on_fit
-from estimator.report.result import summarise
+from estimator.report.summarise import summarise
 from estimator.report.tables.terminal import print_result
 from estimator.storage.beliefs import (
     BelievedMode,

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
-from estimator.report.result import summarise
+from estimator.report.summarise import summarise
 from estimator.report.tables.terminal import print_result, print_score
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import PROBLEM

@@ -1,0 +1,188 @@
+"""The outcome of a run, from what its store holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from estimator.body.limbs import driven_limbs, leg_lengths
+from estimator.body.morphology import BASE, Morphology, Part
+from estimator.identification.final_population import FinalPopulation
+from estimator.identification.reference_check import pairs_turned
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation, touched
+from estimator.report.posterior.summary import posterior_summary
+from estimator.report.result import FinishFound, LegFound, ModelFound, PartFound, Result
+from estimator.storage.records import Counters, Finish
+from estimator.storage.store import RunStore
+from estimator.versions import versions
+from protocol.wire.capabilities import Capabilities
+
+_BEST_MODELS: Final = 10
+
+
+def summarise(store: RunStore) -> Result:
+    """The outcome of a run as far as it has come."""
+    settings, capabilities, problem = store.settings, store.capabilities, store.problem
+    observations, paper = store.observations(), settings.method == "paper"
+    latest, beliefs = store.latest_generation(), store.beliefs()
+    counters = Counters() if latest is None else latest.counters
+    if beliefs:
+        counters = beliefs[-1][1]
+    population = FinalPopulation.of(store)
+    bodies = store.genome.decode_all(population.genes[population.order]) if len(population) else []
+    end = store.finish()
+    if end is not None:
+        counters = counters.including(end, len(observations))
+    legs = _legs(bodies, observations, capabilities, converges=not beliefs)
+    posterior = posterior_summary(store)
+    error = _known(population.errors[population.best]) if bodies else None
+    warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
+    if bodies and error is None and posterior is None:
+        warnings = (
+            "No model could be simulated, so nothing here says anything about the robot.",
+            *warnings,
+        )
+    return Result(
+        complete=store.complete,
+        method=settings.method,
+        problem=problem.name,
+        searched=tuple(gene.name for gene in store.genome.genes),
+        physics=settings.physics,
+        reference=settings.reference,
+        search=settings.search if paper else None,
+        objective=settings.objective if paper else None,
+        explore=settings.explore,
+        modalities=settings.modalities,
+        seed=settings.seed,
+        population=settings.population if paper else None,
+        generations=settings.generations if paper else None,
+        versions=versions() | dict(store.settings.plugins),
+        robot_uri=settings.robot,
+        robot=capabilities.to_map(),
+        interactions=len(observations),
+        simulations_requested=counters.simulations_requested,
+        simulations_run=counters.simulations_run,
+        simulations_invalid=counters.simulations_invalid if paper else None,
+        simulations_undecided=counters.simulations_undecided if paper else None,
+        steps=counters.steps,
+        wall_seconds=counters.wall_seconds,
+        sensor_error=error,
+        legs=legs,
+        best_models=tuple(
+            _model(
+                body,
+                (_known(population.errors[index]), _known(population.searched[index])),
+                problem,
+                capabilities,
+                bodies if beliefs else [],
+            )
+            for body, index in list(zip(bodies, population.order, strict=True))[:_BEST_MODELS]
+        ),
+        finish=_finish(end),
+        posterior=posterior,
+        warnings=warnings,
+    )
+
+
+def _finish(end: Finish | None) -> FinishFound | None:
+    if end is None:
+        return None
+    turned, pairs = pairs_turned(end)
+    return FinishFound(
+        models=len(end.models),
+        pairs=pairs,
+        pairs_turned=turned,
+        best_changed=bool(end.models) and int(np.argmin(end.simulated)) != 0,
+    )
+
+
+def _legs(
+    bodies: Sequence[Morphology],
+    observations: Sequence[Observation],
+    capabilities: Capabilities,
+    *,
+    converges: bool,
+) -> tuple[LegFound, ...]:
+    if not bodies:
+        return ()
+    lengths = leg_lengths(bodies if converges else bodies[:1])
+    low, high = lengths.min(axis=0), lengths.max(axis=0)
+    return tuple(
+        LegFound(
+            joint=_joint(limb.motor, capabilities) or "",
+            mount=limb.mount,
+            length_m=limb.length,
+            population_m=(float(low[index]), float(high[index])) if converges else None,
+            touched=touched(limb.sensors, observations),
+        )
+        for index, limb in enumerate(driven_limbs(bodies[0]))
+    )
+
+
+def _model(
+    body: Morphology,
+    errors: tuple[float | None, float | None],
+    problem: Problem,
+    capabilities: Capabilities,
+    samples: Sequence[Morphology],
+) -> ModelFound:
+    names = [rule.name for rule in problem.parts]
+    return ModelFound(
+        sensor_error=errors[0],
+        searched_error=errors[1],
+        leg_lengths_m=tuple(limb.length for limb in driven_limbs(body)),
+        parts=tuple(
+            PartFound(
+                name=name,
+                parent="main body" if part.parent == BASE else names[part.parent],
+                mount=body.mount(row).name,
+                hinge=body.hinge(row).name,
+                length_m=part.length,
+                joint=_joint(part.motor, capabilities),
+                agreement=_agreement(row, part, samples) if samples else None,
+            )
+            for row, (name, part) in enumerate(zip(names, body.parts, strict=True))
+        ),
+    )
+
+
+def _known(error: float) -> float | None:
+    """An error for JSON, which knows no infinity."""
+    return float(error) if math.isfinite(error) else None
+
+
+def _agreement(row: int, part: Part, samples: Sequence[Morphology]) -> float:
+    others = (sample.parts[row] for sample in samples)
+    attached = part.parent, part.mount, part.hinge
+    return float(np.mean([(one.parent, one.mount, one.hinge) == attached for one in others]))
+
+
+def _joint(motor: int | None, capabilities: Capabilities) -> str | None:
+    return None if motor is None else capabilities.joints[motor].name
+
+
+def _contradictions(problem: Problem, capabilities: Capabilities) -> Iterator[str]:
+    """What the problem says otherwise than the robot."""
+    for sentence in problem.differences(capabilities):
+        yield f"{sentence[0].upper()}{sentence[1:]}."
+
+
+def _warnings(legs: Sequence[LegFound], observations: Sequence[Observation]) -> tuple[str, ...]:
+    warnings = [
+        f"The leg at {leg.joint} never touched the ground: its length is little more than a guess."
+        for leg in legs
+        if leg.touched is False
+    ]
+    unsettled = [str(number) for number, item in enumerate(observations, 1) if not item.settled]
+    if unsettled:
+        warnings.append(
+            f"The robot was not at rest when interaction {', '.join(unsettled)} was read."
+        )
+    at_end = sorted({name for item in observations for name in item.saturated_joints})
+    if at_end:
+        warnings.append(f"At the end of what they can reach stood, at times: {', '.join(at_end)}.")
+    return tuple(warnings)
