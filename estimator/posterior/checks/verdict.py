@@ -31,6 +31,9 @@ SURE_PATH: Final = math.radians(1.0)
 TOO_NOISY: Final = 2.0
 """Factor on a sensor's expected noise that no sound sensor needs."""
 
+POOR: Final = 1.0
+"""Excess of a fit that one right body of six has."""
+
 _SURELY: Final = 0.95
 _BY_CHANCE: Final = 1e-3  # probability of so many wrong bits of a touch sensor
 _STRIKING: Final = 3.0  # standard deviations
@@ -105,6 +108,11 @@ class Fit:
 
     unexplained: int
     excess: float
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether a better body may be there to be found."""
+        return self.unexplained > 0 or self.excess > POOR
 
 
 def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> Fit:

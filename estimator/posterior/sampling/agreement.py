@@ -12,7 +12,7 @@ from typing import Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.posterior.checks.verdict import Fit, fit_of
+from estimator.posterior.checks.verdict import POOR, Fit, fit_of
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
@@ -30,8 +30,7 @@ ENOUGH_TO_ERR: Final = 5
 
 _AS_GOOD: Final = 3.0  # nats that the lengths which a population met may fit worse
 _AS_PROBABLE: Final = 3.0  # nats
-_POOR: Final = 1.0  # excess, as one right body of six has,
-_BAD: Final = 2.33  # and as one of a hundred
+_BAD: Final = 2.33  # excess, as one right body of a hundred has
 _FEW: Final = 50  # sets of attachments that all populations can have met
 
 
@@ -115,7 +114,7 @@ class Agreement:
     @property
     def doubtful(self) -> bool:
         """Whether a better body may be there to be found."""
-        return self._poor or self.fit.unexplained > 0
+        return self.fit.is_doubtful
 
     @property
     def credible(self) -> bool:
@@ -127,12 +126,8 @@ class Agreement:
         """
         any_other = bool(self.leader)
         accident = self.fit.unexplained > 0
-        limit = _POOR if any_other and (accident or not self.may_err) else _BAD
+        limit = POOR if any_other and (accident or not self.may_err) else _BAD
         return not self.explains_too_little and self.fit.excess <= limit
-
-    @property
-    def _poor(self) -> bool:
-        return self.fit.excess > _POOR
 
     @property
     def few(self) -> bool:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
@@ -80,6 +81,8 @@ class Discovery:
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
         met: The best points that it met, shape (n, size): it begins with them when it observes.
+        settled: Attachments on which all searches agreed after the last interaction, if on any.
+            While they explain the readings their neighbours are not tried again.
     """
 
     def __init__(
@@ -94,6 +97,7 @@ class Discovery:
         self.predictor = predictor
         self.rng = rng
         self.met = np.empty((0, predictor.unknowns.size))
+        self.settled: Attachments | None = None
         self._wanders = wanders
 
     def observe(self, data: SensorData, noise: Noise) -> None:
@@ -127,7 +131,7 @@ class Discovery:
                 levels = slice(0, _WATCHED * population.width)
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
         visited.polish(self._lengths, _POLISHED_BESIDE if self._wanders else _POLISHED)
-        if self._neighbours:
+        if self._neighbours and not self._is_settled():
             visited.climb(self._neighbours)
             if self._founders:
                 self._recombine(self._neighbours)
@@ -142,6 +146,13 @@ class Discovery:
         """All sets of attachments that were met so far."""
         both = [self._before.best(), self._visited.best()]
         return Bodies.joined(both, self.predictor.unknowns)
+
+    def _is_settled(self) -> bool:
+        """Whether the best body is still the one that all agreed on, and explains the readings."""
+        leader = self._visited.best().values[:1]
+        if self.predictor.unknowns.keys(leader) != [self.settled]:
+            return False
+        return not fit_of(leader[0], self.predictor, self._data, self._noise).is_doubtful
 
     @property
     def _covers_rows(self) -> bool:

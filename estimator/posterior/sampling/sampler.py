@@ -123,6 +123,7 @@ class Sampler:
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
             "met": [search.met.tolist() for search in self._searches],
+            "settled": self._searches[0].settled,
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
         }
@@ -148,6 +149,7 @@ class Sampler:
             search.met = np.array(met, dtype=float).reshape(len(met), self.predictor.unknowns.size)
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
+            search.settled = None if state["settled"] is None else tuple(state["settled"])
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
         self._cleared = {tuple(key) for key in state["cleared"]}
@@ -252,6 +254,9 @@ class Sampler:
             if settled or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)
+                sure = agreed and agreement.credible and not agreement.doubtful
+                for one in self._searches:
+                    one.settled = agreement.leader if sure else None
                 return agreement
 
     def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:

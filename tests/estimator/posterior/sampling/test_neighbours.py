@@ -172,3 +172,31 @@ def test_a_search_that_does_not_wander_puts_them_right_too(
     _, wanted = Lengths(predictor, data, Likelihood(data, NOISE)).polished(truth[None])
     assert search.best().fits[0] < wanted[0] - 10
     assert search.search(1).fits[0] > wanted[0] - 2
+
+
+@pytest.mark.parametrize("explains", [True, False])
+def test_neighbours_of_what_all_searches_agreed_on_are_tried_again_where_it_explains_too_little(
+    predictor: Predictor,
+    truth: Array,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    explains: bool,
+) -> None:
+    tried: list[Array] = []
+
+    def of(self: Neighbours, leader: Array) -> tuple[Array, Array]:
+        tried.append(leader)
+        return leader[None], np.zeros(1)
+
+    monkeypatch.setattr(Neighbours, "of", of)
+    known, rng = truth, np.random.default_rng(5)
+    felt = draw(predictor, truth, rng.uniform(-0.5, 0.5, (_POSES, 12)), rng, outlier=0.0)
+    if not explains:
+        known = confused(truth, predictor.unknowns)
+    population = Population.of_prior(predictor, rng, levels=4, width=8)
+    search = Discovery(population, predictor, rng, wanders=True)
+    search.met = known[None]
+    (search.settled,) = predictor.unknowns.keys(search.met)
+    search.observe(felt, NOISE)
+    search.search(1)
+    assert bool(tried) is not explains
