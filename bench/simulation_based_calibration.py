@@ -14,6 +14,7 @@ scrambled Halton sequence, which cover the prior evenly; each by itself is a dra
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import math
 from collections.abc import Iterable
@@ -25,7 +26,6 @@ from typing import Any, Final
 
 import numpy as np
 from rich.progress import track
-from scipy import stats
 
 from bench.prior_bodies import drawn_genes, on_default_robot
 from estimator.body.limbs import leg_lengths
@@ -182,10 +182,14 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
 
 def evenly(number: int, size: int) -> Array:
     """A point of a scrambled Halton sequence in the unit cube, shape (size,), by its number."""
-    points = stats.qmc.Halton(size, seed=0)
+    points = _stats().qmc.Halton(size, seed=0)
     points.fast_forward(number)
     point: Array = points.random(1)[0]
     return point
+
+
+def _stats() -> Any:
+    return importlib.import_module("scipy.stats")  # takes a second
 
 
 def table(trials: Iterable[list[dict[str, Any]]]) -> str:
@@ -210,7 +214,7 @@ def table(trials: Iterable[list[dict[str, Any]]]) -> str:
             np.mean([step[name] for step in steps])
             for name in ("expected_bits", "gained_bits", "true_bits")
         )
-        uniform = stats.kstest(every["ranks"], "uniform").pvalue
+        uniform = _stats().kstest(every["ranks"], "uniform").pvalue
         lines.append(
             f"| {number} | {sum(step['right'] for step in steps)} of {len(steps)} | "
             f"{len(steps) - len(known)} | {len(sure)} | "
