@@ -14,7 +14,7 @@ import pytest
 from estimator.__main__ import main
 from estimator.exploration import choosing, information
 from estimator.identification import doubting, posterior_method
-from estimator.posterior.checks import left_out, recheck
+from estimator.posterior.checks import departed, left_out, recheck
 from estimator.posterior.model.departures import Departure
 from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.sampling import discovery, weighing
@@ -55,6 +55,7 @@ def little_effort() -> Iterator[None]:
         patch.setattr(choosing, "_MORE_DRAWS", 200)
         patch.setattr(recheck, "SAMPLES", 6)
         patch.setattr(doubting, "possible_departures", _few_departures)
+        patch.setattr(departed, "_SIMULATED", 6)
         patch.setattr(left_out, "_DRAWS", 32)
         patch.setattr(left_out, "_SIMULATED", 4)
         patch.setattr(camera, "_FINER", 1)
