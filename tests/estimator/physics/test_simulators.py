@@ -213,10 +213,10 @@ def test_nothing_and_no_parts_can_be_read(physics: Physics) -> None:
 def test_stopping_at_rest_reads_what_all_steps_read(engine: Engine, problem: str) -> None:
     genome = Genome(Problem.load(problem), BODY)
     motors = 8 if problem == "topological-24" else 4
-    pairs = random_pairs(lambda rng: genome.decode(rng.random(genome.size)), 60, 21, motors)
+    pairs = random_pairs(lambda rng: genome.decode(rng.random(genome.size)), 30, 21, motors)
     with engine() as usual, engine(WorldSettings(full_steps=True)) as reference:
         quick, full = usual.read(pairs), reference.read(pairs)
-        assert reference.steps == 60 * 300
+        assert reference.steps == 30 * 300
         assert usual.steps < 0.5 * reference.steps
     assert np.array_equal(quick.valid, full.valid)
     assert np.degrees(np.abs(quick.tilt - full.tilt)).max() < 0.05
