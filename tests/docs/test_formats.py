@@ -23,6 +23,7 @@ from estimator.cli.command_line import app
 from estimator.report.result_schema import result_schema
 from sim_robot.world.sensor_noise import NoiseLevels, load_noise
 from tests.estimator.little_effort import little_effort
+from tests.once import made_once
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
@@ -44,7 +45,10 @@ def estimator(*arguments: str) -> None:
 @pytest.fixture(scope="module")
 def by_posterior(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The run of the page's own commands, with all that other commands add to it."""
-    folder = tmp_path_factory.mktemp("by_hand")
+    return made_once("by_hand", _run_by_hand, tmp_path_factory) / "runs" / "by-hand"
+
+
+def _run_by_hand(folder: Path) -> None:
     (table,), (robot,) = blocks("`readings.csv`", "csv"), blocks("`robot.json`", "json")
     (folder / "readings.csv").write_text(table)
     (folder / "robot.json").write_text(robot)
@@ -56,13 +60,19 @@ def by_posterior(tmp_path_factory: pytest.TempPathFactory) -> Path:
         stiff = re.sub(r'(name="knee_\w+" type=)"revolute"', r'\1"fixed"', URDF.read_text())
         Path("truth.urdf").write_text(stiff)
         estimator("score", "runs/by-hand", "--truth", "truth.urdf", "--jobs", "1")
-    return folder / "runs" / "by-hand"
 
 
 @pytest.fixture(scope="module")
 def by_paper(tmp_path_factory: pytest.TempPathFactory, by_posterior: Path) -> Path:
     """A run of the other method on what was written down."""
-    run = tmp_path_factory.mktemp("paper") / "run"
+
+    def run(folder: Path) -> None:
+        _run_of_the_paper(folder / "run", by_posterior)
+
+    return made_once("by_paper", run, tmp_path_factory) / "run"
+
+
+def _run_of_the_paper(run: Path, by_posterior: Path) -> None:
     identify(
         run,
         robot=f"file:{by_posterior / 'readings.csv'}",
@@ -73,7 +83,6 @@ def by_paper(tmp_path_factory: pytest.TempPathFactory, by_posterior: Path) -> Pa
         generations=1,
         seed=1,
     )
-    return run
 
 
 def files(run: Path) -> set[str]:
