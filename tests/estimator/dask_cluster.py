@@ -22,6 +22,11 @@ ROOT: Final = Path(__file__).parents[2]
 _DASK: Final = Path(sys.executable).with_name("dask")
 _SCHEDULER: Final = re.compile(r"Scheduler at: +(\S+)")
 _WORKER: Final = re.compile(r"Start worker at: +(\S+)")
+_QUIET: Final = {  # Dask looks at itself up to a hundred times a second, a thirtieth of a core
+    "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
+    "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "10s",
+    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+}
 
 
 class Process:
@@ -39,7 +44,7 @@ class Process:
             stderr=subprocess.PIPE,
             text=True,
             cwd=folder,
-            env=os.environ | {"PYTHONPATH": search},
+            env=os.environ | _QUIET | {"PYTHONPATH": search},
         )
         self.address = ""
         self._log: list[str] = []
