@@ -54,6 +54,7 @@ def little_effort() -> Iterator[None]:
         patch.setattr(choosing, "_LIKELY", 20)
         patch.setattr(choosing, "_MORE_DRAWS", 200)
         patch.setattr(recheck, "SAMPLES", 6)
+        patch.setattr(recheck, "STEP", 1 / 120)
         patch.setattr(doubting, "possible_departures", _few_departures)
         patch.setattr(departed, "_SIMULATED", 6)
         patch.setattr(left_out, "_DRAWS", 32)
