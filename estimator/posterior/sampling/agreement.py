@@ -96,6 +96,11 @@ class Agreement:
         return self.keys[int(np.argmax(self.guesses))]
 
     @property
+    def leads(self) -> bool:
+        """Whether the leader's attachments are more probable than all others together."""
+        return bool(softmax(self.guesses).max() > 0.5)
+
+    @property
     def leaders(self) -> list[Attachments]:
         """Attachments about as probable as the leader's, as those that feel alike are."""
         rows = np.flatnonzero(self.guesses > self.guesses.max() - _AS_PROBABLE)

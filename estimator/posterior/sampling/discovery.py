@@ -82,7 +82,7 @@ class Discovery:
         population: As above, like ``predictor`` and ``rng``.
         met: The best points that it met, shape (n, size): it begins with them when it observes.
         settled: Attachments on which all searches agreed after the last interaction, if on any.
-            While they explain the readings their neighbours are not tried again.
+            While they explain the readings bodies near them are not tried again.
     """
 
     def __init__(
@@ -131,13 +131,8 @@ class Discovery:
                 levels = slice(0, _WATCHED * population.width)
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
         visited.polish(self._lengths, _POLISHED_BESIDE if self._wanders else _POLISHED)
-        if self._neighbours and not self._is_settled():
-            visited.climb(self._neighbours)
-            if self._founders:
-                self._recombine(self._neighbours)
-        for nats in () if self._wanders or self._covers_rows else _SWEPT:
-            if not visited.sweep(self._lengths, self.rng, nats):
-                break
+        if not self._is_settled():
+            self._try_others(visited)
         bodies = self.best()
         self.met = bodies.values[:_REMEMBERED]
         return bodies
@@ -146,6 +141,16 @@ class Discovery:
         """All sets of attachments that were met so far."""
         both = [self._before.best(), self._visited.best()]
         return Bodies.joined(both, self.predictor.unknowns)
+
+    def _try_others(self, visited: _Visited) -> None:
+        """Tries bodies near the best, and bodies that are made of several."""
+        if self._neighbours:
+            visited.climb(self._neighbours)
+            if self._founders:
+                self._recombine(self._neighbours)
+        for nats in () if self._wanders or self._covers_rows else _SWEPT:
+            if not visited.sweep(self._lengths, self.rng, nats):
+                break
 
     def _is_settled(self) -> bool:
         """Whether the best body is still the one that all agreed on, and explains the readings."""

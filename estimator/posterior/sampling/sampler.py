@@ -34,6 +34,7 @@ _ALIKE: Final = 0.4  # the same of chains that only wander
 _TOLD: Final = 6.0  # bits about attachments, by one interaction that moves few limbs
 _TELLING: Final = 4  # interactions at least, until the populations ought to agree
 _MORE: Final = 4  # rounds, once they turned out not to
+_PATIENCE: Final = 2  # times as many rounds, where the readings are explained poorly
 _FEW_ROUNDS: Final = 3  # where much is open, and each of them is long
 _DRAWS: Final = 8  # times as many draws for a mode's evidence, where chains wander: more lengths
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
@@ -216,7 +217,7 @@ class Sampler:
         They end when the readings are explained, the populations agree, and a round has found
         nothing that matters and was not known before.
         The rounds that it may take grow with the interactions, since few readings leave many
-        bodies, but for chains that have wandered before.
+        bodies, but for chains that have wandered before. So few do not make the populations agree.
         Where populations that ought to agree do not, or the readings are not explained well, all
         chains start anew: what one pose that ended elsewhere has led them to may be far from the
         truth. For the sake of one body this is done once.
@@ -247,14 +248,16 @@ class Sampler:
                 rounds = effort.rounds
             else:
                 settled &= not (0 < anew <= _MORE and doubtful)
-                rounds = min(effort.rounds, len(data)) if agreement.credible else effort.rounds
-                rounds += _MORE if anew else 0
+                patience = 1 if agreement.credible else _PATIENCE
+                rounds = min(effort.rounds, patience * len(data))
+                rounds += _MORE if anew and (late or doubtful) else 0
                 if self.predictor.unknowns.many:
                     rounds = min(rounds, _FEW_ROUNDS)
             if settled or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)
                 sure = agreed and agreement.credible and not agreement.doubtful
+                sure &= agreement.leads
                 for one in self._searches:
                     one.settled = agreement.leader if sure else None
                 return agreement
