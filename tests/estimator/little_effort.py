@@ -15,9 +15,10 @@ from estimator.__main__ import main
 from estimator.exploration import choosing, information
 from estimator.identification import doubting, posterior_method
 from estimator.posterior.checks import departed, left_out, recheck
+from estimator.posterior.discovery import discovery
 from estimator.posterior.model.departures import Departure
 from estimator.posterior.model.possible_departures import possible_departures
-from estimator.posterior.sampling import discovery, weighing
+from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
 from estimator.problem.problem import Problem
 from estimator.report.bodies import camera

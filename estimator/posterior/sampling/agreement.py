@@ -13,12 +13,12 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import POOR, Fit, fit_of
+from estimator.posterior.discovery.discovery import Bodies
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import met_by_each, share_met
-from estimator.posterior.sampling.discovery import Bodies
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.storage.beliefs import ACCIDENTS
 

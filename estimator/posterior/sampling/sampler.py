@@ -14,15 +14,15 @@ from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
+from estimator.posterior.chains.population import Population
 from estimator.posterior.checks.verdict import fit_of
+from estimator.posterior.discovery.discovery import Discovery, chains_like
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, met_by_each
 from estimator.posterior.sampling.agreement import CONSIDERED, Agreement
-from estimator.posterior.sampling.discovery import Discovery, chains_like
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
-from estimator.posterior.sampling.population import Population
 from estimator.posterior.sampling.wandering import wandered
 from estimator.posterior.sampling.weighing import sampled, weighed
 from estimator.storage.beliefs import ACCIDENTS

@@ -15,10 +15,10 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.parallel.workers import Workers
+from estimator.posterior.chains.population import EVERY, Population
+from estimator.posterior.discovery.discovery import Bodies, Discovery
 from estimator.posterior.model.special import softmax
 from estimator.posterior.posterior import Mode, Posterior, met_by_each, share_met
-from estimator.posterior.sampling.discovery import Bodies, Discovery
-from estimator.posterior.sampling.population import EVERY, Population
 
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end

@@ -9,12 +9,12 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.chains.population import Population
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.sampling.evidence import ModeEvidence
-from estimator.posterior.sampling.population import Population
 
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
 _AT_ONCE: Final = 16  # of them

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from estimator.posterior.checks.verdict import Fit
+from estimator.posterior.discovery.discovery import Bodies
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling.agreement import Agreement, met_by
-from estimator.posterior.sampling.discovery import Bodies
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 

@@ -12,11 +12,11 @@ import pytest
 from estimator.errors import SearchStateError
 from estimator.parallel.workers import LocalWorkers, ThisProcess
 from estimator.posterior.checks.verdict import Fit
+from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.sampling import agreement
-from estimator.posterior.sampling.discovery import Discovery
 from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn

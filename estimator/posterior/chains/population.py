@@ -14,10 +14,10 @@ from typing import Any, Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.chains.moves import exchange_parts, propose
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import ASTRAY, MISFITS, SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Columns, Predictor
-from estimator.posterior.sampling.moves import exchange_parts, propose
 
 HOTTEST: Final = 25.0
 """Factor on the noise on the hottest level."""

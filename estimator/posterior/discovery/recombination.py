@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.discovery.part_trees import subtrees
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Unknowns
-from estimator.posterior.sampling.part_trees import subtrees
 
 _POLISHED: Final = 32
 

@@ -10,17 +10,17 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.chains.population import Population
+from estimator.posterior.chains.rows import other_rows
+from estimator.posterior.discovery.discovery import Discovery
+from estimator.posterior.discovery.neighbours import Neighbours
+from estimator.posterior.discovery.part_trees import exchanged, joined_parts
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling.discovery import Discovery
-from estimator.posterior.sampling.neighbours import Neighbours
-from estimator.posterior.sampling.part_trees import exchanged, joined_parts
-from estimator.posterior.sampling.population import Population
-from estimator.posterior.sampling.rows import other_rows
 from tests.estimator.exploration.test_few_limbs import genome_of
-from tests.estimator.posterior.sampling.quadruped import quadruped
+from tests.estimator.posterior.discovery.quadruped import quadruped
 from tests.estimator.two_unknown_rows import NOISE, draw
 
 _POSES: Final = 6
@@ -163,7 +163,7 @@ def test_two_legs_in_each_others_places_are_put_right(
 def test_a_search_that_does_not_wander_puts_them_right_too(
     predictor: Predictor, truth: Array, data: SensorData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estimator.posterior.sampling.discovery._SWEPT", ())  # to save time
+    monkeypatch.setattr("estimator.posterior.discovery.discovery._SWEPT", ())  # to save time
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
     population = Population.of_prior(predictor, chains, levels=4, width=8)
     search = Discovery(population, predictor, own, wanders=False)

@@ -10,9 +10,9 @@ import pytest
 from estimator.identification.fit import fit_genes
 from estimator.identification.objectives import LargestError
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.chains.moves import propose
+from estimator.posterior.chains.population import Population
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling.moves import propose
-from estimator.posterior.sampling.population import Population
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation

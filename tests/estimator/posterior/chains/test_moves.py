@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from estimator.posterior.chains.moves import exchange_parts, propose, reflected
 from estimator.posterior.model.unknowns import Unknowns
-from estimator.posterior.sampling.moves import exchange_parts, propose, reflected
 
 
 def test_values_are_folded_back_at_both_ends() -> None:

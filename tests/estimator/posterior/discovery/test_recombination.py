@@ -7,16 +7,16 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.chains.population import Population
+from estimator.posterior.discovery.discovery import Discovery
+from estimator.posterior.discovery.part_trees import subtrees
+from estimator.posterior.discovery.recombination import with_subtrees_of_others
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.sampling.discovery import Discovery
-from estimator.posterior.sampling.part_trees import subtrees
-from estimator.posterior.sampling.population import Population
-from estimator.posterior.sampling.recombination import with_subtrees_of_others
 from tests.estimator.exploration.test_few_limbs import genome_of
-from tests.estimator.posterior.sampling.quadruped import PARTS, PROBLEM, quadruped
+from tests.estimator.posterior.discovery.quadruped import PARTS, PROBLEM, quadruped
 from tests.estimator.two_unknown_rows import NOISE, draw
 
 _POSES = 6
@@ -66,7 +66,7 @@ def test_legs_that_each_lacks_are_taken_from_the_other(
 def test_a_search_that_began_anew_takes_legs_from_what_was_met_before(
     predictor: Predictor, data: SensorData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estimator.posterior.sampling.neighbours.Neighbours.of", _nobody)
+    monkeypatch.setattr("estimator.posterior.discovery.neighbours.Neighbours.of", _nobody)
     chains, own = np.random.default_rng(5), np.random.default_rng(6)
     population = Population.of_prior(predictor, chains, levels=4, width=8)
     search = Discovery(population, predictor, own, wanders=False)

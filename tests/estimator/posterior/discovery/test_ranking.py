@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
+from estimator.posterior.discovery.ranking import ranked, ranked_by_attachments
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling.ranking import ranked, ranked_by_attachments
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

@@ -15,17 +15,17 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.chains.population import EVERY, Population
+from estimator.posterior.chains.rows import other_rows
 from estimator.posterior.checks.verdict import fit_of
+from estimator.posterior.discovery.neighbours import Neighbours
+from estimator.posterior.discovery.part_trees import joined_parts
+from estimator.posterior.discovery.ranking import ranked, ranked_by_attachments
+from estimator.posterior.discovery.recombination import with_subtrees_of_others
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
-from estimator.posterior.sampling.neighbours import Neighbours
-from estimator.posterior.sampling.part_trees import joined_parts
-from estimator.posterior.sampling.population import EVERY, Population
-from estimator.posterior.sampling.ranking import ranked, ranked_by_attachments
-from estimator.posterior.sampling.recombination import with_subtrees_of_others
-from estimator.posterior.sampling.rows import other_rows
 
 _WATCHED: Final = 3  # levels, from the coldest up
 _POLISHED: Final = 200

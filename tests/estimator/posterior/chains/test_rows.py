@@ -6,8 +6,8 @@ from collections import Counter
 
 import numpy as np
 
+from estimator.posterior.chains.rows import exchange_places, other_rows
 from estimator.posterior.model.unknowns import Unknowns
-from estimator.posterior.sampling.rows import exchange_places, other_rows
 from estimator.problem.genome import Genome
 from tests.estimator.exploration.test_few_limbs import genome_of
 

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.posterior.chains.population import Population
+from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.sampling.discovery import Discovery
-from estimator.posterior.sampling.population import Population
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

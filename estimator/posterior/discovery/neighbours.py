@@ -15,13 +15,13 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.chains.rows import exchange_places
+from estimator.posterior.discovery.part_trees import exchanged, joined_parts
+from estimator.posterior.discovery.ranking import ranked_by_attachments
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.posterior.sampling.part_trees import exchanged, joined_parts
-from estimator.posterior.sampling.ranking import ranked_by_attachments
-from estimator.posterior.sampling.rows import exchange_places
 
 _LENGTHS: Final = 2  # times each choice is tried: with the parts' lengths, and random ones
 _KEPT: Final = 16  # of the rows of parts that are joined

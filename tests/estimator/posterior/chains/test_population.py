@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from estimator.posterior.chains.population import HOTTEST, Population
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor
-from estimator.posterior.sampling.population import HOTTEST, Population
 from estimator.readings.observation import Observation
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
 

@@ -12,8 +12,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.chains.rows import exchange_places
 from estimator.posterior.model.unknowns import Columns, Unknowns
-from estimator.posterior.sampling.rows import exchange_places
 
 _SMALLEST: Final = 0.001  # of a length's range: the scales of random steps, log-uniform
 _LARGEST: Final = 0.2
