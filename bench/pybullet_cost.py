@@ -15,8 +15,8 @@ from functools import partial
 import numpy as np
 
 from bench.prior_bodies import on_default_robot
-from estimator.identification.modelling import Modeller
-from estimator.identification.objectives import LargestError
+from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.objectives import LargestError
 from estimator.physics.backends import REFERENCE, foresight_of
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool

@@ -25,8 +25,8 @@ from bench.engines.bodies import draw
 from bench.pybullet_cost import workload as topological_workload
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
-from estimator.identification.modelling import Modeller
-from estimator.identification.objectives import LargestError
+from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.objectives import LargestError
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics

@@ -39,8 +39,8 @@ Room               What is in it
 ``report``         a run in numbers, tables and plots
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
-``identification`` a run: act, sense, model. Two methods: ``posterior_method`` and
-                   ``paper_method``; the objectives
+``identification`` a run: act, sense, model. Two methods: ``posterior_method`` and, with its
+                   objectives, ``paper``
 ``exploration``    which motor program is next: the rules
 ``posterior``      every body that explains the readings, as samples with weights, and how sure
                    that is
@@ -76,9 +76,9 @@ if TYPE_CHECKING:
     from estimator.exploration.situation import Objective as Objective
     from estimator.exploration.situation import Situation as Situation
     from estimator.identification.listener import Listener as Listener
-    from estimator.identification.objectives import OBJECTIVES as OBJECTIVES
-    from estimator.identification.objectives import LargestError as LargestError
-    from estimator.identification.objectives import RobustMeanError as RobustMeanError
+    from estimator.identification.paper.objectives import OBJECTIVES as OBJECTIVES
+    from estimator.identification.paper.objectives import LargestError as LargestError
+    from estimator.identification.paper.objectives import RobustMeanError as RobustMeanError
     from estimator.identification.run import METHODS as METHODS
     from estimator.identification.run import Order as Order
     from estimator.physics.backends import BACKENDS as BACKENDS
@@ -121,7 +121,7 @@ _NAMES: Final = MappingProxyType(
         "exploration.rules": ("RULES", "Rule"),
         "exploration.situation": ("Choice", "Models", "Situation", "Objective"),
         "identification.listener": ("Listener",),
-        "identification.objectives": ("OBJECTIVES", "LargestError", "RobustMeanError"),
+        "identification.paper.objectives": ("OBJECTIVES", "LargestError", "RobustMeanError"),
         "identification.run": ("METHODS", "Order"),
         "physics.backends": ("BACKENDS",),
         "physics.base": (

@@ -12,7 +12,7 @@ from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES, Rule
 from estimator.exploration.situation import Objective
 from estimator.identification.listener import Listener
-from estimator.identification.objectives import OBJECTIVES
+from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.run import MethodName, Order
 from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run

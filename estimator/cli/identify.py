@@ -13,7 +13,7 @@ from estimator.cli.console import err, errors_as_sentences, out, print_run_direc
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, computers
 from estimator.exploration.rules import RULES
-from estimator.identification.objectives import OBJECTIVES
+from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.run import METHODS, MethodName, Order, identify
 from estimator.physics.backends import BACKENDS
 from estimator.readings.modalities.registry import MODALITIES

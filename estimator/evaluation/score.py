@@ -19,8 +19,8 @@ from estimator.errors import TruthError
 from estimator.evaluation.attachments import Comparison, Configuration, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.identification.final_population import FinalPopulation
-from estimator.identification.fit import fit_bodies
-from estimator.identification.objectives import LargestError
+from estimator.identification.paper.fit import fit_bodies
+from estimator.identification.paper.objectives import LargestError
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.readings.observation import Observation, touched

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from estimator.exploration.rules import RULES
 from estimator.exploration.situation import Choice, Models, Situation
-from estimator.identification.objectives import OBJECTIVES
+from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator

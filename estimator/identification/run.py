@@ -18,8 +18,8 @@ from estimator.exploration.rules import RULES
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.method import Method
-from estimator.identification.objectives import OBJECTIVES
-from estimator.identification.paper_method import PaperMethod
+from estimator.identification.paper.method import PaperMethod
+from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.posterior_method import PosteriorMethod
 from estimator.physics.backends import (
     BACKENDS,

@@ -11,7 +11,7 @@ import numpy as np
 from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.identification.final_population import FinalPopulation
-from estimator.identification.reference_check import pairs_turned
+from estimator.identification.paper.reference_check import pairs_turned
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.report.posterior.summary import posterior_summary

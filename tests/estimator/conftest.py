@@ -10,7 +10,7 @@ import pytest
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.body.mounts import HINGES, BaseMount, Hinge, PartMount
 from estimator.exploration.rules import RULES
-from estimator.identification.objectives import OBJECTIVES
+from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import BACKENDS
 from estimator.physics.pybullet import PyBulletPhysics

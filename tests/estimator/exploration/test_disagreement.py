@@ -7,7 +7,7 @@ import pytest
 
 from estimator.exploration.disagreement import most_disputed_program
 from estimator.exploration.situation import Models, Situation
-from estimator.identification.objectives import LargestError
+from estimator.identification.paper.objectives import LargestError
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES

@@ -7,8 +7,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from estimator.identification.fit import fit_genes
-from estimator.identification.objectives import LargestError
+from estimator.identification.paper.fit import fit_genes
+from estimator.identification.paper.objectives import LargestError
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.chains.moves import propose
 from estimator.posterior.chains.population import Population

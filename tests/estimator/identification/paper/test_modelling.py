@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.identification.modelling import Modeller
-from estimator.identification.objectives import LargestError
-from estimator.identification.subjective_error import interaction_errors
+from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.objectives import LargestError
+from estimator.identification.paper.subjective_error import interaction_errors
 from estimator.physics.base import BackEnd, Pair, Readings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics

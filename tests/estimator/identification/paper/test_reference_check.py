@@ -11,8 +11,8 @@ import pytest
 
 from estimator.body.limbs import driven_limbs
 from estimator.identification.final_population import FinalPopulation, with_last_word
-from estimator.identification.objectives import LargestError
-from estimator.identification.reference_check import (
+from estimator.identification.paper.objectives import LargestError
+from estimator.identification.paper.reference_check import (
     LEADERS,
     SAME_LENGTH,
     finish,

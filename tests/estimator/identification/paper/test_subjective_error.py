@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimator.errors import EstimatorError
-from estimator.identification.subjective_error import interaction_errors, largest
+from estimator.identification.paper.subjective_error import interaction_errors, largest
 from estimator.physics.base import Readings
 from estimator.readings.modalities.registry import check_modalities
 from estimator.readings.observation import ObservedReadings

@@ -14,7 +14,7 @@ import numpy as np
 
 from estimator.body.morphology import Array, Morphology
 from estimator.exploration.situation import Objective
-from estimator.identification.fit import fit_bodies
+from estimator.identification.paper.fit import fit_bodies
 from estimator.physics.base import Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation

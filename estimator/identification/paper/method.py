@@ -13,9 +13,9 @@ import numpy as np
 from estimator.errors import SearchStateError
 from estimator.exploration.situation import Models
 from estimator.identification.listener import Listener
-from estimator.identification.modelling import Modeller
-from estimator.identification.objectives import OBJECTIVES
-from estimator.identification.reference_check import finish
+from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.identification.paper.reference_check import finish
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator

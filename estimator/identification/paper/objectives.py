@@ -16,7 +16,7 @@ import numpy as np
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Objective
-from estimator.identification.subjective_error import interaction_errors, largest
+from estimator.identification.paper.subjective_error import interaction_errors, largest
 from estimator.physics.base import Readings
 from estimator.plugins import Registry
 from estimator.posterior.model.likelihood import Noise
@@ -103,8 +103,8 @@ OBJECTIVES: Final[Registry[type[Objective]]] = Registry(
     group="bodyschema.objective",
     own=MappingProxyType(
         {
-            "largest": "estimator.identification.objectives:LargestError",
-            "robust-mean": "estimator.identification.objectives:RobustMeanError",
+            "largest": "estimator.identification.paper.objectives:LargestError",
+            "robust-mean": "estimator.identification.paper.objectives:RobustMeanError",
         }
     ),
 )
