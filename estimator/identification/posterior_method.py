@@ -223,7 +223,9 @@ class PosteriorMethod:
                 data=data,
                 reference=reference,
             )
-            doubted = self._doubting.in_the_end(final, grounds)
+            doubted = self._doubted_of(belief)
+            if not doubted or final.not_known is NotKnown.POOR_FIT:
+                doubted = self._doubting.in_the_end(final, grounds)
             known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
             poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
             if known or poor:
