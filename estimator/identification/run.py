@@ -38,8 +38,8 @@ from estimator.readings.modalities.registry import MODALITIES, check_modalities
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 from estimator.search.searches import SEARCHES
-from estimator.storage.records import RunSettings
-from estimator.storage.store import RunStore, first_id
+from estimator.storage.records import RunSettings, first_id
+from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities
 
 Summary = TypeVar("Summary")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.problem.values import Population
 from estimator.readings.observation import Observation, Program
+
+_IDS_PER_CONNECTION: Final = 2**20
 
 
 class RunSettings(BaseModel):
@@ -124,6 +126,11 @@ class Ticket:
 
     request_id: int
     session: str
+
+
+def first_id(connection: int) -> int:
+    """The first request id of a connection, by its number; no two connections share any."""
+    return connection * _IDS_PER_CONNECTION + 1
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,6 +44,7 @@ from estimator.storage.records import (
     InteractionRecord,
     RunSettings,
     Ticket,
+    first_id,
     performed,
 )
 from estimator.storage.validations import Validations
@@ -54,8 +55,6 @@ LOCK: Final = "run.lock"
 READINGS: Final = "readings.csv"
 ROBOT: Final = "robot.json"
 FORMAT: Final = 4
-IDS_PER_CONNECTION: Final = 2**20
-"""Each connection numbers its requests from its own block, so no id is ever used for two."""
 
 
 class RunStore(Closable):
@@ -341,11 +340,6 @@ class RunStore(Closable):
         if row is None:
             raise RunDirectoryError(f"{self.directory / DATABASE} lacks its {key}.")
         return str(row[0])
-
-
-def first_id(connection: int) -> int:
-    """The first request id of a connection, by its number."""
-    return connection * IDS_PER_CONNECTION + 1
 
 
 def _close(database: sqlite3.Connection | None, lock: int | None) -> None:

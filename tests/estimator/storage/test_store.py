@@ -15,8 +15,16 @@ from estimator.errors import RunDirectoryError
 from estimator.identification.final_population import FinalPopulation
 from estimator.readings.observation import Observation
 from estimator.storage.database import DATABASE
-from estimator.storage.records import Counters, Finish, Generation, Prediction, RunSettings, Ticket
-from estimator.storage.store import RunStore, first_id
+from estimator.storage.records import (
+    Counters,
+    Finish,
+    Generation,
+    Prediction,
+    RunSettings,
+    Ticket,
+    first_id,
+)
+from estimator.storage.store import RunStore
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 
 SETTINGS = RunSettings(
