@@ -6,7 +6,7 @@ READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest check format bench compare-engines reproduce parametric power self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo test test-newest check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -78,6 +78,9 @@ self-calibration: $(READY) ## Does the posterior mean what it says? 300 bodies, 
 
 power: $(READY) ## Each method on the reported seeds, other bodies, faults; writes docs/power.md
 	$(BIN)/python -m bench.power --page
+
+ablations: $(READY) ## The method with one part left out at a time, on development seeds; twenty minutes
+	$(BIN)/python -m bench.power.ablations
 
 parametric: $(READY) ## Leg lengths on the reported seeds; writes docs/parametric.md
 	$(BIN)/python -m bench.parametric

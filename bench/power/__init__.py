@@ -8,6 +8,7 @@ Module                  What is in it
 ``odd_robots``          the same, with faults that no check was made for
 ``robots``              bodies to start simulated robots with, and what counts as the truth
 ``trial``               one run through the wire, held against the truth after each interaction
+``ablations``           the method with one part left out, on development seeds
 ``tables``              what the runs say, as Markdown
 ``__main__``            does what is left to do, and writes ``docs/power.md``
 ======================= =========================================================================
