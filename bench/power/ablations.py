@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any, Final
 from unittest import mock
 
+import numpy as np
+
 from bench.power.study import SEEDS
 from bench.power.tables import Runs, run_table, success_table
 from bench.power.trial import Figures, Trial, figures_of
@@ -22,6 +24,7 @@ from estimator.identification import posterior_method
 from estimator.posterior.chains import population
 from estimator.posterior.discovery import discovery
 from estimator.posterior.model import likelihood
+from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.sampling.sampler import Effort
 
 
@@ -44,7 +47,9 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
     "movements by disagreement": Ablation(explore="disagreement"),
     "no levels of wider noise": Ablation(replaced={(population, "HOTTEST"): 1.0}),
     "other rows are not tried": Ablation(replaced={(discovery, "_SWEPT"): ()}),
-    "falls to no other side": Ablation(replaced={(likelihood, "LEANS"): likelihood.LEANS[:1]}),
+    "falls to no other side": Ablation(
+        replaced={(likelihood, "_LOG_LIKELY"): np.log([1.0, *[1e-12] * (len(LEANS) - 1)])}
+    ),
     "one population": Ablation(
         replaced={(posterior_method, "Effort"): partial(Effort, populations=1)}
     ),
