@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
-from estimator.exploration.few_limbs import LimbGenes, with_few_limbs
+from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
@@ -76,7 +76,6 @@ class Chooser:
         predictor: Computes readings.
         gain: Computes information.
         ends: Lowest and highest target of each motor, rad, shape (motors, 2).
-        limbs: Of which few are moved at a time, while much is open.
     """
 
     def __init__(
@@ -84,12 +83,11 @@ class Chooser:
         predictor: Predictor,
         gain: InformationGain,
         ends: Array,
-        limbs: Sequence[LimbGenes] = (),
     ) -> None:
         self._predictor = predictor
         self._gain = gain
         self._ends = ends
-        self._limbs = limbs
+        self._limbs = limbs_of(predictor.unknowns)
 
     def choose(self, samples: Models, rng: np.random.Generator) -> InformativeProgram:
         """The motor program that is expected to tell most.

@@ -2,8 +2,8 @@
 
 A reading of many limbs at once tells as much as one of a few, but of nothing in particular: what
 it leaves open can only be found by trying all limbs together. A limb that stays as it lies hardly
-matters, so with few moved a robot of many legs is found leg by leg. This needs to be known: which
-part sits on which.
+matters, so with few moved a robot of many legs is found leg by leg. Where it is not known which
+part sits on which, each part that a motor turns is a limb by itself.
 """
 
 from __future__ import annotations
@@ -16,17 +16,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import BASE, Array
-from estimator.posterior.model.unknowns import Columns
-from estimator.problem.genome import Genome
+from estimator.posterior.model.unknowns import Columns, Unknowns
 
 _OPEN: Final = 24.0
 """Bits about attachments that moved limbs hold together, at most: as much as three of
 two parts. One alone often lifts into the air, and tells nothing."""
 
+_OPEN_OF_PARTS: Final = 12.0
+"""The same of single parts: as much as two of which nothing is known."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class LimbGenes:
-    """One limb: a part that nothing sits on, with all that it sits on.
+    """One limb: a part that nothing sits on, with all that it sits on; or one part.
 
     Attributes:
         motors: That move it.
@@ -37,31 +39,56 @@ class LimbGenes:
     choices: Columns
 
 
-def limbs_of(genome: Genome) -> tuple[LimbGenes, ...]:
-    """The limbs of a problem's bodies; none where it is not known which part sits on which."""
-    if any(gene.trait == "parent" for gene in genome.genes):
-        return ()
-    body = genome.bodies(np.zeros((1, genome.size)))
+@dataclass(frozen=True, kw_only=True)
+class Limbs:
+    """The limbs of a problem's bodies.
+
+    Attributes:
+        limbs: Each of them.
+        open: Bits about attachments that those which move hold together, at most.
+    """
+
+    limbs: tuple[LimbGenes, ...]
+    open: float
+
+
+def limbs_of(unknowns: Unknowns) -> Limbs:
+    """The limbs of a problem's bodies; none where little is open from the beginning.
+
+    Where parts may sit on each other, the driven ones.
+    """
+    body = unknowns.bodies(np.zeros((1, unknowns.size)))
     parents, motors = body.parent[0].tolist(), body.motor[0]
-    limbs = []
-    for tip in sorted(set(range(len(parents))) - set(parents)):
-        chain = [tip]
-        while parents[chain[-1]] != BASE:
-            chain.append(parents[chain[-1]])
-        limbs.append(
-            LimbGenes(
-                motors=motors[chain][motors[chain] >= 0],
-                choices=np.flatnonzero(
-                    [gene.part in chain and gene.choices > 1 for gene in genome.genes]
-                ),
-            )
+    if not unknowns.many:
+        chains, most = [], _OPEN
+    elif unknowns.parents.any():
+        chains, most = [[part] for part in np.flatnonzero(motors >= 0).tolist()], _OPEN_OF_PARTS
+    else:
+        tips = sorted(set(range(len(parents))) - set(parents))
+        chains, most = [_down_from(tip, parents) for tip in tips], _OPEN
+    limbs = (
+        LimbGenes(
+            motors=motors[chain][motors[chain] >= 0],
+            choices=np.flatnonzero(
+                [gene.part in chain and gene.choices > 1 for gene in unknowns.genes]
+            ),
         )
-    return tuple(limbs)
+        for chain in chains
+    )
+    return Limbs(limbs=tuple(limbs), open=most)
+
+
+def _down_from(tip: int, parents: Sequence[int]) -> list[int]:
+    """A part and all that it sits on, but for the main body."""
+    chain = [tip]
+    while parents[chain[-1]] != BASE:
+        chain.append(parents[chain[-1]])
+    return chain
 
 
 def with_few_limbs(
     programs: Array,
-    limbs: Sequence[LimbGenes],
+    limbs: Limbs,
     decided: NDArray[np.int64],
     rng: np.random.Generator,
 ) -> Array:
@@ -76,15 +103,15 @@ def with_few_limbs(
         decided: What equally likely samples choose, by gene, shape (n, genes).
         rng: Draws the orders.
     """
-    bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs])
-    if bits.sum() <= _OPEN:
+    bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs.limbs])
+    if bits.sum() <= limbs.open:
         return programs
-    order = rng.permuted(np.tile(np.arange(len(limbs)), (len(programs), 1)), axis=1)
-    moved = np.cumsum(bits[order], axis=1) <= _OPEN
+    order = rng.permuted(np.tile(np.arange(len(bits)), (len(programs), 1)), axis=1)
+    moved = np.cumsum(bits[order], axis=1) <= limbs.open
     moved[:, 0] = True
     still = np.ones(programs.shape, dtype=bool)
     for row, limb in zip(*np.nonzero(moved), strict=True):
-        still[row, limbs[order[row, limb]].motors] = False
+        still[row, limbs.limbs[order[row, limb]].motors] = False
     return np.where(still, 0.0, programs)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
-from estimator.exploration.few_limbs import limbs_of
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Models, Situation
 from estimator.posterior.information import SAMPLES
@@ -34,7 +33,6 @@ def most_informative_program(situation: Situation) -> Choice:
             Noise.announced(capabilities), situation.clearance_cap, situation.modalities
         ),
         problem.program_range(capabilities),
-        limbs_of(genome),
     )
     chosen = chooser.choose(models, situation.rng)
     return Choice(

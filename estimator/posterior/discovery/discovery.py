@@ -8,7 +8,7 @@ leaves the posterior invariant, and nothing of it needs to: it only says where t
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -37,9 +37,8 @@ _PROMISING: Final = 60  # of them polished,
 _FINISHED: Final = 3  # and one in so many to the end, the best
 _STARTS: Final = 24
 _CLIMBING: Final = 2  # bodies whose neighbours are tried at once
-_HIGHER: Final = 0.5  # nats, for which it is worth going on,
-_CLIMBS: Final = 8  # so often in one round,
-_FRUITLESS: Final = 2  # and not more often without that
+_HIGHER: Final = 3.0  # nats, for which it is worth going on,
+_CLIMBS: Final = 4  # so often in one round
 _FOUNDERS: Final = 6  # bodies of each start whose subtrees others may take over,
 _CROSSED: Final = 4  # the best few that do
 _REMEMBERED: Final = 64  # of the best points, for the next interaction
@@ -118,8 +117,12 @@ class Discovery:
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
         self._visited.add(self.met, self._lengths.fits(self.met))
 
-    def search(self, steps: int) -> Bodies:
+    def search(self, steps: int, *, until_explained: bool = False) -> Bodies:
         """One round.
+
+        Args:
+            steps: Of the chains.
+            until_explained: Whether nothing else is tried once a body explains all readings.
 
         Returns:
             All sets of attachments that were met so far.
@@ -132,7 +135,7 @@ class Discovery:
                 visited.add(population.values[levels], population.posterior_fits(_WATCHED))
         visited.polish(self._lengths, _POLISHED_BESIDE if self._wanders else _POLISHED)
         if not self._is_settled():
-            self._try_others(visited)
+            self._try_others(visited, self.explains if until_explained else _never)
         bodies = self.best()
         self.met = bodies.values[:_REMEMBERED]
         return bodies
@@ -142,15 +145,20 @@ class Discovery:
         both = [self._before.best(), self._visited.best()]
         return Bodies.joined(both, self.predictor.unknowns)
 
-    def _try_others(self, visited: _Visited) -> None:
+    def _try_others(self, visited: _Visited, enough: Callable[[], bool]) -> None:
         """Tries bodies near the best, and bodies that are made of several."""
         if self._neighbours:
-            visited.climb(self._neighbours)
-            if self._founders:
-                self._recombine(self._neighbours)
-        for nats in () if self._wanders or self._covers_rows else _SWEPT:
+            visited.climb(self._neighbours, enough)
+            if self._founders and not enough():
+                self._recombine(self._neighbours, enough)
+        for nats in () if self._wanders else _SWEPT:
             if not visited.sweep(self._lengths, self.rng, nats):
                 break
+
+    def explains(self) -> bool:
+        """Whether the best body explains all readings."""
+        leader = self.best().values[0]
+        return fit_of(leader, self.predictor, self._data, self._noise).unexplained == 0
 
     def _is_settled(self) -> bool:
         """Whether the best body is still the one that all agreed on, and explains the readings."""
@@ -159,12 +167,7 @@ class Discovery:
             return False
         return not fit_of(leader[0], self.predictor, self._data, self._noise).is_doubtful
 
-    @property
-    def _covers_rows(self) -> bool:
-        """Whether other rows of single parts are among the neighbours."""
-        return self._neighbours is not None and bool(self.predictor.unknowns.parents.any())
-
-    def _recombine(self, neighbours: Neighbours) -> None:
+    def _recombine(self, neighbours: Neighbours, enough: Callable[[], bool]) -> None:
         """Gives the best bodies subtrees that other starts have met, and goes on from there."""
         founders = np.concatenate([*self._founders, self._visited.best().values[:_FOUNDERS]])
         everyone = self._before
@@ -175,8 +178,8 @@ class Discovery:
                 everyone.add_better(
                     *with_subtrees_of_others(body, founders, self.predictor.unknowns, self._lengths)
                 )
-            everyone.climb(neighbours)
-            if everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
+            everyone.climb(neighbours, enough)
+            if enough() or everyone.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
     def start_half_anew(self) -> None:
@@ -268,19 +271,23 @@ class _Visited:
             self._add_polished(self._elsewhere(leaders[row], lengths, rng), lengths)
         return bool(chosen)
 
-    def climb(self, neighbours: Neighbours) -> None:
-        """Tries the neighbours of the best few, as long as that finds something much better."""
-        fruitless = 0
+    def climb(self, neighbours: Neighbours, enough: Callable[[], bool]) -> None:
+        """Tries the neighbours of the best few, as long as that finds something much better.
+
+        Args:
+            neighbours: Of the bodies.
+            enough: Whether nothing better is needed.
+        """
         for _ in range(_CLIMBS):
+            if enough():
+                break
             bodies = self.best()
             keys = self._unknowns.keys(bodies.values)
             fresh = [row for row, key in enumerate(keys) if key not in self._climbed][:_CLIMBING]
             for row in fresh:
                 self._climbed.add(keys[row])
                 self.add_better(*neighbours.of(bodies.values[row]))
-            higher = self.best().fits[0] > bodies.fits[0] + _HIGHER
-            fruitless = 0 if higher else fruitless + 1
-            if fruitless == _FRUITLESS:
+            if self.best().fits[0] < bodies.fits[0] + _HIGHER:
                 break
 
     def _elsewhere(self, leader: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
@@ -294,6 +301,10 @@ class _Visited:
         better, fits = lengths.polished(values, math.ceil(len(values) / _FINISHED))
         self._polished.update(self._unknowns.keys(values))
         self.add(better, fits)
+
+
+def _never() -> bool:
+    return False
 
 
 def chains_like(point: Array, searches: Sequence[Discovery], least: float) -> Array:

@@ -9,6 +9,7 @@ finds where the posterior is; it does not leave it invariant.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from functools import partial
 from itertools import product
 from typing import Final
 
@@ -60,26 +61,24 @@ class Neighbours:
 
         At most ``_POLISHED``; no two have the same attachments when they are chosen.
         """
+        by_pairs = self._unknowns.parents.any()  # what takes two steps explains nothing after one
+        ranking = partial(
+            ranked_by_attachments,
+            lengths=self._lengths,
+            unknowns=self._unknowns,
+            rng=self._rng,
+            unexplained=self._lengths.unexplained(leader) if by_pairs else (),
+        )
         near = [self._unknowns.permitted(exchanged(leader, self._unknowns))]
         for joined in self._joined:
             carrying = leader[None].copy()
             for column, value in joined.carried:
                 carrying[:, column] = value
-            points = ranked_by_attachments(
-                self._rows(carrying, joined.columns, joined.kept),
-                self._lengths,
-                self._unknowns,
-                self._rng,
-            )
+            points = ranking(self._rows(carrying, joined.columns, joined.kept))
             near.append(points[:_KEPT])
             for newcomers, displaced in self._newcomers(points, leader, joined.columns):
                 near += [
-                    ranked_by_attachments(
-                        self._rows(newcomers, other.columns, (displaced,)),
-                        self._lengths,
-                        self._unknowns,
-                        self._rng,
-                    )[:_SETTLED]
+                    ranking(self._rows(newcomers, other.columns, (displaced,)))[:_SETTLED]
                     for other in self._joined
                     if displaced in other.columns and displaced not in other.kept
                 ]
@@ -106,9 +105,6 @@ class Neighbours:
         points[np.ix_(drawn, lengths)] = self._rng.random((np.count_nonzero(drawn), lengths.size))
         exchange_places(points, before, unknowns)
         return unknowns.permitted(points)
-
-    def _ranked(self, points: Array) -> Array:
-        return ranked_by_attachments(points, self._lengths, self._unknowns, self._rng)
 
     def _newcomers(
         self, points: Array, leader: Array, columns: Columns

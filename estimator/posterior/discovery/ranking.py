@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -12,11 +13,14 @@ from estimator.posterior.model.unknowns import Unknowns
 
 _TRIED_FIRST: Final = 2  # interactions; with this share
 _GO_ON: Final = 0.25  # of the points, as many more are tried, and so on
+_EXPLAINING: Final = 0.1  # of the points, where one is tried first that has to be explained
 _FEWEST: Final = 200  # points that go on
 _SAMPLED: Final = 0.05  # of the points, which tell in which interactions they differ
 
 
-def ranked(points: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
+def ranked(
+    points: Array, lengths: Lengths, rng: np.random.Generator, unexplained: Sequence[int] = ()
+) -> Array:
     """The points that fit best while the noise is wide, best first; unlikely ones are left out.
 
     Interactions in which the points differ as much as usual are tried first, the others with
@@ -27,18 +31,24 @@ def ranked(points: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
         points: Shape (n, size).
         lengths: Compares them.
         rng: Draws those that tell in which interactions they differ.
+        unexplained: Interactions that a point has to explain to be any better than what is known:
+            these are tried first, if there are any.
     """
     turns = np.arange(lengths.interactions)
     if len(points) <= _FEWEST or turns.size <= _TRIED_FIRST:
         fits = lengths.rough_fits(points, turns).sum(axis=1)
         return points[np.argsort(-fits, kind="stable")]
-    sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
-    spread = lengths.rough_fits(points[sample], turns).std(axis=0)
-    order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
-    fits = lengths.rough_fits(points, order[:_TRIED_FIRST]).sum(axis=1)
-    tried = _TRIED_FIRST
+    if len(unexplained):
+        order = np.concatenate([unexplained, np.setdiff1d(turns, unexplained)])
+        tried, share = 1, _EXPLAINING
+    else:
+        sample = rng.choice(len(points), round(_SAMPLED * len(points)), replace=False)
+        spread = lengths.rough_fits(points[sample], turns).std(axis=0)
+        order = np.argsort(np.abs(spread - np.median(spread)), kind="stable")
+        tried, share = _TRIED_FIRST, _GO_ON
+    fits = lengths.rough_fits(points, order[:tried]).sum(axis=1)
     while tried < order.size:
-        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(_GO_ON * len(points)))]
+        best = np.argsort(-fits, kind="stable")[: max(_FEWEST, round(share * len(points)))]
         points = points[best]
         fits = fits[best] + lengths.rough_fits(points, order[tried : 2 * tried]).sum(axis=1)
         tried *= 2
@@ -46,10 +56,14 @@ def ranked(points: Array, lengths: Lengths, rng: np.random.Generator) -> Array:
 
 
 def ranked_by_attachments(
-    points: Array, lengths: Lengths, unknowns: Unknowns, rng: np.random.Generator
+    points: Array,
+    lengths: Lengths,
+    unknowns: Unknowns,
+    rng: np.random.Generator,
+    unexplained: Sequence[int] = (),
 ) -> Array:
     """The same, of each set of attachments the best alone; see ``ranked``."""
-    best_first = ranked(points, lengths, rng)
+    best_first = ranked(points, lengths, rng, unexplained)
     firsts = best_of_each(unknowns.keys(best_first), -np.arange(len(best_first), dtype=float))
     rest: Array = best_first[firsts]
     return rest

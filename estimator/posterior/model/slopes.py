@@ -85,6 +85,12 @@ class Lengths:
         """How many there are."""
         return len(self._data)
 
+    def unexplained(self, value: Array) -> list[int]:
+        """Interactions that a point, shape (size,), leaves unexplained, the last one first."""
+        misfits = self._likelihood.misfits_of(self._predictor, value[None])
+        unexplained = np.flatnonzero(self._likelihood.inlier_share(misfits)[0] < 0.5)
+        return list(reversed(unexplained.tolist()))
+
     def rough_fits(self, values: Array, turns: Columns) -> Array:
         """Log-likelihoods of n points in k of the interactions, shape (n, k).
 

@@ -140,11 +140,6 @@ class Agreement:
         return bool(np.sum(softmax(self.guesses) ** 2) > 1 / _FEW)
 
     @property
-    def missed_all(self) -> bool:
-        """Whether a population has met nothing that matters."""
-        return not all(self.met)
-
-    @property
     def share_met(self) -> float:
         """How much of the posterior the populations have met."""
         return share_met(softmax(self.guesses), met_by_each(self.keys, self.met))

@@ -15,7 +15,6 @@ from estimator.errors import SearchStateError
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.chains.population import Population
-from estimator.posterior.checks.verdict import fit_of
 from estimator.posterior.discovery.discovery import Discovery, chains_like
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
@@ -25,7 +24,6 @@ from estimator.posterior.sampling.agreement import CONSIDERED, Agreement
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.wandering import wandered
 from estimator.posterior.sampling.weighing import sampled, weighed
-from estimator.storage.beliefs import ACCIDENTS
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
@@ -36,7 +34,8 @@ _TELLING: Final = 4  # interactions at least, until the populations ought to agr
 _MORE: Final = 4  # rounds, once they turned out not to
 _PATIENCE: Final = 2  # times as many rounds, where the readings are explained poorly
 _FEW_ROUNDS: Final = 3  # where much is open, and each of them is long
-_DRAWS: Final = 8  # times as many draws for a mode's evidence, where chains wander: more lengths
+_FEW_LENGTHS: Final = 8  # for the evidence of a mode with more of them
+_DRAWS: Final = 8  # times as many points are drawn
 _NEGLIGIBLE: Final = 0.05  # share of the posterior that a round adds
 
 
@@ -94,7 +93,7 @@ class Sampler:
         self._noise = noise
         self._effort = effort
         self._workers = workers
-        self._wanders = unknowns.many and not unknowns.parents.any()
+        self._wanders = unknowns.many
         self._telling = math.ceil(unknowns.bits / _TOLD) if self._wanders else _TELLING
         self.predictor = Predictor(unknowns, physics or make_physics())
         *own, common = seeds
@@ -190,7 +189,7 @@ class Sampler:
         """What is believed after the interactions so far.
 
         As long as they cannot tell of all limbs, no attachments are weighed (see ``wandering``),
-        unless the populations agree before, or do not find what explains the readings.
+        unless the populations agree before.
 
         Args:
             data: All of them.
@@ -198,16 +197,13 @@ class Sampler:
         known = set(self._known)
         for search in self._searches:
             search.observe(data, self._noise)
-        if self._wanders:
+        if self._wanders and self._searches[0].settled is None:
             self._searches, wandering, share = wandered(
                 self._searches, self._workers, steps=self._effort.steps
             )
-            bodies = [search.best() for search in self._searches]
-            best = max(bodies, key=lambda one: one.fits[0])
-            told = len(data) >= self._telling or share >= _ALIKE
-            left = fit_of(best.values[0], self.predictor, data, self._noise).unexplained
-            if not told and left <= ACCIDENTS:
+            if len(data) < self._telling and share < _ALIKE:
                 return wandering
+            bodies = [search.best() for search in self._searches]
             known.update(*(self.predictor.unknowns.keys(one.values) for one in bodies))
         return self._weighed(self._discovered(data, known), data)
 
@@ -237,22 +233,19 @@ class Sampler:
             doubtful = agreement.doubtful and agreement.leader not in self._cleared
             apart = late and number > 1 and not agreed
             astray = agreement.few and (doubtful or apart)
-            # That many fit as badly, or as well where one search met none of them, is no excuse.
+            # That many fit as badly is no excuse.
             astray |= agreement.explains_too_little and doubtful
-            astray |= late and self.predictor.unknowns.many and agreement.missed_all
             if astray and not self._wanders:
                 anew += 1
             settled = agreement.credible and agreed and fresh <= _NEGLIGIBLE
             if self._wanders:
                 settled |= agreement.explained and not late
-                rounds = effort.rounds
+                rounds = _FEW_ROUNDS
             else:
                 settled &= not (0 < anew <= _MORE and doubtful)
                 patience = 1 if agreement.credible else _PATIENCE
                 rounds = min(effort.rounds, patience * len(data))
                 rounds += _MORE if anew and (late or doubtful) else 0
-                if self.predictor.unknowns.many:
-                    rounds = min(rounds, _FEW_ROUNDS)
             if settled or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)
@@ -300,7 +293,8 @@ class Sampler:
         )
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:
-        draws = self._effort.draws * (_DRAWS if self._wanders else 1)
+        lengths = self.predictor.unknowns.continuous.size
+        draws = self._effort.draws * (_DRAWS if lengths > _FEW_LENGTHS else 1)
         likelihood = Likelihood(data, self._noise)
         return EvidenceEstimator(self.predictor, data, likelihood, draws=draws)
 

@@ -22,7 +22,9 @@ from estimator.posterior.posterior import Mode, Posterior, met_by_each, share_me
 
 _LOST: Final = 12.0  # nats below the best
 _STRAGGLERS: Final = 0.5  # of the chains, that may be lost in the end
-_ROUNDS: Final = 3  # at most, until there are no more of them
+_ROUNDS: Final = 3  # at most, until there are no more of them and all readings are explained
+_LONGER: Final = 5  # times as many steps, where it is not known which part sits on which
+_ANEW: Final = 100  # steps with each number of interactions, where chains begin anew
 
 
 def wandered(
@@ -33,7 +35,7 @@ def wandered(
     Args:
         searches: With each population.
         workers: Move the chains.
-        steps: Of each round, and of sampling after them.
+        steps: Of each round where limbs are known, and of sampling after them.
 
     Returns:
         The searches as they go on, the posterior, and how much of it both have met.
@@ -68,10 +70,21 @@ def wandered(
 
 
 def _wander(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Array, Array]]:
-    """Moves the chains of one population; its samples, their noise factors and their fits."""
-    population = search.population
+    """Moves the chains of one population; its samples, their noise factors and their fits.
+
+    They begin anew where the best body leaves something unexplained: what an interaction has led
+    them to may be far from the truth.
+    """
+    population, unknowns = search.population, search.predictor.unknowns
+    longer = steps * (_LONGER if unknowns.parents.any() else 1)
+    explained = True
     for _ in range(_ROUNDS):
-        if _lost_ones_moved(population, search.search(steps), search.rng) <= _STRAGGLERS:
+        if not explained:
+            search.start_anew(_ANEW)
+        bodies = search.search(longer, until_explained=True)
+        explained = search.explains()
+        lost = _lost_ones_moved(population, bodies, search.rng)
+        if explained and lost <= _STRAGGLERS:
             break
     chains, drawn = population.coldest(), []
     for step in range(steps):

@@ -8,6 +8,7 @@ import pytest
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array, Base
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
+from estimator.posterior.model.unknowns import Unknowns
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 
@@ -29,7 +30,7 @@ def moved(programs: Array) -> Flags:
 @pytest.mark.parametrize(("name", "joints"), [("hexapod-12", 2), ("hexapod-18", 3)])
 def test_limbs_are_chains_from_the_tip_to_the_main_body(name: str, joints: int) -> None:
     genome = genome_of(name)
-    limbs = limbs_of(genome)
+    limbs = limbs_of(Unknowns(genome)).limbs
     assert len(limbs) == 6
     for leg, limb in enumerate(limbs):
         assert sorted(limb.motors.tolist()) == [leg + 6 * row for row in range(joints)]
@@ -39,13 +40,34 @@ def test_limbs_are_chains_from_the_tip_to_the_main_body(name: str, joints: int) 
         assert sorted(traits) == ["hinge"] * joints + ["mount"] * joints
 
 
-def test_without_known_parents_there_are_no_limbs_to_go_by() -> None:
-    assert limbs_of(genome_of("topological")) == ()
+@pytest.mark.parametrize("name", ["parametric", "topological"])
+def test_where_little_is_open_from_the_beginning_all_limbs_move(name: str) -> None:
+    genome, rng = genome_of(name), np.random.default_rng(1)
+    limbs = limbs_of(Unknowns(genome))
+    programs = rng.uniform(0.1, 0.5, (20, 4))
+    decided = genome.choices(rng.random((200, genome.size)))
+    assert with_few_limbs(programs, limbs, decided, rng) is programs
+
+
+@pytest.mark.parametrize(("name", "driven"), [("topological-20", 4), ("topological-24", 8)])
+def test_parts_that_may_sit_on_each_other_are_moved_one_or_two_at_a_time(
+    name: str, driven: int
+) -> None:
+    genome, rng = genome_of(name), np.random.default_rng(1)
+    limbs = limbs_of(Unknowns(genome))
+    assert [limb.motors.tolist() for limb in limbs.limbs] == [[part] for part in range(driven)]
+    for part, limb in enumerate(limbs.limbs):
+        assert {genome.genes[column].part for column in limb.choices.tolist()} == {part}
+    programs = rng.uniform(0.1, 0.5, (300, driven))
+    decided = genome.choices(rng.random((200, genome.size)))
+    few = with_few_limbs(programs, limbs, decided, rng)
+    assert set(np.count_nonzero(few, axis=1).tolist()) <= {1, 2}
+    assert np.all(np.count_nonzero(few, axis=0) > 0)  # every part has its turn
 
 
 def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
     genome, rng = genome_of("hexapod-12"), np.random.default_rng(1)
-    limbs = limbs_of(genome)
+    limbs = limbs_of(Unknowns(genome))
     programs = rng.uniform(0.1, 0.5, (300, 12))
     samples = rng.random((200, genome.size))
     few = with_few_limbs(programs, limbs, genome.choices(samples), rng)
@@ -56,7 +78,7 @@ def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
     assert np.array_equal(together[:, 0], together[:, 1])  # both joints of a leg
     known = np.tile(samples[:1], (200, 1))
     assert with_few_limbs(programs, limbs, genome.choices(known), rng) is programs
-    legs = np.concatenate([limb.choices for limb in limbs[:3]])
+    legs = np.concatenate([limb.choices for limb in limbs.limbs[:3]])
     half = samples.copy()
     half[:, legs] = samples[0, legs]
     some = with_few_limbs(programs, limbs, genome.choices(half), rng)

@@ -174,13 +174,15 @@ def test_a_search_that_does_not_wander_puts_them_right_too(
     assert search.search(1).fits[0] > wanted[0] - 2
 
 
+@pytest.mark.parametrize("why", ["all searches agreed on it", "it is enough to explain all"])
 @pytest.mark.parametrize("explains", [True, False])
-def test_neighbours_of_what_all_searches_agreed_on_are_tried_again_where_it_explains_too_little(
+def test_neighbours_of_what_explains_all_readings_need_not_be_tried(
     predictor: Predictor,
     truth: Array,
     monkeypatch: pytest.MonkeyPatch,
     *,
     explains: bool,
+    why: str,
 ) -> None:
     tried: list[Array] = []
 
@@ -196,7 +198,10 @@ def test_neighbours_of_what_all_searches_agreed_on_are_tried_again_where_it_expl
     population = Population.of_prior(predictor, rng, levels=4, width=8)
     search = Discovery(population, predictor, rng, wanders=True)
     search.met = known[None]
-    (search.settled,) = predictor.unknowns.keys(search.met)
+    agreed = why == "all searches agreed on it"
+    if agreed:
+        (search.settled,) = predictor.unknowns.keys(search.met)
     search.observe(felt, NOISE)
-    search.search(1)
+    assert search.explains() is explains
+    search.search(1, until_explained=not agreed)
     assert bool(tried) is not explains

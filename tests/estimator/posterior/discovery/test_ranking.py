@@ -57,3 +57,15 @@ def test_of_each_set_of_attachments_the_best_is_kept(predictor: Predictor) -> No
     keys = predictor.unknowns.keys(best_first)
     assert len(set(keys)) == len(keys) > 20
     assert np.array_equal(best_first[0], points[np.argmax(fits_of(points, lengths))])
+
+
+def test_points_are_ranked_first_by_what_they_have_to_explain(predictor: Predictor) -> None:
+    rng, lengths = np.random.default_rng(3), lengths_with(predictor, 8)
+    points = rng.random((3000, POINT.size))
+    before = predictor.simulations
+    best_first = ranked(points, lengths, rng, unexplained=[5])
+    assert predictor.simulations - before < 0.25 * len(points) * 8
+    alone = lengths.rough_fits(points, np.array([5]))[:, 0]
+    least = np.sort(lengths.rough_fits(best_first, np.array([5]))[:, 0])[0]
+    assert least >= np.quantile(alone, 0.9)
+    assert np.array_equal(best_first[0], points[np.argmax(fits_of(points, lengths))])

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -47,3 +48,26 @@ def test_lengths_that_fit_already_are_not_led_astray() -> None:
     lengths = Lengths(predictor, data, Likelihood(data, NOISE))
     (before,), (after,) = lengths.fits(point), lengths.polished(point)[1]
     assert after >= before
+
+
+def test_interactions_that_a_body_leaves_unexplained_are_named_the_last_one_first() -> None:
+    genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
+    predictor = Predictor(Unknowns(genome), StaticsPhysics())
+    point, moved = np.array(FOUR_LEGS), np.radians(MOVED)
+    felt = predictor.read_all(point[None], moved)
+    beside = {1: 15.0, 4: 30.0}  # degrees
+    observations = [
+        Observation(
+            angles=tuple(moved[row].tolist()),
+            touch=tuple(map(bool, felt.touch[row])),
+            tilt=(
+                float(felt.tilt[row, 0]) + math.radians(beside.get(row, 0.0)),
+                float(felt.tilt[row, 1]),
+            ),
+            clearance=float(felt.clearance[row]),
+        )
+        for row in range(len(moved))
+    ]
+    data = SensorData.of(observations, MODALITIES, CAP)
+    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    assert lengths.unexplained(point) == [4, 1]

@@ -3,7 +3,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -189,20 +188,3 @@ def test_what_explains_too_little_is_searched_for_anew_though_much_explains_as_l
     monkeypatch.setattr(agreement.Agreement, "few", False)
     make_sampler(predictor, effort=QUICK).learn(data)
     assert bool(begun) == anew
-
-
-@pytest.mark.usefixtures("little")
-@pytest.mark.parametrize("missed", [True, False])
-def test_where_much_is_open_who_has_met_nothing_that_matters_begins_anew(
-    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, *, missed: bool
-) -> None:
-    data = draw(predictor, POINT, programs(5, seed=4), np.random.default_rng(2))
-    begun: list[Discovery] = []
-    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
-    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=0, excess=0.0))
-    monkeypatch.setattr(agreement.Agreement, "few", False)
-    monkeypatch.setattr(agreement.Agreement, "missed_all", missed)
-    monkeypatch.setattr(predictor.unknowns, "many", True)
-    sampler = make_sampler(predictor, effort=replace(QUICK, rounds=6))
-    sampler.learn(data)
-    assert len(begun) == (2 * len(sampler.state()["populations"]) if missed else 0)  # of 3 rounds

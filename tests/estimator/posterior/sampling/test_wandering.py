@@ -7,6 +7,7 @@ import pytest
 
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
@@ -52,6 +53,17 @@ def test_one_reading_of_two_legs_is_explained_and_nothing_is_certain(
     still = predictor.unknowns.decided(posterior.values)[:, predictor.unknowns.parts[1][0]]
     shares = np.bincount(still, minlength=6) / len(still)
     assert shares.min() > 0.03  # of a leg that did not move hardly anything is known
+
+
+@pytest.mark.parametrize("explains", [True, False])
+def test_chains_begin_anew_where_no_body_explains_the_readings(
+    predictor: Predictor, data: SensorData, monkeypatch: pytest.MonkeyPatch, *, explains: bool
+) -> None:
+    begun: list[Discovery] = []
+    monkeypatch.setattr(Discovery, "start_anew", lambda search, steps: begun.append(search))
+    monkeypatch.setattr(Discovery, "explains", lambda search: explains)
+    sampler(predictor).learn(data)
+    assert len(begun) == (0 if explains else 2 * SMALL.populations)  # but for the first of 3 rounds
 
 
 def test_a_sampler_goes_on_from_its_state(predictor: Predictor, data: SensorData) -> None:
