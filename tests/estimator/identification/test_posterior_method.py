@@ -122,6 +122,26 @@ def test_a_run_that_was_broken_off_ends_as_one_that_never_was(
     assert outcome(whole(tmp_path, after)) == outcome(uninterrupted[0])
 
 
+def test_bodies_that_depart_are_not_fitted_again_in_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fitted: list[tuple[Doubt, ...]] = []
+
+    def counted(*args: Any, **options: Any) -> tuple[Doubt, ...]:
+        fitted.append(departed.doubts(*args, **options))
+        return fitted[-1]
+
+    monkeypatch.setattr(doubting, "doubts", counted)
+    with serving(ModelRobot()) as uri:
+        asked = order(tmp_path, uri)
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Interrupting(), report=without_plots
+        )
+    assert result.posterior is not None
+    assert result.posterior.untested
+    assert len(fitted) == asked.interactions
+
+
 def test_what_is_left_open_comes_with_the_movement_that_would_decide(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -3,7 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from estimator.body.morphology import Array
 from estimator.posterior.chains.population import Population
+from estimator.posterior.discovery import discovery
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
@@ -35,3 +37,27 @@ def test_who_begins_anew_keeps_what_was_met(predictor: Predictor, data: SensorDa
     assert set(predictor.unknowns.keys(search.met)) == set(
         predictor.unknowns.keys(search.best().values)
     )
+
+
+@pytest.mark.parametrize("agreed", [True, False])
+def test_other_rows_of_what_all_searches_agreed_on_are_not_tried(
+    predictor: Predictor, monkeypatch: pytest.MonkeyPatch, *, agreed: bool
+) -> None:
+    tried: list[Array] = []
+
+    def other_rows(leader: Array, *args: object) -> Array:
+        tried.append(leader)
+        return leader[None]
+
+    monkeypatch.setattr(discovery, "other_rows", other_rows)
+    data = draw(predictor, POINT, programs(4), np.random.default_rng(2), outlier=0.0)
+    rng = np.random.default_rng(1)
+    population = Population.of_prior(predictor, rng, levels=4, width=8)
+    search = Discovery(population, predictor, rng, wanders=False)
+    search.met = POINT[None]
+    if agreed:
+        (search.settled,) = predictor.unknowns.keys(search.met)
+    search.observe(data, NOISE)
+    search.search(1)
+    assert search.explains()
+    assert bool(tried) is not agreed
