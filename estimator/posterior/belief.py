@@ -14,7 +14,13 @@ from estimator.posterior.information import information_gained
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.posterior.posterior import MOSTLY, Mode, Posterior, share_met_alike
+from estimator.posterior.posterior import (
+    MOSTLY,
+    Mode,
+    Posterior,
+    draws_alike,
+    share_met_alike,
+)
 from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
@@ -52,6 +58,7 @@ def believe(
     shares[: len(compared)] = alike_shares(compared, posterior, predictor, alike)
     chances, met = np.array([mode.probability for mode in modes]), [mode.met for mode in modes]
     met_in_common = share_met_alike(chances, np.array(met), shares)
+    behind = draws_alike(chances, np.array([mode.effective for mode in modes]), shares)
     verdict = judge(posterior, predictor, data, noise)
     gained = None
     if before is not None:
@@ -73,7 +80,7 @@ def believe(
         ),
         within_problem=min(float(chances @ shares), met_in_common) if posterior.credible else None,
         met_in_common=met_in_common,
-        few_draws=bool(predictor.unknowns.choices.size) and modes[0].effective < _FEW,
+        few_draws=bool(predictor.unknowns.choices.size) and behind < _FEW,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
         unexplained=tuple(

@@ -88,6 +88,21 @@ def share_met_alike(shares: Array, met: Flags, alike: Array) -> float:
     return share_met(together, np.vstack([met, met[alike >= MOSTLY].any(axis=0)]))
 
 
+def draws_alike(shares: Array, effective: Array, alike: Array) -> float:
+    """Effective draws behind the share of all that feel like the first together.
+
+    The errors of their evidences are independent, so those of many that few draws stand for even
+    out.
+
+    Args:
+        shares: Of the posterior, shape (n,).
+        effective: Effective draws behind each of them, shape (n,).
+        alike: The part of each that feels like the first, shape (n,).
+    """
+    counted = shares * alike
+    return float(counted.sum() ** 2 / np.sum(counted**2 / effective))
+
+
 def met_by_each(keys: Sequence[Attachments], met: Sequence[Collection[Attachments]]) -> Flags:
     """Which of n sets of attachments each population has met, shape (n, populations)."""
     flags: Flags = np.array([[key in own for own in met] for key in keys], dtype=bool)

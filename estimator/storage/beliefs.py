@@ -116,7 +116,8 @@ class Belief(_Record):
             poorly.
         met_in_common: How much of the posterior the searches have met, by what they met in common;
             1 in runs that were made before it was kept, so that what they stated stands.
-        few_draws: Whether the share of the first mode among several rests on few effective draws.
+        few_draws: Whether the share of those that feel like the first mode, among several, rests
+            on few effective draws.
         departed: Probability that the robot is built otherwise; 0 until attachments are sure.
         gained: Information that the last interaction gave, bits; ``None`` where it is unknown.
         foretold: Each interaction so far, as the best body foretells it.

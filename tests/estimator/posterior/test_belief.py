@@ -87,11 +87,19 @@ def test_of_what_few_samples_stand_for_only_that_it_is_improbable_is_stated(
 ) -> None:
     everything = posterior(lambda number: (True, True))
     few = tuple(replace(mode, effective=4.0) for mode in everything.modes)
-    belief = believed(predictor, replace(everything, modes=few), alike=True)
+    others = tuple(replace(mode, probability=0.1 / (COUNT - 1)) for mode in few[1:])
+    one = replace(everything, modes=(replace(few[0], probability=0.9), *others))
+    belief = believed(predictor, one, alike=True)
     assert belief.probability is None
     assert belief.not_known is NotKnown.FEW_DRAWS
     improbable = believed(predictor, replace(everything, modes=few), alike=False)
     assert improbable.probability == pytest.approx(1 / COUNT)
+
+
+def test_few_samples_each_of_many_that_feel_alike_are_not_few(predictor: Predictor) -> None:
+    everything = posterior(lambda number: (True, True))
+    few = tuple(replace(mode, effective=4.0) for mode in everything.modes)
+    assert stated(predictor, replace(everything, modes=few), alike=True) == pytest.approx(1.0)
 
 
 def test_known_attachments_need_no_draws(
