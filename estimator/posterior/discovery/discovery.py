@@ -80,8 +80,9 @@ class Discovery:
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
         met: The best points that it met, shape (n, size): it begins with them when it observes.
-        settled: Attachments on which all searches agreed after the last interaction, if on any.
-            While they explain the readings bodies near them are not tried again.
+        settled: Attachments on which all searches agreed after the last interaction, if on any;
+            several where sensors tell them apart hardly or not at all. While they explain the
+            readings bodies near them are not tried again.
     """
 
     def __init__(
@@ -96,7 +97,7 @@ class Discovery:
         self.predictor = predictor
         self.rng = rng
         self.met = np.empty((0, predictor.unknowns.size))
-        self.settled: Attachments | None = None
+        self.settled: frozenset[Attachments] = frozenset()
         self._wanders = wanders
 
     def observe(self, data: SensorData, noise: Noise) -> None:
@@ -163,7 +164,7 @@ class Discovery:
     def _is_settled(self) -> bool:
         """Whether the best body is still the one that all agreed on, and explains the readings."""
         leader = self._visited.best().values[:1]
-        if self.predictor.unknowns.keys(leader) != [self.settled]:
+        if self.settled.isdisjoint(self.predictor.unknowns.keys(leader)):
             return False
         return not fit_of(leader[0], self.predictor, self._data, self._noise).is_doubtful
 

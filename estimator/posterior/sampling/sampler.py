@@ -123,7 +123,7 @@ class Sampler:
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
             "met": [search.met.tolist() for search in self._searches],
-            "settled": self._searches[0].settled,
+            "settled": sorted(self._searches[0].settled),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
         }
@@ -149,7 +149,7 @@ class Sampler:
             search.met = np.array(met, dtype=float).reshape(len(met), self.predictor.unknowns.size)
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
-            search.settled = None if state["settled"] is None else tuple(state["settled"])
+            search.settled = frozenset(map(tuple, state["settled"]))
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
         self._cleared = {tuple(key) for key in state["cleared"]}
@@ -197,7 +197,7 @@ class Sampler:
         known = set(self._known)
         for search in self._searches:
             search.observe(data, self._noise)
-        if self._wanders and self._searches[0].settled is None:
+        if self._wanders and not self._searches[0].settled:
             self._searches, wandering, share = wandered(
                 self._searches, self._workers, steps=self._effort.steps
             )
@@ -249,11 +249,20 @@ class Sampler:
             if settled or number >= rounds:
                 if anew > _MORE:
                     self._cleared.update(agreement.leaders)
-                sure = agreed and agreement.credible and not agreement.doubtful
-                sure &= agreement.leads
                 for one in self._searches:
-                    one.settled = agreement.leader if sure else None
+                    one.settled = self._settled(agreement) if agreed else frozenset()
                 return agreement
+
+    def _settled(self, agreement: Agreement) -> frozenset[Attachments]:
+        """What need not be doubted until readings do so: one set of attachments, if it leads.
+
+        Where much was to be found, all that is left.
+        """
+        if not agreement.credible or agreement.doubtful:
+            return frozenset()
+        if self._wanders:
+            return frozenset(agreement.keys)
+        return frozenset({agreement.leader} if agreement.leads else ())
 
     def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""

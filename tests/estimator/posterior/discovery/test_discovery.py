@@ -56,7 +56,7 @@ def test_other_rows_of_what_all_searches_agreed_on_are_not_tried(
     search = Discovery(population, predictor, rng, wanders=False)
     search.met = POINT[None]
     if agreed:
-        (search.settled,) = predictor.unknowns.keys(search.met)
+        search.settled = frozenset(predictor.unknowns.keys(search.met))
     search.observe(data, NOISE)
     search.search(1)
     assert search.explains()

@@ -200,7 +200,7 @@ def test_neighbours_of_what_explains_all_readings_need_not_be_tried(
     search.met = known[None]
     agreed = why == "all searches agreed on it"
     if agreed:
-        (search.settled,) = predictor.unknowns.keys(search.met)
+        search.settled = frozenset(predictor.unknowns.keys(search.met))
     search.observe(felt, NOISE)
     assert search.explains() is explains
     search.search(1, until_explained=not agreed)
