@@ -66,6 +66,21 @@ def test_chains_begin_anew_where_no_body_explains_the_readings(
     assert len(begun) == (0 if explains else 2 * SMALL.populations)  # but for the first of 3 rounds
 
 
+def test_chains_wander_no_more_once_the_searches_agree(
+    predictor: Predictor, data: SensorData, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def discovered(*args: object) -> None:
+        raise RuntimeError("bodies are searched for")
+
+    monkeypatch.setattr(Sampler, "_discovered", discovered)
+    one = sampler(predictor)
+    assert one.learn(data).modes
+    agreed = predictor.unknowns.keys(np.full((1, predictor.unknowns.size), 0.5))
+    one.restore({**one.state(), "settled": agreed})
+    with pytest.raises(RuntimeError, match="searched for"):
+        one.learn(data)
+
+
 def test_a_sampler_goes_on_from_its_state(predictor: Predictor, data: SensorData) -> None:
     one, two = sampler(predictor), sampler(predictor)
     one.learn(data)
