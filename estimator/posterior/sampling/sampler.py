@@ -256,13 +256,13 @@ class Sampler:
     def _settled(self, agreement: Agreement) -> frozenset[Attachments]:
         """What need not be doubted until readings do so: one set of attachments, if it leads.
 
-        Where much was to be found, all that is left.
+        Where much was to be found, all that is left, also where it leaves one interaction
+        unexplained: chains have then begun anew, and found nothing better.
         """
-        if not agreement.credible or agreement.doubtful:
-            return frozenset()
         if self._wanders:
             return frozenset(agreement.keys)
-        return frozenset({agreement.leader} if agreement.leads else ())
+        sure = agreement.credible and not agreement.doubtful and agreement.leads
+        return frozenset({agreement.leader} if sure else ())
 
     def _weighed(self, agreement: Agreement, data: SensorData) -> Posterior:
         """Modes by their evidences, and samples."""

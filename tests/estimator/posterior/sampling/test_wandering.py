@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.sampling import agreement
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from tests.estimator.exploration.test_few_limbs import genome_of
 from tests.estimator.two_unknown_rows import NOISE, draw
@@ -79,6 +83,24 @@ def test_chains_wander_no_more_once_the_searches_agree(
     one.restore({**one.state(), "settled": agreed})
     with pytest.raises(RuntimeError, match="searched for"):
         one.learn(data)
+
+
+@pytest.mark.parametrize(("unexplained", "doubted"), [(0, False), (1, False), (2, True)])
+def test_what_the_searches_agree_on_is_doubted_no_more_but_where_it_explains_too_little(
+    predictor: Predictor,
+    data: SensorData,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    unexplained: int,
+    doubted: bool,
+) -> None:
+    monkeypatch.setattr("estimator.posterior.sampling.sampler._ALIKE", 0.0)  # all is told
+    monkeypatch.setattr(agreement, "fit_of", lambda *body: Fit(unexplained=unexplained, excess=0.0))
+    monkeypatch.setattr(agreement.Agreement, "share_met", 1.0)
+    monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, data: agreed)
+    one = sampler(predictor)
+    agreed: Any = one.learn(data)
+    assert one.state()["settled"] == ([] if doubted else sorted(agreed.keys))
 
 
 def test_a_sampler_goes_on_from_its_state(predictor: Predictor, data: SensorData) -> None:
