@@ -84,11 +84,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
             Trial(name="topological", seeds=seeds, robot=Robot(body=from_prior("topological"))),
         ),
         "eight parts": (
-            Trial(
-                name="topological-20", seeds=seeds[:2], problem="topological-20", interactions=16
-            ),
-            Trial(
-                name="topological-24", seeds=seeds[:1], problem="topological-24", interactions=16
-            ),
+            Trial(name="topological-20", seeds=ten, problem="topological-20", interactions=16),
+            Trial(name="topological-24", seeds=ten, problem="topological-24", interactions=16),
         ),
     }
