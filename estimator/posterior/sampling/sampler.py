@@ -123,7 +123,7 @@ class Sampler:
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
             "met": [search.met.tolist() for search in self._searches],
-            "settled": sorted(self._searches[0].settled),
+            "agreed_on": sorted(self._searches[0].settled),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
         }
@@ -149,7 +149,7 @@ class Sampler:
             search.met = np.array(met, dtype=float).reshape(len(met), self.predictor.unknowns.size)
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
-            search.settled = frozenset(map(tuple, state["settled"]))
+            search.settled = frozenset(map(tuple, state["agreed_on"]))
         self._rng.bit_generator.state = state["random"]
         self._known = {tuple(key) for key in state["known"]}
         self._cleared = {tuple(key) for key in state["cleared"]}

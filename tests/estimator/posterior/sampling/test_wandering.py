@@ -80,7 +80,7 @@ def test_chains_wander_no_more_once_the_searches_agree(
     one = sampler(predictor)
     assert one.learn(data).modes
     agreed = predictor.unknowns.keys(np.full((1, predictor.unknowns.size), 0.5))
-    one.restore({**one.state(), "settled": agreed})
+    one.restore({**one.state(), "agreed_on": agreed})
     with pytest.raises(RuntimeError, match="searched for"):
         one.learn(data)
 
@@ -100,7 +100,7 @@ def test_what_the_searches_agree_on_is_doubted_no_more_but_where_it_explains_too
     monkeypatch.setattr(Sampler, "_weighed", lambda sampler, agreed, data: agreed)
     one = sampler(predictor)
     agreed: Any = one.learn(data)
-    assert one.state()["settled"] == ([] if doubted else sorted(agreed.keys))
+    assert one.state()["agreed_on"] == ([] if doubted else sorted(agreed.keys))
 
 
 def test_a_sampler_goes_on_from_its_state(predictor: Predictor, data: SensorData) -> None:
