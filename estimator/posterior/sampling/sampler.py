@@ -256,8 +256,9 @@ class Sampler:
     def _settled(self, agreement: Agreement) -> frozenset[Attachments]:
         """What need not be doubted until readings do so: one set of attachments, if it leads.
 
-        Where much was to be found, all that is left, also where it leaves one interaction
-        unexplained: chains have then begun anew, and found nothing better.
+        Where much was to be found, all that is left, also where that leaves one interaction
+        unexplained, as an accident does: to begin anew after each later one is too dear. Two end
+        the agreement.
         """
         if self._wanders:
             return frozenset(agreement.keys)
