@@ -149,10 +149,11 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
     programs = np.array([problem.random_program(rng, capabilities) for _ in range(PROGRAMS)])
     alike = partial(feel_alike, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
-    posterior, felt, told = sampler.prior(), [], []
+    posterior, told = sampler.prior(), []
+    felt: list[Observation] = []
     for _ in range(interactions):
         models = Models(genes=posterior.values, weights=posterior.weights, scales=posterior.scales)
-        chosen = Chooser(predictor, gain, ends).choose(models.sample(SAMPLES, rng), rng)
+        chosen = Chooser(predictor, gain, ends).choose(models.sample(SAMPLES, rng), len(felt), rng)
         felt.append(robot.perform(chosen.program))
         data, before = SensorData.of(felt, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)

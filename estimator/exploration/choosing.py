@@ -89,13 +89,16 @@ class Chooser:
         self._ends = ends
         self._limbs = limbs_of(predictor.unknowns)
 
-    def choose(self, samples: Models, rng: np.random.Generator) -> InformativeProgram:
+    def choose(
+        self, samples: Models, interactions: int, rng: np.random.Generator
+    ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
         Args:
             samples: Equally likely models. All their doubts together are taken to be half as
                 likely as they, and the program tells of them rather than more of lengths that are
                 known well.
+            interactions: That the samples are believed after.
             rng: The choice's own.
         """
         low, high = self._ends.T
@@ -105,6 +108,7 @@ class Chooser:
             rng.uniform(low, high, (_CANDIDATES, len(low))),
             self._limbs,
             self._predictor.unknowns.decided(samples.genes),
+            interactions,
             rng,
         )
         quick = self._read(known, programs, LEANS[0], quickly=True)

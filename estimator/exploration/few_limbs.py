@@ -3,7 +3,8 @@
 A reading of many limbs at once tells as much as one of a few, but of nothing in particular: what
 it leaves open can only be found by trying all limbs together. A limb that stays as it lies hardly
 matters, so with few moved a robot of many legs is found leg by leg. Where it is not known which
-part sits on which, each part that a motor turns is a limb by itself.
+part sits on which, each part that a motor turns is a limb by itself; and samples that have come to
+agree sooner than their readings can have told them to are not believed.
 """
 
 from __future__ import annotations
@@ -24,6 +25,9 @@ two parts. One alone often lifts into the air, and tells nothing."""
 
 _OPEN_OF_PARTS: Final = 12.0
 """The same of single parts: as much as two of which nothing is known."""
+
+_TOLD: Final = 5.0
+"""Bits about attachments of single parts that one interaction tells, at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,10 +50,13 @@ class Limbs:
     Attributes:
         limbs: Each of them.
         open: Bits about attachments that those which move hold together, at most.
+        untold: Bits about all of them before the first interaction, where samples may agree sooner
+            than they should; else 0.
     """
 
     limbs: tuple[LimbGenes, ...]
     open: float
+    untold: float
 
 
 def limbs_of(unknowns: Unknowns) -> Limbs:
@@ -66,7 +73,7 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
     else:
         tips = sorted(set(range(len(parents))) - set(parents))
         chains, most = [_down_from(tip, parents) for tip in tips], _OPEN
-    limbs = (
+    limbs = tuple(
         LimbGenes(
             motors=motors[chain][motors[chain] >= 0],
             choices=np.flatnonzero(
@@ -75,7 +82,10 @@ def limbs_of(unknowns: Unknowns) -> Limbs:
         )
         for chain in chains
     )
-    return Limbs(limbs=tuple(limbs), open=most)
+    untold = 0.0
+    if unknowns.parents.any():
+        untold = sum(float(np.log2(unknowns.counts[limb.choices]).sum()) for limb in limbs)
+    return Limbs(limbs=limbs, open=most, untold=untold)
 
 
 def _down_from(tip: int, parents: Sequence[int]) -> list[int]:
@@ -90,6 +100,7 @@ def with_few_limbs(
     programs: Array,
     limbs: Limbs,
     decided: NDArray[np.int64],
+    interactions: int,
     rng: np.random.Generator,
 ) -> Array:
     """The programs, with limbs left as they lie where they move too many of which much is open.
@@ -101,9 +112,12 @@ def with_few_limbs(
         programs: rad, shape (p, motors).
         limbs: From ``limbs_of``.
         decided: What equally likely samples choose, by gene, shape (n, genes).
+        interactions: From which the samples are.
         rng: Draws the orders.
     """
     bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs.limbs])
+    if bits.size:
+        bits += max(limbs.untold - _TOLD * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
         return programs
     order = rng.permuted(np.tile(np.arange(len(bits)), (len(programs), 1)), axis=1)

@@ -34,7 +34,7 @@ def most_informative_program(situation: Situation) -> Choice:
         ),
         problem.program_range(capabilities),
     )
-    chosen = chooser.choose(models, situation.rng)
+    chosen = chooser.choose(models, len(situation.observations), situation.rng)
     return Choice(
         program=tuple(chosen.program.tolist()),
         reason="; ".join([_reason(genome, models, chosen.about), *_tests(chosen.tests)]),

@@ -28,7 +28,7 @@ def chooser(predictor: Predictor) -> Chooser:
 def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None:
     points = np.tile(RIGHT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
-    choice = chooser(predictor).choose(Models.equally_likely(points), np.random.default_rng(1))
+    choice = chooser(predictor).choose(Models.equally_likely(points), 0, np.random.default_rng(1))
     assert np.all((choice.program >= ENDS[:, 0]) & (choice.program <= ENDS[:, 1]))
     names = {column: float(bits) for column, bits in enumerate(choice.about)}
     hinge = int(predictor.unknowns.choices[-1])
@@ -39,7 +39,7 @@ def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None
 
 def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) -> None:
     choice = chooser(predictor).choose(
-        Models.equally_likely(np.tile(RIGHT, (20, 1))), np.random.default_rng(1)
+        Models.equally_likely(np.tile(RIGHT, (20, 1))), 0, np.random.default_rng(1)
     )
     assert choice.bits == pytest.approx(0.0, abs=1e-6)
     assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
@@ -57,7 +57,7 @@ def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
 ) -> None:
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
     models = replace(Models.equally_likely(np.tile(RIGHT, (20, 1))), doubts=(doubt,))
-    choice = chooser(predictor).choose(models, np.random.default_rng(1))
+    choice = chooser(predictor).choose(models, 0, np.random.default_rng(1))
     assert choice.tests == (doubt,)
     assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
     stated = predictor.read_all(RIGHT[None], choice.program[None])
@@ -78,7 +78,7 @@ def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
     departure = TurnedHinge(text="a turned hinge", part=0, about=2, amount=np.radians(15))
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
     models = replace(Models.equally_likely(points), doubts=(doubt,))
-    program = chooser(predictor).choose(models, rng).program[None]
+    program = chooser(predictor).choose(models, 0, rng).program[None]
     stated = predictor.read_all(points, program)
     departing = predictor.departing([departure]).read_all(departing_points(points, 0), program)
     strays = np.maximum(
@@ -97,7 +97,7 @@ def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
     departure = Limp(text="a dead servo", part=0)
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
     models = replace(Models.equally_likely(points), doubts=(doubt,))
-    choice = chooser(predictor).choose(models, np.random.default_rng(1))
+    choice = chooser(predictor).choose(models, 0, np.random.default_rng(1))
     assert choice.about[predictor.unknowns.choices[-1]] > 0.8
 
 
@@ -108,7 +108,7 @@ def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
     points = 0.26 + rng.uniform(-0.03, 0.03, (40, predictor.unknowns.size))  # of the range
     ends = np.radians([[-30.0, 30.0]] * 8)
     gain = InformationGain(NOISE, CAP, MODALITIES)
-    choice = Chooser(predictor, gain, ends).choose(Models.equally_likely(points), rng)
+    choice = Chooser(predictor, gain, ends).choose(Models.equally_likely(points), 0, rng)
     rows = np.arange(len(points))
     programs = np.tile(choice.program, (len(points), 1))
     margins = predictor.margins(predictor.unknowns.bodies(points), rows, programs)
@@ -118,7 +118,7 @@ def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
     points = np.random.default_rng(2).random((50, 7))
     one, two = (
-        chooser(predictor).choose(Models.equally_likely(points), np.random.default_rng(3))
+        chooser(predictor).choose(Models.equally_likely(points), 0, np.random.default_rng(3))
         for _ in range(2)
     )
     assert np.array_equal(one.program, two.program)

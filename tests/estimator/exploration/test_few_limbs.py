@@ -46,7 +46,7 @@ def test_where_little_is_open_from_the_beginning_all_limbs_move(name: str) -> No
     limbs = limbs_of(Unknowns(genome))
     programs = rng.uniform(0.1, 0.5, (20, 4))
     decided = genome.choices(rng.random((200, genome.size)))
-    assert with_few_limbs(programs, limbs, decided, rng) is programs
+    assert with_few_limbs(programs, limbs, decided, 0, rng) is programs
 
 
 @pytest.mark.parametrize(("name", "driven"), [("topological-20", 4), ("topological-24", 8)])
@@ -60,7 +60,7 @@ def test_parts_that_may_sit_on_each_other_are_moved_one_or_two_at_a_time(
         assert {genome.genes[column].part for column in limb.choices.tolist()} == {part}
     programs = rng.uniform(0.1, 0.5, (300, driven))
     decided = genome.choices(rng.random((200, genome.size)))
-    few = with_few_limbs(programs, limbs, decided, rng)
+    few = with_few_limbs(programs, limbs, decided, 0, rng)
     assert set(np.count_nonzero(few, axis=1).tolist()) <= {1, 2}
     assert np.all(np.count_nonzero(few, axis=0) > 0)  # every part has its turn
 
@@ -70,16 +70,31 @@ def test_few_legs_move_while_all_is_open_and_all_once_it_is_known() -> None:
     limbs = limbs_of(Unknowns(genome))
     programs = rng.uniform(0.1, 0.5, (300, 12))
     samples = rng.random((200, genome.size))
-    few = with_few_limbs(programs, limbs, genome.choices(samples), rng)
+    few = with_few_limbs(programs, limbs, genome.choices(samples), 0, rng)
     assert set(moved(few).sum(axis=1).tolist()) <= {2, 3}
     assert np.all(moved(few).mean(axis=0) > 0.25)  # every leg has its turn
     assert np.all((few == 0) | (few == programs))
     together = few.reshape(300, 2, 6) != 0
     assert np.array_equal(together[:, 0], together[:, 1])  # both joints of a leg
     known = np.tile(samples[:1], (200, 1))
-    assert with_few_limbs(programs, limbs, genome.choices(known), rng) is programs
+    assert with_few_limbs(programs, limbs, genome.choices(known), 12, rng) is programs
     legs = np.concatenate([limb.choices for limb in limbs.limbs[:3]])
     half = samples.copy()
     half[:, legs] = samples[0, legs]
-    some = with_few_limbs(programs, limbs, genome.choices(half), rng)
+    some = with_few_limbs(programs, limbs, genome.choices(half), 0, rng)
     assert moved(some)[:, :3].mean() > moved(few)[:, :3].mean()
+
+
+def test_parts_that_samples_agree_on_too_soon_stay_among_the_few() -> None:
+    genome, rng = genome_of("topological-24"), np.random.default_rng(1)
+    limbs = limbs_of(Unknowns(genome))
+    programs = rng.uniform(0.1, 0.5, (300, 8))
+    agreed = genome.choices(np.tile(rng.random((1, genome.size)), (200, 1)))
+    most = [
+        np.count_nonzero(with_few_limbs(programs, limbs, agreed, interactions, rng), axis=1).max()
+        for interactions in range(10)
+    ]
+    assert most == sorted(most)
+    assert most[0] == 1
+    assert most[6] < 8  # readings cannot have told of all parts
+    assert most[9] == 8
