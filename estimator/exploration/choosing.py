@@ -28,6 +28,7 @@ _VARIANTS: Final = 8
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
 _FINALISTS: Final = 20  # compared by more readings, and by their path margins
 _MORE_DRAWS: Final = 800
+_THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
 _DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
 _KNOWN: Final = 0.01  # m: lengths that are told apart no further while there are doubts
@@ -203,13 +204,21 @@ class Chooser:
     def _sure_forecast(
         self, known: _Hypotheses, programs: Array, *, quickly: bool = False
     ) -> Forecast:
-        """What bodies will feel, silent where a body may fall to more sides than one."""
+        """What bodies will feel, silent where a body may fall to more sides than one.
+
+        Where much is to be found, silent also where it matters how thick parts are: models take
+        them to be round, and a square bar rests on its edges.
+        """
         plumb = self._read(known, programs, LEANS[0], quickly=quickly)
+        others = [self._read(known, programs, lean, quickly=quickly) for lean in FORKS]
+        if self._predictor.unknowns.many:
+            radius = _THICKER * known.bodies.radius
+            thicker = replace(known, bodies=known.bodies.changed(radius=radius))
+            others.append(self._read(thicker, programs, LEANS[0], quickly=quickly))
         forecast = Forecast.of(plumb, len(known))
-        for lean in FORKS:
-            leaning = self._read(known, programs, lean, quickly=quickly)
-            forks = self._gain.apart(plumb, leaning)
-            forecast.silent[forks.reshape(forecast.silent.shape)] = True
+        for other in others:
+            apart = self._gain.apart(plumb, other)
+            forecast.silent[apart.reshape(forecast.silent.shape)] = True
         return forecast
 
     def _surest_forecast(self, known: _Hypotheses, programs: Array) -> Forecast:

@@ -19,9 +19,10 @@ from estimator.report.result import Result
 from estimator.report.tables.plain import plain_table
 
 WHAT_TO_CHECK: Final = (
-    "Check that the problem describes this robot: where legs can sit, radii, units, the order and "
-    "direction of the servos, the sign of the tilts, whether every servo moves and "
-    "holds its angle, each foot's gauge, and whether the ground is level."
+    "Check that the problem describes this robot: where legs can sit, how thick parts are and "
+    "whether they are round, units, the order and direction of the servos, the sign of the tilts, "
+    "whether every servo moves and holds its angle, each foot's gauge, and whether the ground is "
+    "level."
 )
 
 _NAMED: Final = 3  # of what is untested

@@ -115,6 +115,28 @@ def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
     assert np.mean(margins < np.radians(2.0)) < 0.1
 
 
+@pytest.mark.parametrize("seed", [1, 3])
+def test_of_many_parts_those_are_moved_whose_thickness_hardly_matters(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem, size = Problem.load("topological-24"), (0.14, 0.14, 0.085)
+    genome = Genome(problem, Base(size=size, mass=0.6, mounts=problem.tables.base_mounts(size)))
+    unknowns = Unknowns(genome)
+    predictor = Predictor(unknowns, StaticsPhysics())
+    points = np.tile(unknowns.permitted(rng.random((1, unknowns.size))), (40, 1))
+    points[:, unknowns.continuous] += rng.uniform(-0.03, 0.03, (40, 8))
+    points = np.clip(points, 0, 1)
+    ends = np.radians([[-30.0, 30.0]] * 8)
+    choice = Chooser(predictor, InformationGain(NOISE, CAP, MODALITIES), ends).choose(
+        Models.equally_likely(points), 9, rng
+    )
+    bodies, rows = unknowns.bodies(points), np.arange(40)
+    programs = np.tile(choice.program, (40, 1))
+    round_parts = predictor.read(bodies, rows, programs)
+    thicker = bodies.changed(radius=1.4 * bodies.radius)
+    assert np.mean(apart(round_parts, predictor.read(thicker, rows, programs), NOISE)) < 0.1
+    assert choice.bits > 0.5  # which is not for want of anything to tell
+
+
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
     points = np.random.default_rng(2).random((50, 7))
     one, two = (

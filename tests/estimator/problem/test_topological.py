@@ -55,7 +55,8 @@ def test_what_ships_is_the_papers(
 ) -> None:
     problem = Problem.load(name)
     search = problem.search
-    assert (search.population, search.generations, search.interactions) == (300, 40, 9)
+    interactions = 16 if driven == 8 else 9  # the paper moves no knees
+    assert (search.population, search.generations, search.interactions) == (300, 40, interactions)
     assert problem.motors.driven == tuple(range(driven))
     assert [part.motor for part in problem.parts[:4]] == [0, 1, 2, 3]
     assert {part.length for part in problem.parts} == {length}
