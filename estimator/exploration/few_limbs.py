@@ -27,7 +27,8 @@ _OPEN_OF_PARTS: Final = 12.0
 """The same of single parts: as much as two of which nothing is known."""
 
 _TOLD: Final = 5.0
-"""Bits about attachments of single parts that one interaction tells, at most."""
+"""Bits about attachments of single parts that one interaction surely tells no more than; fewer than
+the sampler waits for before it weighs, since to move all parts too soon cannot be made good."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +51,8 @@ class Limbs:
     Attributes:
         limbs: Each of them.
         open: Bits about attachments that those which move hold together, at most.
-        untold: Bits about all of them before the first interaction, where samples may agree sooner
-            than they should; else 0.
+        untold: Bits about all of them that are open before the first interaction, where samples may
+            agree sooner than they should; else 0.
     """
 
     limbs: tuple[LimbGenes, ...]
@@ -116,7 +117,7 @@ def with_few_limbs(
         rng: Draws the orders.
     """
     bits = np.array([_entropy(decided[:, limb.choices]) for limb in limbs.limbs])
-    if bits.size:
+    if bits.size:  # which limbs the samples are wrong about nobody knows: so all alike
         bits += max(limbs.untold - _TOLD * interactions - bits.sum(), 0.0) / bits.size
     if bits.sum() <= limbs.open:
         return programs
