@@ -9,6 +9,8 @@ a daemon that may not know what the last one did.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import count
 from queue import SimpleQueue
 from typing import Final, TypeAlias
 
@@ -49,7 +51,6 @@ FIRST_LOOSE_ID: Final = 2**52
 LOOK: Final = 1.0
 """Seconds that may pass, while an answer is due, until ``wake`` is called again."""
 
-_HEARTBEAT_ID: Final = FIRST_LOOSE_ID
 _NAP: Final = 2 * LOOK  # a longer gap between two looks at the clock: we were suspended
 
 Answer: TypeAlias = Message | BaseException
@@ -100,11 +101,13 @@ class ClientCore:
     Attributes:
         session: The session in force; ``None`` before hello and after a restart of the daemon.
         garbage: Frames that were no valid reply.
+        loose_ids: Ids that no request has had, for hello, heartbeat and stop.
     """
 
     def __init__(self, client: str, *, peer: str, now: float):
         self.session: str | None = None
         self.garbage = 0
+        self.loose_ids: Iterator[int] = count(FIRST_LOOSE_ID)
         self._client = client
         self._peer = peer
         self._calls: dict[int, Call] = {}
@@ -114,6 +117,7 @@ class ClientCore:
         self._looked = now
         self._beat_at = now
         self._beat_frame = b""
+        self._beat_id = -1
 
     @property
     def send_at(self) -> float:
@@ -190,7 +194,7 @@ class ClientCore:
         self._heard = now
         call = self._calls.get(reply.id) if reply.id is not None else None
         if isinstance(reply, ErrorReply) and reply.code == "restarted":
-            if reply.id == _HEARTBEAT_ID or call is not None:
+            if reply.id == self._beat_id or call is not None:
                 self._leave()
             return
         if call is None:
@@ -252,7 +256,8 @@ class ClientCore:
         if self.session is not None:
             self._leave()
         self.session = session
-        beat = Heartbeat(id=_HEARTBEAT_ID, client=self._client, session=session)
+        self._beat_id = next(self.loose_ids)  # an answer to X
+        beat = Heartbeat(id=self._beat_id, client=self._client, session=session)
         self._beat_frame = encode(beat.to_map())
         self._beat_at = now + HEARTBEAT
 

@@ -16,7 +16,7 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
-from protocol.rules.client_core import FIRST_LOOSE_ID, Call, ClientCore
+from protocol.rules.client_core import Call, ClientCore
 from protocol.security.keys import ClientKeys, KeyDirectory
 from protocol.sockets.endpoints import Endpoint
 from protocol.system.closable import Closable
@@ -99,7 +99,6 @@ class RobotClient(Closable):
         self._software = software
         self._lock = threading.Lock()  # ids leave in the order in which they are drawn
         self._next_id = next_id
-        self._loose_id = FIRST_LOOSE_ID + 1
         self._session = resume_session
         self._first_id = 0
         self._restarted = False
@@ -175,7 +174,7 @@ class RobotClient(Closable):
         """Opens the session anew: needed only after ``RobotRestartedError``."""
         welcome = self._ask(
             lambda _: Hello(
-                id=self._draw_loose_id(),
+                id=next(self._core.loose_ids),
                 client=self._client,
                 versions=(PROTOCOL_VERSION,),
                 software=self._software,
@@ -258,7 +257,7 @@ class RobotClient(Closable):
 
     def stop(self) -> Ok:
         """Freezes the robot, whoever controls it; it stays so until ``clear``."""
-        return self._ask(lambda _: Stop(id=self._draw_loose_id(), client=self._client), Ok)
+        return self._ask(lambda _: Stop(id=next(self._core.loose_ids), client=self._client), Ok)
 
     def clear(self) -> Ok:
         """Ends a stop or a fault; needs control."""
@@ -268,15 +267,13 @@ class RobotClient(Closable):
         """What the robot is doing, and who controls it."""
         session = self._require_session()
         return self._ask(
-            lambda _: Heartbeat(id=self._draw_loose_id(), client=self._client, session=session),
+            lambda _: Heartbeat(
+                id=next(self._core.loose_ids), client=self._client, session=session
+            ),
             Status,
         )
 
     # --- asking -----------------------------------------------------------------------------------
-
-    def _draw_loose_id(self) -> int:
-        self._loose_id += 1
-        return self._loose_id - 1
 
     def _require_session(self) -> str:
         if self._core.session is None:

@@ -29,7 +29,8 @@ from protocol.wire.messages import (
     Welcome,
 )
 
-LOOSE = FIRST_LOOSE_ID + 1
+BEAT = FIRST_LOOSE_ID  # of the first session's heartbeats
+LOOSE = FIRST_LOOSE_ID + 100
 
 
 class ClientCoreBench:
@@ -133,7 +134,7 @@ def test_a_heartbeat_goes_out_every_second_from_hello_on(opened: ClientCoreBench
     beats = []
     for _ in range(5):
         beats += opened.step(1.0)
-        opened.answer(Ok(id=FIRST_LOOSE_ID, state="idle"))
+        opened.answer(Ok(id=BEAT, state="idle"))
     assert beats == [(101.0 + second, "heartbeat") for second in range(5)]
 
 
@@ -231,7 +232,7 @@ def test_a_lost_session_ends_everything_and_nothing_is_repeated(
     moving, reading = opened.ask(perform(1)), opened.ask(read(2))
     opened.send()
     lost = RobotError("restarted", "Unknown.")
-    number = FIRST_LOOSE_ID if through == "heartbeat" else 2
+    number = BEAT if through == "heartbeat" else 2
     opened.answer(ErrorReply.of(lost, request_id=number))
     for call, name in ((moving, "perform (request 1)"), (reading, "read (request 2)")):
         (error,) = answers(call)
@@ -247,9 +248,24 @@ def test_a_lost_session_ends_everything_and_nothing_is_repeated(
     assert isinstance(answers(stale)[0], RobotRestartedError)
 
 
+def test_an_answer_to_a_heartbeat_of_the_last_session_does_not_end_this_one(
+    opened: ClientCoreBench,
+) -> None:
+    opened.step(1.5)
+    opened.open("another")  # before the new daemon has answered the heartbeat
+    lost = RobotError("restarted", "Unknown.")
+    opened.answer(ErrorReply.of(lost, request_id=BEAT))
+    assert opened.core.session == "another"
+    opened.now += 1.5
+    (beat,) = opened.send()
+    assert beat["session"] == "another"
+    opened.answer(ErrorReply.of(lost, request_id=beat["id"]))
+    assert opened.core.session is None
+
+
 def test_stop_survives_a_lost_session(opened: ClientCoreBench) -> None:
     stop = opened.ask(Stop(id=LOOSE, client="c"))
-    opened.answer(ErrorReply.of(RobotError("restarted", "Unknown."), request_id=FIRST_LOOSE_ID))
+    opened.answer(ErrorReply.of(RobotError("restarted", "Unknown."), request_id=BEAT))
     assert [frame["type"] for frame in opened.send()] == ["stop"]
     opened.answer(Ok(id=LOOSE, state="stopped"))
     assert answers(stop) == [Ok(id=LOOSE, state="stopped")]
