@@ -16,7 +16,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 
@@ -94,7 +94,7 @@ class Controller:
             state = self._jobs.leads_to(self._state)
             if (state, job.event) not in TRANSITIONS:
                 raise self._refusal(state, job.event)
-            overtaken = self._end(
+            overtaken = self._jobs.end(
                 {event: ended_by(code) for event, code in ENDS[job.event].items()}
             )
             if under_way := not self._ended:
@@ -112,7 +112,7 @@ class Controller:
     def silence(self, reason: str) -> None:
         """The controlling client has fallen silent: ends a motion; the robot holds."""
         with self._lock:
-            overtaken = self._end({Event.PERFORM: RobotError("aborted_silent", reason)})
+            overtaken = self._jobs.end({Event.PERFORM: RobotError("aborted_silent", reason)})
         self._tell(overtaken)
 
     def snapshot(self) -> Snapshot:
@@ -153,7 +153,7 @@ class Controller:
         """
         with self._lock:
             self._leaving = True
-            overtaken = self._end({event: ended_by(code) for event, code in LEAVING.items()})
+            overtaken = self._jobs.end({event: ended_by(code) for event, code in LEAVING.items()})
             self._lock.notify()
         self._tell(overtaken)
         self._thread.join(timeout)
@@ -318,20 +318,6 @@ class Controller:
         """Changes the state as the table of transitions says."""
         self._state = TRANSITIONS.get((self._state, event), self._state)
 
-    def _end(self, errors: Mapping[Event, RobotError]) -> list[Job]:
-        """Ends requests of some kinds with an error: at the next check, or now if they wait.
-
-        Returns:
-            Those that waited; they have yet to be told.
-        """
-        current = self._jobs.under_way
-        if current is not None and current.interrupt is None:
-            current.interrupt = errors.get(current.event)
-        withdrawn = self._jobs.withdraw(errors)
-        for job in withdrawn:
-            job.interrupt = errors[job.event]
-        return withdrawn
-
     def _tell(self, withdrawn: Sequence[Job]) -> None:
         for job in withdrawn:
             assert job.interrupt is not None
@@ -344,7 +330,7 @@ class Controller:
             self._jobs.under_way = None
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence[:500]
-            withdrawn = self._end(dict.fromkeys(ENDS[Event.STOP], overtaken))
+            withdrawn = self._jobs.end(dict.fromkeys(ENDS[Event.STOP], overtaken))
         self._tell(withdrawn)
         if job is not None:
             self._outbox.finish(job, job.error(RobotError("fault", sentence)))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Mapping
 
+from protocol.errors import RobotError
 from protocol.rules.transitions import TRANSITIONS, Event
 from protocol.wire.states import State
 from robot.control.jobs import Job
@@ -36,13 +37,21 @@ class JobQueue:
         self.under_way = waiting.popleft() if waiting else None
         return self.under_way
 
-    def withdraw(self, events: Collection[Event]) -> list[Job]:
-        """Removes the waiting requests of some kinds, and returns them in order."""
-        withdrawn = [job for job in self._commands if job.event in events]
-        self._commands = deque(job for job in self._commands if job.event not in events)
-        if Event.READ in events:
+    def end(self, errors: Mapping[Event, RobotError]) -> list[Job]:
+        """Ends requests of some kinds with an error: at the next check, or now if they wait.
+
+        Returns:
+            Those that waited, in order; they have yet to be told.
+        """
+        if self.under_way is not None and self.under_way.interrupt is None:
+            self.under_way.interrupt = errors.get(self.under_way.event)
+        withdrawn = [job for job in self._commands if job.event in errors]
+        self._commands = deque(job for job in self._commands if job.event not in errors)
+        if Event.READ in errors:
             withdrawn += self._reads
             self._reads = deque()
+        for job in withdrawn:
+            job.interrupt = errors[job.event]
         return withdrawn
 
     def leads_to(self, state: State) -> State:

@@ -34,6 +34,7 @@ from robot.drivers.servos.pca9685_board import (
     OUTPUTS,
     TICKS,
     PCA9685Board,
+    by_board,
 )
 from robot.drivers.servos.servo_bus import check_counts, check_outputs
 from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceMissingError
@@ -207,7 +208,7 @@ class PCA9685:
             raise CommandError("read the servo board's counts before moving its servos")
         check_counts(counts, self._settings.counts, self._settings.outputs)
         self._driven |= counts.keys()
-        for board, outputs in self._by_board(counts).items():
+        for board, outputs in by_board(counts).items():
             moves = {output % OUTPUTS: counts[output] for output in outputs}
             if not self._insist(self._boards[board].move, moves):
                 raise self._reset(board)
@@ -232,7 +233,7 @@ class PCA9685:
             with suppress(DeviceError):  # each is told once more, and its answer awaited
                 self._insist(self._board(ALL_CALL).all_off)
         failure: DeviceError | None = None
-        for board, group in self._by_board(released).items():
+        for board, group in by_board(released).items():
             for output in group:
                 try:
                     self._insist(self._boards[board].off, output % OUTPUTS)
@@ -257,7 +258,7 @@ class PCA9685:
                 self._insist(one.set_up, self._clock.sleep)
             self._ready = True
         counts: dict[int, int] = {}
-        for board, group in self._by_board(outputs).items():
+        for board, group in by_board(outputs).items():
             for output in group:
                 counts[output] = self._insist(self._boards[board].count, output % OUTPUTS)
             if not self._insist(self._boards[board].awake):
@@ -337,12 +338,6 @@ class PCA9685:
             "was set up: it was reset, its outputs are off and the joints limp.",
             "Check its supply. Then keep clear: once held, they go back to where they were.",
         )
-
-    def _by_board(self, outputs: Iterable[int]) -> dict[int, list[int]]:
-        groups: dict[int, list[int]] = {}
-        for output in sorted(outputs):
-            groups.setdefault(output // OUTPUTS, []).append(output)
-        return groups
 
     def _insist(self, transfer: Callable[..., T], *arguments: Any) -> T:
         """Makes a transfer that may be made twice, again where nobody acknowledged."""

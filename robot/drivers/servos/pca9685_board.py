@@ -7,7 +7,7 @@ from others is the four address registers, which nobody changes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
 from robot.drivers.links.i2c import I2CBus, I2CRegisters
@@ -32,6 +32,14 @@ _TOTEM_POLE: Final = 0x04
 _OFF: Final = 0x10  # in the high bytes: no pulse at all; or one that never ends
 _ADDRESSES_AT_RESET: Final = bytes((0xE2, 0xE4, 0xE8, 0xE0))
 _WAKING: Final = 1e-3  # s; the oscillator needs 500 µs
+
+
+def by_board(outputs: Iterable[int]) -> dict[int, list[int]]:
+    """Outputs of several boards, ascending, by the board that has them, from 0."""
+    groups: dict[int, list[int]] = {}
+    for output in sorted(outputs):
+        groups.setdefault(output // OUTPUTS, []).append(output)
+    return groups
 
 
 class PCA9685Board:
