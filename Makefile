@@ -30,8 +30,7 @@ demo: $(READY) ## A simulated robot is identified over the wire, and the result 
 unexport PYTHONDONTWRITEBYTECODE
 
 TEST_JOBS ?= 7
-CALLS_ALL_MACHINE_CODE := tests/estimator/identification/test_posterior_method.py \
-	-k test_a_run_that_is_sure_at_once_puts_it_to_the_test
+CALLS_ALL_MACHINE_CODE := tests/estimator/identification/test_posterior_method.py::test_a_run_that_is_sure_at_once_puts_it_to_the_test
 $(COMPILED): $(READY)  # what all of them import and call is compiled by one of them
 	$(BIN)/python -m pytest --quiet $(CALLS_ALL_MACHINE_CODE) > /dev/null & \
 	$(BIN)/python -m pytest --collect-only --quiet > /dev/null && wait

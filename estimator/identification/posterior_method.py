@@ -27,6 +27,7 @@ from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.observation import Observation
@@ -121,12 +122,7 @@ class PosteriorMethod:
         )
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
         with closing(self._open_reference()) as reference:
-            grounds = Grounds(
-                posterior=self._posterior,
-                predictor=self._predictor,
-                data=data,
-                reference=reference,
-            )
+            grounds = self._grounds(self._posterior, data, reference)
             self._doubted = self._doubting.once_sure(belief, grounds)
             belief = self._doubting.left_of(belief, self._doubted, grounds)
             self._count(reference)
@@ -161,13 +157,11 @@ class PosteriorMethod:
                 closing(self._make_physics()) as physics,
                 closing(self._open_reference()) as reference,
             ):  # apart, since what it costs was counted before
-                grounds = Grounds(
-                    posterior=self._posterior,
-                    predictor=Predictor(self._predictor.unknowns, physics),
-                    data=data,
-                    reference=reference,
+                grounds = self._grounds(self._posterior, data, reference)
+                predictor = Predictor(self._predictor.unknowns, physics)
+                self._doubted = self._doubting.once_sure(
+                    belief, replace(grounds, predictor=predictor)
                 )
-                self._doubted = self._doubting.once_sure(belief, grounds)
         return self._doubted
 
     def is_sure(self, number: int) -> bool:
@@ -217,12 +211,7 @@ class PosteriorMethod:
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
             final = believe(posterior, self._predictor, data, self._noise, self._alike)
-            grounds = Grounds(
-                posterior=checked.posterior,
-                predictor=self._predictor,
-                data=data,
-                reference=reference,
-            )
+            grounds = self._grounds(checked.posterior, data, reference)
             doubted = self._doubted_of(belief)
             if not doubted or final.not_known is NotKnown.POOR_FIT:
                 doubted = self._doubting.in_the_end(final, grounds)
@@ -260,6 +249,11 @@ class PosteriorMethod:
     def _data(self, observations: Sequence[Observation]) -> SensorData:
         return SensorData.of(
             observations, self._store.settings.modalities, self._store.world.clearance_cap
+        )
+
+    def _grounds(self, posterior: Posterior, data: SensorData, reference: Physics) -> Grounds:
+        return Grounds(
+            posterior=posterior, predictor=self._predictor, data=data, reference=reference
         )
 
     def _count(self, reference: Physics) -> None:
