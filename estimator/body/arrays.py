@@ -33,7 +33,7 @@ _NONE = -1
 _NUMBERS = ("parent", "mount", "hinge", "motor", "sensor")
 _TABLES = {"base_mounts": 7, "part_mounts": 5, "hinges": 3}  # columns
 _MEASURES = {"length", "radius", "zero", "travel", "base", *_TABLES}
-_FLAGS = {"limp"}
+_FLAGS = {"box", "limp"}
 _LARGEST = 1e6
 """Of any extent (m), mass (kg) or density (kg/m³): beyond it arithmetic cannot be trusted."""
 
@@ -53,6 +53,7 @@ class Bodies:
         sensor: −1 where there is none.
         length: m.
         radius: m.
+        box: Whether the part is one; else it is a capsule.
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
             sensor feels the ground in every pose, whatever a back-end says.
@@ -79,6 +80,7 @@ class Bodies:
     sensor: Integers
     length: Array
     radius: Array
+    box: Flags
     zero: Array
     limp: Flags
     travel: Array
@@ -182,6 +184,7 @@ class Bodies:
         shape = (len(count), int(count.max(initial=0)))
         numbers = {name: np.full(shape, _NONE, dtype=np.int64) for name in _NUMBERS}
         length, radius, zero = (np.zeros(shape) for _ in range(3))
+        box = np.zeros(shape, dtype=bool)
         base = np.empty((len(count), 12))
         base[:, TILT_GAIN:] = 1.0, 0.0
         base_mounts, part_mounts, hinges = _Rows(7), _Rows(5), _Rows(3)
@@ -205,7 +208,7 @@ class Bodies:
             hinge = hinges.start(body.hinges, lambda hinge: hinge.axis)
             for column, part in enumerate(body.parts):
                 length[row, column], radius[row, column] = part.length, part.radius
-                zero[row, column] = part.zero
+                zero[row, column], box[row, column] = part.zero, part.shape == "box"
                 for name, values in numbers.items():
                     value = getattr(part, name)
                     values[row, column] = _NONE if value is None else value
@@ -215,6 +218,7 @@ class Bodies:
             count=count,
             length=length,
             radius=radius,
+            box=box,
             zero=zero,
             limp=np.zeros(shape, dtype=bool),
             travel=np.ones(shape),

@@ -6,7 +6,8 @@ in the planar configuration (all angles 0) z is up. Units are m, rad, kg.
 
 A part is a capsule whose *length is the distance from its joint's axis to its outermost tip*, the
 round end included: the sphere centres lie on x from 0 to ``length - radius``. A part shorter than
-its radius is a single sphere at ``length - radius``, so that the tip is where the length says.
+its radius is a single sphere at ``length - radius``, so that the tip is where the length says. Or
+it is a box, a square bar from the axis to the tip, ``2 * radius`` wide and never shorter than wide.
 
 A part sits on a mount of its parent, on the axis of a part or anywhere on the main body, and its
 hinge turns it there about any axis; ``mounts`` has both.
@@ -18,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Final, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,8 @@ from estimator.body.mounts import (
 from estimator.errors import MorphologyError
 
 Array: TypeAlias = NDArray[np.float64]
+
+PartShape: TypeAlias = Literal["capsule", "box"]
 
 BASE: Final = -1
 """Parent index of the parts that sit on the main body."""
@@ -76,8 +79,7 @@ class Base:
     @property
     def inertia(self) -> Vector:
         """Moments about the centre of mass, along x, y and z, kg·m²."""
-        (x, y, z), share = self.size, self.mass / 12
-        return share * (y * y + z * z), share * (x * x + z * z), share * (x * x + y * y)
+        return box_inertia(self.size, self.mass)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +92,11 @@ class Part:
             of parts.
         hinge: Index into the body's hinges: how a positive angle moves it.
         length: Joint axis to outermost tip, m.
-        radius: m.
+        radius: Of a box half its width, m.
         motor: Index of the motor that drives it, or ``None`` where its hinge is locked at 0.
         sensor: Index of the touch sensor that it carries, or ``None``.
         zero: Angle of a driven hinge where its motor stands at 0, rad.
+        shape: What it is.
     """
 
     parent: int
@@ -104,22 +107,46 @@ class Part:
     motor: int | None = None
     sensor: int | None = None
     zero: float = 0.0
+    shape: PartShape = "capsule"
 
     @property
-    def far_centre(self) -> float:
-        """Position of the far sphere's centre on the part's x axis, m."""
-        return self.length - self.radius
+    def far(self) -> float:
+        """Position of the far sphere's centre, or of the far face, on the part's x axis, m."""
+        return self.length if self.shape == "box" else self.length - self.radius
 
     @property
-    def near_centre(self) -> float:
-        """Position of the near sphere's centre on the part's x axis, m."""
-        return min(0.0, self.length - self.radius)
+    def near(self) -> float:
+        """Position of the near sphere's centre, or of the near face, on the part's x axis, m."""
+        return min(0.0, self.length - (2 if self.shape == "box" else 1) * self.radius)
+
+    @property
+    def middle(self) -> float:
+        """Position of its centre of mass on its x axis, m."""
+        return (self.near + self.far) / 2
+
+    @property
+    def size(self) -> Vector:
+        """Extent along x, y and z, m."""
+        ends = 0.0 if self.shape == "box" else 2 * self.radius
+        return self.far - self.near + ends, 2 * self.radius, 2 * self.radius
 
     @property
     def volume(self) -> float:
-        """Volume of the capsule, m³."""
-        straight = self.far_centre - self.near_centre
+        """m³."""
+        straight = self.far - self.near
+        if self.shape == "box":
+            return straight * (2 * self.radius) ** 2
         return math.pi * self.radius**2 * (straight + 4 / 3 * self.radius)
+
+    def below(self, up: Sequence[float] | Array) -> float:
+        """How far its surface reaches below its x axis, m.
+
+        Args:
+            up: World up in the part's frame.
+        """
+        if self.shape == "box":
+            return self.radius * float(abs(up[1]) + abs(up[2]))
+        return self.radius
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,8 +252,9 @@ class Morphology:
         origins, turns = _frames(self, [0.0] * len(self.parts))
         lowest = self.base.size[2] / 2
         for part, origin, turn in zip(self.parts, origins, turns, strict=True):
-            for along in (part.near_centre, part.far_centre):
-                lowest = max(lowest, part.radius - float(origin[2] + along * turn[2, 0]))
+            below = part.below(turn[2])
+            for along in (part.near, part.far):
+                lowest = max(lowest, below - float(origin[2] + along * turn[2, 0]))
         return lowest
 
     @property
@@ -315,6 +343,12 @@ def tips(morphology: Morphology, program: Sequence[float] | Array) -> Array:
     lengths = np.array([part.length for part in morphology.parts], dtype=float)
     far_ends: Array = origins + lengths[:, None] * rotations[:, :, 0]
     return far_ends
+
+
+def box_inertia(size: Vector, mass: float) -> Vector:
+    """Moments of a box about its middle, along x, y and z, kg·m²."""
+    (x, y, z), share = size, mass / 12
+    return share * (y * y + z * z), share * (x * x + z * z), share * (x * x + y * y)
 
 
 @lru_cache(maxsize=1024)

@@ -206,13 +206,13 @@ class Chooser:
     ) -> Forecast:
         """What bodies will feel, silent where a body may fall to more sides than one.
 
-        Where much is to be found, silent also where it matters how thick parts are: models take
-        them to be round, and a square bar rests on its edges.
+        Where much is to be found, silent also where it matters how thick capsules are: what is
+        square but not known to be rests on its edges.
         """
         plumb = self._read(known, programs, LEANS[0], quickly=quickly)
         others = [self._read(known, programs, lean, quickly=quickly) for lean in FORKS]
         if self._predictor.unknowns.many:
-            radius = _THICKER * known.bodies.radius
+            radius = np.where(known.bodies.box, 1.0, _THICKER) * known.bodies.radius
             thicker = replace(known, bodies=known.bodies.changed(radius=radius))
             others.append(self._read(thicker, programs, LEANS[0], quickly=quickly))
         forecast = Forecast.of(plumb, len(known))

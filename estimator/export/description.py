@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import BASE, Array, Morphology, Part
+from estimator.body.morphology import BASE, Array, Morphology, Part, PartShape, box_inertia
 from protocol.text.printable import printable
 from protocol.wire.capabilities import Joint as RobotJoint
 
@@ -58,14 +58,15 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Link:
-    """One capsule and the joint that it hangs on.
+    """One part and the joint that it hangs on.
 
     Attributes:
         name: Its own.
         joint: To its parent.
-        near: Position of the near sphere's centre on x.
-        far: Position of the far sphere's centre on x.
-        radius: Of the capsule.
+        shape: What it is.
+        near: Position of the near sphere's centre, or of the near face, on x.
+        far: Position of the far sphere's centre, or of the far face, on x.
+        radius: Of a box half its width.
         mass: kg.
         inertia: About the centre of mass, which lies halfway, along x, y and z, kg·m².
         sensor: Index of the touch sensor that it carries, or ``None``.
@@ -73,6 +74,7 @@ class Link:
 
     name: str
     joint: Joint
+    shape: PartShape
     near: float
     far: float
     radius: float
@@ -87,8 +89,13 @@ class Link:
 
     @property
     def is_sphere(self) -> bool:
-        """Whether its two ends are one."""
-        return self.far - self.near < _SHORTEST
+        """Whether it is a capsule whose two ends are one."""
+        return self.shape == "capsule" and self.far - self.near < _SHORTEST
+
+    @property
+    def box(self) -> Vector:
+        """Extent of a box along x, y and z."""
+        return self.far - self.near, 2 * self.radius, 2 * self.radius
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,11 +171,12 @@ def describe(
                     axis=body.hinge(row).axis,
                     limits=limits,
                 ),
-                near=part.near_centre,
-                far=part.far_centre,
+                shape=part.shape,
+                near=part.near,
+                far=part.far,
                 radius=part.radius,
                 mass=mass,
-                inertia=_of_capsule(part, mass),
+                inertia=_inertia(part, mass),
                 sensor=part.sensor,
             )
         )
@@ -206,9 +214,11 @@ def _different(names: Iterable[str]) -> list[str]:
     return given
 
 
-def _of_capsule(part: Part, mass: float) -> Vector:
-    """Inertia of a capsule along x about its middle."""
-    straight, radius = part.far_centre - part.near_centre, part.radius
+def _inertia(part: Part, mass: float) -> Vector:
+    """About its middle, along x, y and z."""
+    if part.shape == "box":
+        return box_inertia(part.size, mass)
+    straight, radius = part.far - part.near, part.radius
     tube = mass * straight / (straight + 4 / 3 * radius)
     ends = mass - tube
     along = radius**2 * (tube / 2 + 2 / 5 * ends)

@@ -64,9 +64,9 @@ def _add_link(carrier: Element, link: Link) -> Element:
         ends = _numbers((joint.limits.lower, joint.limits.upper))
         SubElement(element, "joint", name=joint.name, axis=_numbers(joint.axis), range=ends)
     _add_inertial(element, link.mass, link.inertia, (link.middle, 0, 0))
-    SubElement(element, "geom", _capsule(link, link.radius))
+    SubElement(element, "geom", _shape(link))
     if link.sensor is not None:
-        SubElement(element, "site", _capsule(link, link.radius + _SKIN), name=_skin(link))
+        SubElement(element, "site", _shape(link, _SKIN), name=_skin(link))
     return element
 
 
@@ -80,7 +80,12 @@ def _add_inertial(element: Element, mass: float, inertia: Vector, centre: Vector
     )
 
 
-def _capsule(link: Link, radius: float) -> dict[str, str]:
+def _shape(link: Link, larger: float = 0.0) -> dict[str, str]:
+    """A link's shape, its surface so much farther out, m."""
+    radius = link.radius + larger
+    if link.shape == "box":
+        half = _numbers(extent / 2 + larger for extent in link.box)
+        return {"type": "box", "pos": _numbers((link.middle, 0, 0)), "size": half}
     if link.is_sphere:
         shape = {"type": "sphere", "pos": _numbers((link.far, 0, 0))}
     else:

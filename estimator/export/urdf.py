@@ -1,6 +1,6 @@
 """URDF (http://wiki.ros.org/urdf/XML), in the subset that ``sim-robotd --body`` takes.
 
-URDF has no capsules, so a link is a cylinder with a sphere at each end. It has no sensors either:
+URDF has no capsules, so one is a cylinder with a sphere at each end. It has no sensors either:
 a simulated robot has its accelerometer in the root link, its distance sensor in the middle of that
 link's lower face, and a touch sensor on each link that carries no other joint.
 """
@@ -22,12 +22,12 @@ def urdf(body: Description) -> str:
     root = Element("robot", name=body.robot)
     main = SubElement(root, "link", name=body.base)
     _add_inertial(main, body.mass, body.inertia, body.centre)
-    box = SubElement(_shape(main, 0.0), "box")
+    box = SubElement(_collision(main, 0.0), "box")
     box.set("size", _numbers(body.size))
     for link in body.links:
         element = SubElement(root, "link", name=link.name)
         _add_inertial(element, link.mass, link.inertia, (link.middle, 0, 0))
-        _add_capsule(element, link)
+        _add_shape(element, link)
     for link in body.links:
         _add_joint(root, link.joint, link.name)
     ElementTree.indent(root)
@@ -42,16 +42,19 @@ def _add_inertial(link: Element, mass: float, inertia: Vector, centre: Vector) -
     SubElement(inertial, "inertia", ixx=xx, ixy="0", ixz="0", iyy=yy, iyz="0", izz=zz)
 
 
-def _add_capsule(element: Element, link: Link) -> None:
+def _add_shape(element: Element, link: Link) -> None:
+    if link.shape == "box":
+        SubElement(_collision(element, link.middle), "box", size=_numbers(link.box))
+        return
     if not link.is_sphere:
-        tube = SubElement(_shape(element, link.middle, _UPRIGHT), "cylinder")
+        tube = SubElement(_collision(element, link.middle, _UPRIGHT), "cylinder")
         tube.set("radius", repr(link.radius))
         tube.set("length", repr(link.far - link.near))
-        SubElement(_shape(element, link.near), "sphere", radius=repr(link.radius))
-    SubElement(_shape(element, link.far), "sphere", radius=repr(link.radius))
+        SubElement(_collision(element, link.near), "sphere", radius=repr(link.radius))
+    SubElement(_collision(element, link.far), "sphere", radius=repr(link.radius))
 
 
-def _shape(link: Element, x: float, rpy: str = "0 0 0") -> Element:
+def _collision(link: Element, x: float, rpy: str = "0 0 0") -> Element:
     collision = SubElement(link, "collision")
     SubElement(collision, "origin", xyz=_numbers((x, 0, 0)), rpy=rpy)
     return SubElement(collision, "geometry")

@@ -108,11 +108,11 @@ class LivePage:
         if body is self._shown:
             return
         self._shown = body
-        box = next(solid for solid in body if solid.kind == "box")
-        ahead = box.turn @ np.array([box.size[0] / 2, 0.0, box.size[2] / 2])
+        main = body[0]
+        ahead = main.turn @ np.array([main.size[0] / 2, 0.0, main.size[2] / 2])
         with self._server.atomic():
             self._body.show([body])
-            self._front.position = box.place + 1.2 * ahead
+            self._front.position = main.place + 1.2 * ahead
 
     def _point_camera(self, view: RunView) -> None:
         reach = 1.5 * max(view.base.size) if view.best is None else view.best.reach

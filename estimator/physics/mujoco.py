@@ -126,8 +126,8 @@ class MuJoCoPhysics(BackEnd):
         gaps = []
         for index, part in enumerate(body.parts):
             link = data.body(f"part {index}")
-            lowest = link.xmat[6] * np.array([part.near_centre, part.far_centre])
-            gaps.append(link.xpos[2] + lowest.min() - part.radius)
+            lowest = link.xmat[6] * np.array([part.near, part.far])
+            gaps.append(link.xpos[2] + lowest.min() - part.below(link.xmat[6:]))
         main = data.body("main body")
         readings.fill_row(
             row, body, self._settings, height=main.xpos[2], up=main.xmat[6:], gaps=gaps
@@ -193,8 +193,14 @@ def _contact(settings: WorldSettings) -> dict[str, Any]:
 
 
 def _shape(engine: Any, part: Part) -> dict[str, Any]:
-    near, far = part.near_centre, part.far_centre
+    near, far = part.near, part.far
     size = (part.radius, 0, 0)
+    if part.shape == "box":
+        return {
+            "type": engine.mjtGeom.mjGEOM_BOX,
+            "pos": (part.middle, 0, 0),
+            "size": [extent / 2 for extent in part.size],
+        }
     if far - near > _SHORTEST:
         return {
             "type": engine.mjtGeom.mjGEOM_CAPSULE,

@@ -30,7 +30,7 @@ import operator
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
-from estimator.body.morphology import Morphology, Part
+from estimator.body.morphology import Morphology, Part, box_inertia
 from estimator.errors import PhysicsError
 from estimator.physics.base import (
     GRAVITY,
@@ -150,7 +150,7 @@ class PyBulletPhysics(BackEnd):
                     morphology.mount(index).quaternion for index in range(len(parts))
                 )
             ],
-            linkInertialFramePositions=[(_middle(part), 0.0, 0.0) for part in parts],
+            linkInertialFramePositions=[(part.middle, 0.0, 0.0) for part in parts],
             linkInertialFrameOrientations=[_UPRIGHT] * len(parts),
             linkParentIndices=[part.parent + 1 for part in parts],
             linkJointTypes=[
@@ -183,9 +183,16 @@ class PyBulletPhysics(BackEnd):
 
     def _shape(self, part: Part) -> int:
         engine, client = self._engine, self._client
-        middle, straight = (_middle(part), 0.0, 0.0), part.far_centre - part.near_centre
-        if straight > 0:
+        middle, straight = (part.middle, 0.0, 0.0), part.far - part.near
+        if part.shape == "box":
             shape: int = engine.createCollisionShape(
+                engine.GEOM_BOX,
+                halfExtents=[extent / 2 for extent in part.size],
+                collisionFramePosition=middle,
+                physicsClientId=client,
+            )
+        elif straight > 0:
+            shape = engine.createCollisionShape(
                 engine.GEOM_CAPSULE,
                 radius=part.radius,
                 height=straight,
@@ -275,21 +282,18 @@ class PyBulletPhysics(BackEnd):
         )
         gaps = []
         for part, state in zip(morphology.parts, states, strict=True):
-            height, (x, y, z, w) = state[4][2], state[5]
-            climb = 2 * (x * z - w * y)  # of the part's axis, per metre
-            lowest = min(climb * part.near_centre, climb * part.far_centre)
-            gaps.append(height + lowest - part.radius)
+            height, up = state[4][2], up_in_body(state[5])
+            lowest = min(up[0] * part.near, up[0] * part.far)
+            gaps.append(height + lowest - part.below(up))
         return gaps
-
-
-def _middle(part: Part) -> float:
-    return (part.near_centre + part.far_centre) / 2
 
 
 def _inertias(morphology: Morphology) -> Iterator[tuple[float, float, float]]:
     """Moments about the centre of mass, of the main body and of each part, kg·m²."""
     yield morphology.base.inertia
     for part, weight in zip(morphology.parts, morphology.masses.tolist(), strict=True):
-        extent = part.far_centre - part.near_centre + 2 * part.radius
-        across = weight * (3 * part.radius**2 + extent**2) / 12
+        if part.shape == "box":
+            yield box_inertia(part.size, weight)
+            continue
+        across = weight * (3 * part.radius**2 + part.size[0] ** 2) / 12
         yield weight * part.radius**2 / 2, across, across

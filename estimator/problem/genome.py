@@ -146,6 +146,7 @@ class Genome:
                         motor=rule.motor,
                         sensor=rule.sensor,
                         zero=zero,
+                        shape=rule.shape,
                     )
                     for rule, parent, mount, hinge, length, zero in zip(
                         self._problem.parts, *row, strict=True

@@ -6,6 +6,7 @@ from typing import Annotated, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from estimator.body.morphology import PartShape
 from estimator.physics.base import WorldSettings
 from estimator.problem.values import (
     Angles,
@@ -81,7 +82,8 @@ class PartRule(Strict):
         hinge: Name of its hinge; empty where ``axis`` says it.
         axis: The same as an axis of its own; see ``HingeRule``.
         length: Shortest and longest, m; equal where the length is known.
-        radius: m.
+        shape: What the part is.
+        radius: Of a box half its width, m.
         motor: The joint that moves it, or ``None`` where its hinge is locked.
         locked: The joint that carries it where that stays at 0, if anybody knows: only for it can
             a score say whether the part is attached as it is on the robot.
@@ -97,6 +99,7 @@ class PartRule(Strict):
     hinge: NameOrUnknown = ""
     axis: Axis | None = None
     length: Length
+    shape: PartShape = "capsule"
     radius: Radius
     motor: Number | None = None
     locked: Number | None = None

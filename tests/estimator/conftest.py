@@ -72,7 +72,7 @@ def random_quadruped() -> MakeBody:
 
 @pytest.fixture(scope="session")
 def random_tree() -> MakeBody:
-    """Eight parts anywhere, with any hinges, about a third of them locked."""
+    """Eight parts anywhere, with any hinges, about a third of them locked, two of them boxes."""
 
     def make(rng: np.random.Generator) -> Morphology:
         parts = tuple(
@@ -84,6 +84,7 @@ def random_tree() -> MakeBody:
                 radius=float(rng.choice([0.006, 0.013])),
                 motor=index if rng.random() < 2 / 3 else None,
                 sensor=index - 4 if index >= 4 else None,
+                shape="box" if index % 3 == 2 else "capsule",
             )
             for index in range(8)
         )

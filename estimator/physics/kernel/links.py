@@ -1,20 +1,20 @@
-"""A tree of parts as rigid links, and where their points are at each step of the slew.
+"""A tree of parts as rigid links, with the points that may touch the ground.
 
 Parts joined by locked hinges move as one link. Link 0 is the main body; every other has its frame
-where its first part has it. Locked parts lie in the link's own plane z = 0, so each of its points
-is two numbers; one that rises out of it begins a link of its own, in the same group. A group is
-what one touch sensor feels.
+where its first part has it. Locked parts lie in the link's own plane z = 0; one that rises out of
+it begins a link of its own, in the same group. A group is what one touch sensor feels.
 
-A capsule on a plane is its two end spheres. A sphere inside the cone between two others of its
-link never touches first and is left out: so a straight leg of two parts has three.
+A capsule on a plane is its two end spheres, a box its eight corners, of radius 0. A sphere inside
+the cone between two others of its link never touches first and is left out: so a straight leg of
+two capsules has three.
 
 Arrays, for at most n parts:
 
 * ``tree`` (n + 1, 7), integers, and ``joint`` (n + 1, 17), one row per link; columns below.
 * ``frame`` (n + 1, 15): origin, then the x, y and z axes, in the body frame; then mass times
   centre of mass.
-* ``points`` (6, 8 + 2 n): x, y, z in the body frame, radius, then the two numbers within the link.
-  The first eight are the main body's corners.
+* ``points`` (7, 8 + 8 n): x, y, z in the body frame, radius, then x, y, z in the link's frame. The
+  first eight are the main body's corners.
 * ``place`` (n,), integers: link of each part; ``at`` (n, 4): where in the link's plane it begins,
   then cosine and sine of its direction there.
 """
@@ -26,7 +26,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimator.body.arrays import Integers
+from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import allocating, compiled
 
@@ -62,7 +62,7 @@ RISE: Final = 16
 JOINT_COLUMNS: Final = 17
 
 FRAME_COLUMNS: Final = 15
-POINT_ROWS: Final = 6
+POINT_ROWS: Final = 7
 CORNERS: Final = 8
 
 
@@ -77,6 +77,7 @@ class Trees(NamedTuple):
     sensor: Integers
     length: Array
     radius: Array
+    box: Flags
     base: Array
     base_mounts: Array
     part_mounts: Array
@@ -116,7 +117,7 @@ class Work(NamedTuple):
 @allocating
 def work_space(parts: int) -> Work:
     """Room for bodies of so many parts."""
-    points = CORNERS + 2 * parts
+    points = CORNERS * (1 + parts)
     return Work(
         np.zeros((parts + 1, TREE_COLUMNS), np.int64),
         np.zeros((parts + 1, JOINT_COLUMNS)),
@@ -147,10 +148,11 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
     """
     parent, mount, hinge = trees.parent[row], trees.mount[row], trees.hinge[row]
     motor, length, radius = trees.motor[row], trees.length[row], trees.radius[row]
+    box = trees.box[row]
     base, base_mounts, part_mounts = trees.base[row], trees.base_mounts, trees.part_mounts
-    tree, joint, points, place, at = work.tree, work.joint, work.points, work.place, work.at
+    tree, joint, place, at = work.tree, work.joint, work.place, work.at
     hinges, parts = trees.hinges, trees.parts[row]
-    links, ends = 1, CORNERS
+    links = 1
     tree[0, STEPS] = 0
     joint[0, MASS] = base[3]
     for part in range(parts):
@@ -192,17 +194,34 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
             x, y, east, north = 0.0, 0.0, 1.0, 0.0
         place[part] = link
         at[part, 0], at[part, 1], at[part, 2], at[part, 3] = x, y, east, north
-        far = length[part] - radius[part]
-        near = min(0.0, far)
+        near, far = _ends(length[part], radius[part], box[part])
         size = math.pi * radius[part] ** 2 * (far - near + 4 / 3 * radius[part])
+        if box[part]:
+            size = 4 * radius[part] ** 2 * (far - near)
         mass, middle = base[4] * size, 0.5 * (near + far)
         joint[link, MASS] += mass
         joint[link, MOMENT_X] += mass * (x + middle * east)
         joint[link, MOMENT_Y] += mass * (y + middle * north)
         tree[link, END] += 1  # for now, how many parts
+    return links, _add_points(trees, row, links, work)
+
+
+@compiled
+def _add_points(trees: Trees, row: int, links: int, work: Work) -> int:
+    """Lists the points of an assembled body, link by link.
+
+    Returns:
+        How many there are.
+    """
+    parent, mount, motor = trees.parent[row], trees.mount[row], trees.motor[row]
+    length, radius, box = trees.length[row], trees.radius[row], trees.box[row]
+    base = trees.base[row]
+    tree, points, place, at = work.tree, work.points, work.place, work.at
+    part_mounts, parts = trees.part_mounts, trees.parts[row]
+    ends = CORNERS
     for link in range(1, links):
         tree[link, FIRST] = ends
-        ends += 2 * tree[link, END]
+        ends += CORNERS * tree[link, END]
         tree[link, END] = tree[link, FIRST]
     for corner in range(CORNERS):
         points[0, corner] = base[0] * (0.5 if corner & 1 else -0.5)
@@ -211,20 +230,33 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
         points[3, corner] = 0.0
     for part in range(parts):
         link, where = place[part], mount[part]
-        thick, far = radius[part], length[part] - radius[part]
-        end, on = tree[link, END], parent[part]
-        near = far > 0.0
+        thick, end, on = radius[part], tree[link, END], parent[part]
+        near, far = _ends(length[part], thick, box[part])
+        if box[part]:
+            for corner in range(CORNERS):
+                along = far if corner & 1 else near
+                aside = thick if corner & 2 else -thick
+                points[3, end] = 0.0
+                points[4, end] = at[part, 0] + along * at[part, 2] - aside * at[part, 3]
+                points[5, end] = at[part, 1] + along * at[part, 3] + aside * at[part, 2]
+                points[6, end] = thick if corner & 4 else -thick
+                end += 1
+            tree[link, END] = end
+            continue
+        two = far > 0.0  # spheres
         straight = on >= 0 and motor[part] < 0  # and, from the carrier's far end, onward
         straight = straight and part_mounts[where, 0] == 1.0 and part_mounts[where, 1] == 1.0
-        if near and straight and length[on] >= radius[on]:
+        if two and straight and length[on] >= radius[on] and not box[on]:
             share = radius[on] / (radius[on] + far)  # of the way from the parent's far end
-            near = thick > radius[on] + (thick - radius[on]) * share
-        if near:
+            two = thick > radius[on] + (thick - radius[on]) * share
+        if two:
             points[3, end], points[4, end], points[5, end] = thick, at[part, 0], at[part, 1]
+            points[6, end] = 0.0
             end += 1
         points[3, end] = thick
         points[4, end] = at[part, 0] + far * at[part, 2]
         points[5, end] = at[part, 1] + far * at[part, 3]
+        points[6, end] = 0.0
         tree[link, END] = end + 1
     count = CORNERS
     for link in range(1, links):
@@ -235,7 +267,15 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
                 points[number, count] = points[number, old]
             count += 1
         tree[link, END] = count
-    return links, count
+    return count
+
+
+@compiled
+def _ends(length: float, radius: float, box: bool) -> tuple[float, float]:
+    """Where the part's own axis begins and ends; see ``Part.near`` and ``far``."""
+    if box:
+        return min(0.0, length - 2 * radius), length
+    return min(0.0, length - radius), length - radius
 
 
 @compiled
@@ -254,97 +294,3 @@ def _turn(x: float, y: float, z: float, planar: bool) -> tuple[int, float]:
         if abs(x) == 1.0:
             return ROLL, -x
     return FREE, 1.0
-
-
-@compiled
-def _move_freely(
-    link: int,
-    cosine: float,
-    sine: float,
-    tree: Integers,
-    joint: Array,
-    frame: Array,
-    points: Array,
-) -> None:
-    """Turns one link about any axis, on any mount (Rodrigues); see ``move``."""
-    on = tree[link, PARENT]
-    level, rise = joint[link, LEVEL], joint[link, RISE]
-    east, north = joint[link, EAST], joint[link, NORTH]
-    axis_x, axis_y, axis_z = joint[link, AXIS], joint[link, AXIS + 1], joint[link, AXIS + 2]
-    for row in range(3):
-        origin = frame[on, row] + joint[link, X] * frame[on, 3 + row]
-        origin += joint[link, Y] * frame[on, 6 + row] + joint[link, Z] * frame[on, 9 + row]
-        flat = east * frame[on, 3 + row] + north * frame[on, 6 + row]
-        x = level * flat + rise * frame[on, 9 + row]
-        y = east * frame[on, 6 + row] - north * frame[on, 3 + row]
-        z = level * frame[on, 9 + row] - rise * flat
-        along = (1 - cosine) * (axis_x * x + axis_y * y + axis_z * z)
-        ahead = cosine * x + sine * (axis_z * y - axis_y * z) + along * axis_x
-        left = cosine * y + sine * (axis_x * z - axis_z * x) + along * axis_y
-        frame[link, row] = origin
-        frame[link, 3 + row] = ahead
-        frame[link, 6 + row] = left
-        frame[link, 9 + row] = cosine * z + sine * (axis_y * x - axis_x * y) + along * axis_z
-        frame[link, 12 + row] = joint[link, MASS] * origin
-        frame[link, 12 + row] += joint[link, MOMENT_X] * ahead + joint[link, MOMENT_Y] * left
-        for point in range(tree[link, FIRST], tree[link, END]):
-            points[row, point] = origin + points[4, point] * ahead + points[5, point] * left
-
-
-@compiled
-def move(
-    step: int,
-    links: int,
-    tree: Integers,
-    joint: Array,
-    frame: Array,
-    points: Array,
-    cosines: Array,
-    sines: Array,
-) -> tuple[float, float, float]:
-    """Turns the joints to where they are after so many steps. What stands still is left alone.
-
-    Args:
-        cosines: Of the angle after each number of steps; likewise ``sines``.
-
-    Returns:
-        Mass times centre of mass, in the body frame, kg·m.
-    """
-    total_x, total_y, total_z = frame[0, 12], frame[0, 13], frame[0, 14]
-    for link in range(1, links):
-        if step <= tree[link, STEPS]:
-            on, turn, turned = tree[link, PARENT], tree[link, TURN], 0
-            x, y = joint[link, X], joint[link, Y]
-            mass = joint[link, MASS]
-            moment_x, moment_y = joint[link, MOMENT_X], joint[link, MOMENT_Y]
-            east, north = joint[link, EAST], joint[link, NORTH]
-            if step < tree[link, OWN_STEPS]:
-                cosine, sine = cosines[step], sines[step] * joint[link, SIGN]
-            else:
-                cosine, sine = joint[link, COSINE], joint[link, SINE] * joint[link, SIGN]
-            if turn == FREE:
-                _move_freely(link, cosine, sine, tree, joint, frame, points)
-                turned = 3
-            for row in range(turned, 3):
-                origin = frame[on, row] + x * frame[on, 3 + row] + y * frame[on, 6 + row]
-                ahead = east * frame[on, 3 + row] + north * frame[on, 6 + row]
-                left = east * frame[on, 6 + row] - north * frame[on, 3 + row]
-                over = frame[on, 9 + row]
-                if turn == YAW:
-                    ahead, left = cosine * ahead + sine * left, cosine * left - sine * ahead
-                elif turn == PITCH:
-                    ahead, over = cosine * ahead + sine * over, cosine * over - sine * ahead
-                else:  # roll
-                    left, over = cosine * left - sine * over, cosine * over + sine * left
-                frame[link, row] = origin
-                frame[link, 3 + row] = ahead
-                frame[link, 6 + row] = left
-                frame[link, 9 + row] = over
-                frame[link, 12 + row] = mass * origin + moment_x * ahead + moment_y * left
-                for point in range(tree[link, FIRST], tree[link, END]):
-                    across = points[4, point] * ahead + points[5, point] * left
-                    points[row, point] = origin + across
-        total_x += frame[link, 12]
-        total_y += frame[link, 13]
-        total_z += frame[link, 14]
-    return total_x, total_y, total_z

@@ -17,6 +17,7 @@ from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled
 from estimator.physics.kernel.contact import BALANCED, TOUCHING, balanced, touching
+from estimator.physics.kernel.kinematics import move
 from estimator.physics.kernel.links import (
     CORNERS,
     END,
@@ -26,7 +27,6 @@ from estimator.physics.kernel.links import (
     STEPS,
     Slew,
     Work,
-    move,
 )
 from estimator.physics.kernel.rolling import follow, roll
 from estimator.physics.kernel.vectors import at, dot, minus, turning, vector

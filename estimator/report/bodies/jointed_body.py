@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 import numpy as np
 from pydantic import BaseModel, ConfigDict, PlainSerializer
 
-from estimator.body.morphology import Array, Morphology, rotation
+from estimator.body.morphology import Array, Morphology, Part, rotation
 from estimator.evaluation.truth.urdf import Box, Cylinder, Origin, Sphere, Urdf, numbers
 
 MAIN_BODY: Final = -1
@@ -102,16 +102,15 @@ def model_links(
                 limb=limbs[row],
                 certainty=certainties[row] if certainties else 1.0,
                 end=(part.length, 0.0, 0.0),
-                shapes=(
-                    Shape(
-                        kind="capsule",
-                        size=(part.radius, part.far_centre - part.near_centre),
-                        place=((part.near_centre + part.far_centre) / 2, 0.0, 0.0),
-                    ),
-                ),
+                shapes=(_shape_of_part(part),),
             )
         )
     return tuple(links)
+
+
+def _shape_of_part(part: Part) -> Shape:
+    size = part.size if part.shape == "box" else (part.radius, part.far - part.near)
+    return Shape(kind=part.shape, size=size, place=(part.middle, 0.0, 0.0))
 
 
 def robot_links(urdf: Urdf, joints: Sequence[str], limbs_of: Mapping[str, int]) -> tuple[Link, ...]:

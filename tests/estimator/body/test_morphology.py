@@ -89,8 +89,8 @@ def test_parts_sit_on_their_parents_axis(
 @given(length=st.floats(0, 0.4), radius=st.floats(0.001, 0.05))
 def test_length_is_measured_to_the_outermost_tip(length: float, radius: float) -> None:
     part = replace(LEG, length=length, radius=radius)
-    assert part.far_centre + radius == pytest.approx(length)
-    assert part.near_centre <= part.far_centre
+    assert part.far + radius == pytest.approx(length)
+    assert part.near <= part.far
     assert tips(body(part), [0.0])[0][0] == pytest.approx(0.070 + length)
 
 

@@ -7,13 +7,14 @@ import logging
 import math
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from estimator.body.morphology import BASE, Base, Morphology, Part, part_frames
+from estimator.body.morphology import BASE, Base, Morphology, Part, PartShape, part_frames
 from estimator.export.description import Description, describe
 from estimator.export.formats import as_json
 from estimator.export.mjcf import mjcf
@@ -107,14 +108,17 @@ def test_mujoco_finds_each_link_where_it_is(tree: Morphology) -> None:
     assert sensors == ["tilt", "clearance", "touch_1", "touch_2", "touch_3", "touch_4"]
 
 
-def test_mujocos_own_inertia_of_a_capsule_is_ours() -> None:
+@pytest.mark.parametrize("shape", ["capsule", "box"])
+def test_mujocos_own_inertia_of_a_part_is_ours(shape: PartShape) -> None:
     for length in (0.2, 0.02, 0.004):
-        limb = Part(parent=BASE, mount=1, hinge=2, length=length, radius=0.013, motor=0)
+        limb = Part(
+            parent=BASE, mount=1, hinge=2, length=length, radius=0.013, motor=0, shape=shape
+        )
         body = Morphology(base=Base(size=(0.1,) * 3, mass=1.0), parts=(limb,), density=900.0)
         text = mjcf(described(body))
         given = mujoco.MjModel.from_xml_string(text).body("part_0").inertia
         ours = '<compiler inertiafromgeom="true" '
-        bare = text.replace("<compiler ", ours).replace("<geom c", '<geom density="900" c')
+        bare = text.replace("<compiler ", ours).replace("<geom ", '<geom density="900" ')
         computed = mujoco.MjModel.from_xml_string(bare).body("part_0").inertia
         assert sorted(given) == pytest.approx(sorted(computed), rel=1e-6)
 
@@ -155,6 +159,8 @@ def test_dropped_in_the_simulators_world_it_reads_what_the_model_reads(
     with PyBulletPhysics(WorldSettings(step=step, steps=1200)) as physics:
         for _ in range(3):
             body = random_quadruped(rng)
+            bars = [replace(part, shape="box") for part in body.parts[:4]]
+            body = replace(body, parts=(*bars, *body.parts[4:]))
             program = rng.uniform(-0.5, 0.5, 4)
             path.write_text(urdf(described(body)), encoding="utf-8")
             read = physics.read([(body, program)])

@@ -18,14 +18,19 @@ LEVEL = Observation(angles=(0.3, -0.2, 0.1, 0.4, 0.2, -0.5, 0.0, 0.3), tilt=(0.0
 def test_every_part_is_drawn_where_it_is(random_tree: MakeBody) -> None:
     body = random_tree(np.random.default_rng(5))
     solids = posed(BODY, body, LEVEL)
-    box, _, spheres = (instances([solids], kind) for kind in KINDS)
-    middle = box.positions[0]
-    assert box.scales[0] == pytest.approx(BODY.size)
+    boxes, _, spheres = (instances([solids], kind) for kind in KINDS)
+    middle = boxes.positions[0]
+    assert boxes.scales[0] == pytest.approx(BODY.size)
     outermost = tips(body, LEVEL.angles) + middle
-    reached = spheres.positions[1::2] - outermost  # from the tip to the far sphere's middle
-    radii = [part.radius for part in body.parts]
+    bars = np.array([part.shape == "box" for part in body.parts])
+    reached = spheres.positions[1::2] - outermost[~bars]  # from the tip to the far sphere's middle
+    radii = np.array([part.radius for part in body.parts])[~bars]
     assert np.linalg.norm(reached, axis=1) == pytest.approx(radii)
     assert spheres.scales[::2] == pytest.approx(np.repeat(radii, 3).reshape(-1, 3))
+    sizes = np.array([part.size for part in body.parts])[bars]
+    assert boxes.scales[1:] == pytest.approx(sizes)
+    reached = boxes.positions[1:] - outermost[bars]
+    assert np.linalg.norm(reached, axis=1) == pytest.approx(sizes[:, 0] / 2)
 
 
 def test_a_body_rests_on_the_ground_turned_as_was_felt(random_quadruped: MakeBody) -> None:

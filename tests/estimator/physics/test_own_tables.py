@@ -77,7 +77,7 @@ def test_a_mount_below_the_belly_lifts_it(
     lowest = [
         part.radius - (origin + along * turn[:, 0])[2]
         for part, origin, turn in zip(body.parts, origins, turns, strict=True)
-        for along in (part.near_centre, part.far_centre)
+        for along in (part.near, part.far)
     ]
     assert body.planar_height == pytest.approx(max(body.base.size[2] / 2, *lowest))
     assert WorldSettings().inertia_floor(body) > 0

@@ -224,6 +224,37 @@ def test_stopping_at_rest_reads_what_all_steps_read(engine: Engine, problem: str
     assert (quick.touch == full.touch).mean() >= 0.995
 
 
+def test_a_bar_rests_on_its_edges(physics: Physics, statics: StaticsPhysics) -> None:
+    """Four bars 100 mm wide, wider than the main body is high, each turned about its own axis."""
+    turned = legs(0.2, radius=0.05, hinge=4)
+    bars = replace(turned, parts=tuple(replace(part, shape="box") for part in turned.parts))
+    for degrees in (0.0, 20.0, 45.0):
+        angle = math.radians(degrees)
+        edge = 0.05 * (math.cos(angle) + math.sin(angle)) - BELLY
+        for back_end in (physics, statics):
+            felt = read_one(back_end, bars, *[angle] * 4)
+            assert felt.clearance == pytest.approx([edge], abs=2e-4)
+            assert felt.touch.all()
+            round_one = read_one(back_end, turned, *[angle] * 4)
+            assert round_one.clearance == pytest.approx([0.05 - BELLY], abs=2e-4)
+
+
+def test_bodies_of_bars_rest_where_statics_has_them(
+    engine: Engine, statics: StaticsPhysics, random_quadruped: MakeBody
+) -> None:
+    pairs = []
+    for body, program in random_pairs(random_quadruped, 20, seed=23, motors=4):
+        upper = [replace(part, shape="box") for part in body.parts[:4]]
+        pairs.append((replace(body, parts=(*upper, *body.parts[4:])), program))
+    sure = statics.path_margins(pairs) > np.radians(2)
+    by_statics = statics.read(pairs)
+    with engine(WorldSettings(step=1 / 240, steps=1200)) as simulator:
+        simulated = simulator.read(pairs)
+    assert sure.sum() > 8
+    assert simulated.tilt[sure] == pytest.approx(by_statics.tilt[sure], abs=2e-3)
+    assert simulated.clearance[sure] == pytest.approx(by_statics.clearance[sure], abs=3e-4)
+
+
 def test_a_body_that_does_not_lie_flat_rests_before_it_moves(
     engine: Engine, statics: StaticsPhysics
 ) -> None:

@@ -9,7 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
+from estimator.body.morphology import (
+    BASE,
+    Array,
+    Base,
+    Morphology,
+    Part,
+    PartShape,
+    part_frames,
+)
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.statics import StaticsPhysics
 
@@ -17,6 +25,7 @@ STATICS = StaticsPhysics(WorldSettings(clearance_cap=1e9))
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 LENGTHS = (0.0, 1e-9, 0.006, 0.05, 0.2, 30.0)
 RADII = (1e-6, 0.006, 0.05, 2.0)
+SHAPES: tuple[PartShape, ...] = ("capsule", "box")
 ANGLES = (0.0, -0.0, math.pi, -math.pi, math.pi / 2, -1e-9, 6.5)
 
 
@@ -33,6 +42,7 @@ def wild_pairs(draw: st.DrawFn) -> Pair:
             radius=draw(st.sampled_from(RADII)),
             motor=draw(st.sampled_from((None, index))),
             sensor=index,
+            shape=draw(st.sampled_from(SHAPES)),
         )
         for index in range(count)
     )
@@ -45,12 +55,26 @@ def wild_pairs(draw: st.DrawFn) -> Pair:
     return body, np.array(draw(st.lists(angle, min_size=count, max_size=count)))
 
 
-def capsule_ends(body: Morphology, program: Array) -> Array:
-    """Near and far sphere centres of each part in the body frame, m, shape (parts, 2, 3)."""
+CORNERS = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+
+
+def ends(body: Morphology, program: Array) -> Array:
+    """Near and far ends of each part's axis in the body frame, m, shape (parts, 2, 3)."""
     origins, rotations = part_frames(body, program)
-    along = np.array([(part.near_centre, part.far_centre) for part in body.parts])
-    ends: Array = origins[:, None, :] + along.reshape(-1, 2, 1) * rotations[:, None, :, 0]
-    return ends
+    along = np.array([(part.near, part.far) for part in body.parts])
+    both: Array = origins[:, None, :] + along.reshape(-1, 2, 1) * rotations[:, None, :, 0]
+    return both
+
+
+def spheres(body: Morphology, program: Array) -> tuple[Array, Array]:
+    """Centres and radii of the spheres whose hull the body is, m, shapes (n, 3) and (n,)."""
+    _, rotations = part_frames(body, program)
+    centres, radii = [CORNERS * body.base.size], [np.zeros(8)]
+    for part, turn, two in zip(body.parts, rotations, ends(body, program), strict=True):
+        box = part.shape == "box"
+        centres.append(two.mean(axis=0) + CORNERS * part.size @ turn.T if box else two)
+        radii.append(np.zeros(8) if box else np.full(2, part.radius))
+    return np.concatenate(centres), np.concatenate(radii)
 
 
 def support(body: Morphology, program: Array, up: Array) -> tuple[float, float]:
@@ -58,11 +82,9 @@ def support(body: Morphology, program: Array, up: Array) -> tuple[float, float]:
 
     Worked out from the parts' positions alone, by trying every direction in the ground plane.
     """
-    corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T * body.base.size
-    ends = capsule_ends(body, program)
-    points = np.concatenate([corners, ends.reshape(-1, 3)])
-    radii = np.concatenate([np.zeros(8), np.repeat([part.radius for part in body.parts], 2)])
-    centre = (body.masses @ ends.mean(axis=1)) / (body.masses.sum() + body.base.mass)
+    points, radii = spheres(body, program)
+    middles = ends(body, program).mean(axis=1)
+    centre = (body.masses @ middles) / (body.masses.sum() + body.base.mass)
     below = radii - points @ up
     touching = points[below >= below.max() - 1e-6 * (1 + np.abs(points).max())]
     across = np.linalg.svd(up[None])[2][1:]
@@ -76,7 +98,7 @@ def assert_rests(body: Morphology, program: Array, felt: Readings) -> None:
     """The centre of mass is over the contacts, and clearance and touch are those of the pose."""
     x, y = np.sin(felt.tilt[0, 1]), np.sin(felt.tilt[0, 0])
     z = math.sqrt(max(0.0, 1 - x * x - y * y))
-    size = 1 + np.abs(capsule_ends(body, program)).max(initial=0.0)
+    size = 1 + np.abs(ends(body, program)).max(initial=0.0)
     poses = [np.array([x, y, z]), np.array([x, y, -z])]  # tilt cannot tell upside down
     margins = [support(body, program, up)[1] for up in poses]
     assert max(margins) > -1e-5 * size
@@ -112,6 +134,7 @@ def test_ordinary_bodies_are_never_given_up() -> None:
                 length=float(rng.uniform(0, 0.4)),
                 radius=float(rng.choice([0.006, 0.013])),
                 motor=index,
+                shape=SHAPES[index % 2],
             )
             for index in range(8)
         )

@@ -110,6 +110,11 @@ def test_a_missing_problem_is_refused(tmp_path: Path) -> None:
         ("[0.01, 0.20]", "[0.01]", r"must be a number or \[lowest, highest\]"),
         ("[0.01, 0.20]", "true", "must be a number"),
         ("radius = 0.013", "radius = -0.013", r"parts\[1\].radius"),
+        (
+            "radius = 0.013",
+            'radius = 0.013\nshape = "cube"',
+            r"parts\[1\].shape .left upper.: Input should be 'capsule' or 'box'",
+        ),
         ("sensor = 1", "sensor = 2", "sensors must be numbered 1, 2"),
         ("sensor = 1", "sensor = 1.0", r"parts\[5\].sensor .*: must be an integer"),
     ],

@@ -70,9 +70,16 @@ def test_a_model_lies_where_it_was_simulated_to_lie(
 def test_solids_are_where_the_kinematics_says(random_tree: MakeBody) -> None:
     body = random_tree(np.random.default_rng(3))
     angles = np.linspace(-1, 1, 8)
-    spheres = [item for item in solids_of(model_links(body), angles) if item.kind == "sphere"]
+    solids = solids_of(model_links(body), angles)
+    spheres = [(item.place, item.size[0]) for item in solids if item.kind == "sphere"]
+    faces = [
+        (item.place + item.turn[:, 0] * item.size[0] / 2, 0.0)
+        for item in solids
+        if item.kind == "box"
+    ]
     for tip, part in zip(tips(body, angles), body.parts, strict=True):
-        reach = [float(np.linalg.norm(item.place - tip)) - part.radius for item in spheres]
+        ends = faces if part.shape == "box" else spheres
+        reach = [float(np.linalg.norm(middle - tip)) - radius for middle, radius in ends]
         assert min(map(abs, reach)) < 1e-9
 
 
