@@ -207,9 +207,9 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
         seed=seed,
         cpu_seconds=spent[-1],
         simulations=result.simulations_run,
-        explained=result.posterior is None or result.posterior.explained,
+        explained=result.judged is None or result.judged.explained,
         verdict=" ".join(
-            [*([result.posterior.verdict] if result.posterior else []), *result.warnings[:1]]
+            [*([result.judged.verdict] if result.judged else []), *result.warnings[:1]]
         ),
         cells=cells,
         steps=steps,

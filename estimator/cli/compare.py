@@ -52,7 +52,7 @@ def _print_runs(runs: list[ComparedRun]) -> None:
 def _summary(run: ComparedRun) -> dict[str, str]:
     result, posterior, score = run.result, run.result.posterior, run.score
     sure = None if posterior is None else posterior.probability
-    explained = None if posterior is None else posterior.explained
+    explained = None if result.judged is None else result.judged.explained
     return {
         "directory": run.name,
         "state": "complete" if result.complete else "not finished",

@@ -130,5 +130,5 @@ def command(
         print_result(out, result)
         print_run_directory(place)
         live_view.stay(err)
-    if strict and result.posterior is not None and not result.posterior.explained:
+    if strict and result.judged is not None and not result.judged.explained:
         raise typer.Exit(1)

@@ -53,7 +53,7 @@ class FinalPopulation:
                 searched=nothing,
                 order=np.empty(0, dtype=np.intp),
             )
-        finish = store.finish()
+        finish = store.search_end.finish()
         with reading(store.directory):
             genes = np.array(checkpoint.state["population"], dtype=float)
             searched = np.array(latest.errors, dtype=float)
@@ -91,7 +91,7 @@ def with_last_word(store: RunStore) -> list[Generation]:
     The best model of the last one is the best of the run, with the error that all tables give it.
     """
     generations = store.generations()
-    finish = store.finish()
+    finish = store.search_end.finish()
     if finish is None or not finish.models:
         return generations
     population, last = FinalPopulation.of(store), generations[-1]

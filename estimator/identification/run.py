@@ -325,6 +325,7 @@ def _work(
                 stack.enter_context(closing(computers.open_physics(settings.physics, world))),
                 listener,
                 foresight=foresight_of(settings.physics, world),
+                judge=foresight,
                 open_reference=None
                 if settings.physics == settings.reference
                 else lambda: computers.open_physics(settings.reference, world),

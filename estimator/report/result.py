@@ -82,6 +82,20 @@ def in_words(touched: bool | None) -> str:
     return "not sensed" if touched is None else "yes" if touched else "never"
 
 
+class FitFound(_Record):
+    """Whether the best model of a finished search explains the readings.
+
+    Attributes:
+        explained: Whether it does.
+        verdict: The same as sentences.
+        unexplained: Numbers of the interactions that it leaves unexplained, from 1.
+    """
+
+    explained: bool
+    verdict: str
+    unexplained: tuple[int, ...]
+
+
 class FinishFound(_Record):
     """How far the reference, which has the last word, agrees with the physics that searched.
 
@@ -132,6 +146,7 @@ class Result(_Record):
         legs: The legs, in motor order.
         best_models: The best models, best first.
         finish: How far the reference agrees, where something else searched.
+        fit: Whether the best model explains the readings, once the method paper has ended.
         posterior: What is believed of the body, by the method posterior.
         warnings: What a person should know before trusting this.
     """
@@ -163,8 +178,14 @@ class Result(_Record):
     legs: tuple[LegFound, ...]
     best_models: tuple[ModelFound, ...]
     finish: FinishFound | None
+    fit: FitFound | None = None
     posterior: PosteriorSummary | None = None
     warnings: tuple[str, ...]
+
+    @property
+    def judged(self) -> PosteriorSummary | FitFound | None:
+        """What says whether any body explains the readings; ``None``: nothing does yet."""
+        return self.posterior or self.fit
 
     @property
     def leg_intervals(self) -> tuple[Interval, ...]:

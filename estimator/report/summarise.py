@@ -15,7 +15,15 @@ from estimator.identification.paper.reference_check import pairs_turned
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.report.posterior.summary import posterior_summary
-from estimator.report.result import FinishFound, LegFound, ModelFound, PartFound, Result
+from estimator.report.posterior.verdict import verdict_on_best_model
+from estimator.report.result import (
+    FinishFound,
+    FitFound,
+    LegFound,
+    ModelFound,
+    PartFound,
+    Result,
+)
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions
@@ -34,7 +42,7 @@ def summarise(store: RunStore) -> Result:
         counters = beliefs[-1][1]
     population = FinalPopulation.of(store)
     bodies = store.genome.decode_all(population.genes[population.order]) if len(population) else []
-    end = store.finish()
+    end = store.search_end.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities, converges=not beliefs)
@@ -83,6 +91,7 @@ def summarise(store: RunStore) -> Result:
             for body, index in list(zip(bodies, population.order, strict=True))[:_BEST_MODELS]
         ),
         finish=_finish(end),
+        fit=_fit(store),
         posterior=posterior,
         warnings=warnings,
     )
@@ -97,6 +106,18 @@ def _finish(end: Finish | None) -> FinishFound | None:
         pairs=pairs,
         pairs_turned=turned,
         best_changed=bool(end.models) and int(np.argmin(end.simulated)) != 0,
+    )
+
+
+def _fit(store: RunStore) -> FitFound | None:
+    fit = store.search_end.best_fit()
+    if fit is None:
+        return None
+    contradictions = store.problem.contradictions(store.capabilities)
+    return FitFound(
+        explained=fit.explained and not contradictions,
+        verdict=verdict_on_best_model(fit, contradictions),
+        unexplained=tuple(item.interaction + 1 for item in fit.unexplained),
     )
 
 

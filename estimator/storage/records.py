@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.problem.values import Population
 from estimator.readings.observation import Observation, Program
+from estimator.storage.beliefs import ACCIDENTS, UnexplainedInteraction
 
 _IDS_PER_CONNECTION: Final = 2**20
 
@@ -118,6 +119,30 @@ class Finish(BaseModel):
     simulations: int
     invalid: int = 0
     steps: int
+
+
+class BestFit(BaseModel):
+    """How the best model of a finished search explains the readings.
+
+    Attributes:
+        interactions: How many there were.
+        unexplained: Those that it leaves unexplained.
+        noisy: As in ``Belief``.
+        contradicting: Likewise.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    interactions: int
+    unexplained: tuple[UnexplainedInteraction, ...]
+    noisy: tuple[str, ...]
+    contradicting: tuple[int, ...]
+
+    @property
+    def explained(self) -> bool:
+        """Whether it explains them; an accident leaves others explained."""
+        few = len(self.unexplained) <= ACCIDENTS < self.interactions
+        return (few or not self.unexplained) and not (self.noisy or self.contradicting)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,6 @@ from estimator.storage.locking import lock
 from estimator.storage.records import (
     Checkpoint,
     Counters,
-    Finish,
     Generation,
     InteractionRecord,
     RunSettings,
@@ -47,6 +46,7 @@ from estimator.storage.records import (
     first_id,
     performed,
 )
+from estimator.storage.search_end import SearchEnd
 from estimator.storage.validations import Validations
 from protocol.system.closable import Closable
 from protocol.wire.capabilities import Capabilities
@@ -65,6 +65,7 @@ class RunStore(Closable):
         settings: What the run was asked to do.
         capabilities: What the robot said it is.
         client_id: The client id of the run's requests to the robot.
+        search_end: What came of its search, where that optimised a population.
         validations: What its models predicted of motor programs that were performed afterwards.
     """
 
@@ -77,6 +78,7 @@ class RunStore(Closable):
             self.capabilities = Capabilities.from_map(json.loads(self._meta("capabilities")))
             self.client_id = str(json.loads(self._meta("client_id")))
         self._joints = len(self.capabilities.joints)
+        self.search_end = SearchEnd(database, directory)
         self.validations = Validations(database, directory, self._joints)
 
     # --- what follows from the settings -----------------------------------------------------------
@@ -281,19 +283,6 @@ class RunStore(Closable):
                 (Belief.model_validate_json(belief), Counters.model_validate_json(counters))
                 for belief, counters in rows
             ]
-
-    def save_finish(self, finish: Finish) -> None:
-        """Commits the reference back-end's simulation of the leading models."""
-        with transaction(self._database):
-            self._database.execute(
-                "INSERT INTO meta VALUES ('finish', ?)", (finish.model_dump_json(),)
-            )
-
-    def finish(self) -> Finish | None:
-        """The reference back-end's simulation of the leading models; ``None`` before it is done."""
-        with reading(self.directory):
-            row = self._database.execute("SELECT value FROM meta WHERE key = 'finish'").fetchone()
-            return None if row is None else Finish.model_validate_json(row[0])
 
     def checkpoint(self) -> Checkpoint | None:
         """The search's latest committed state."""

@@ -10,17 +10,23 @@ from typing import Any
 
 import numpy as np
 
+from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
 from estimator.exploration.situation import Models
 from estimator.identification.listener import Listener
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
-from estimator.physics.base import ArrayPhysics, Physics
+from estimator.physics.base import ArrayMarginPhysics, ArrayPhysics, Physics
+from estimator.posterior.checks.verdict import judge_body
+from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.search.searches import SEARCHES, Search
-from estimator.storage.records import Counters, Generation
+from estimator.storage.beliefs import UnexplainedInteraction
+from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.store import RunStore
 
 
@@ -32,6 +38,7 @@ class PaperMethod:
         physics: Predicts what models feel.
         listener: Hears what happens.
         foresight: Guesses what models feel, where ``physics`` is slower.
+        judge: Computes what the best model feels, and how sure its paths are, for the verdict.
         open_reference: Makes the back-end that has the last word; ``None``: ``physics`` has it.
     """
 
@@ -42,11 +49,13 @@ class PaperMethod:
         listener: Listener,
         *,
         foresight: ArrayPhysics | None,
+        judge: ArrayMarginPhysics,
         open_reference: Callable[[], Physics] | None,
     ) -> None:
         self._store = store
         self._listener = listener
         self._open_reference = open_reference
+        self._judge = judge
         self._objective = OBJECTIVES.load(store.settings.objective)(store.capabilities)
         checkpoint = store.checkpoint()
         self._generations_done = 0 if checkpoint is None else checkpoint.number + 1
@@ -122,22 +131,50 @@ class PaperMethod:
         return False
 
     def finish(self, observations: Sequence[Observation]) -> None:
-        """Has the leading models simulated by the reference back-end."""
-        if self._open_reference is None or self._store.finish() is not None:
-            return
+        """Has the leading models simulated by the reference, and the best one judged."""
         latest = self._store.latest_generation()
         assert latest is not None
+        errors = np.array(latest.errors, dtype=float)
+        self._check_leaders(errors, observations)
+        ended = self._store.search_end.finish()
+        best = int(np.argmin(errors))
+        if ended is not None and ended.models:
+            best = min(zip(ended.simulated, ended.models, strict=True))[1]
+        if self._store.search_end.best_fit() is None and np.isfinite(errors[best]):
+            self._store.search_end.save_best_fit(self._judged(best, observations))
+
+    def _check_leaders(self, errors: Array, observations: Sequence[Observation]) -> None:
+        if self._open_reference is None or self._store.search_end.finish() is not None:
+            return
         with closing(self._open_reference()) as reference:
             checked = finish(
                 self._store.genome,
                 self._search.population,
-                np.array(latest.errors, dtype=float),
+                errors,
                 observations=observations,
                 modalities=self._store.settings.modalities,
                 physics=reference,
                 objective=self._objective,
             )
-        self._store.save_finish(checked)
+        self._store.search_end.save_finish(checked)
+
+    def _judged(self, best: int, observations: Sequence[Observation]) -> BestFit:
+        store = self._store
+        verdict = judge_body(
+            np.asarray(self._search.population[best], dtype=float),
+            Predictor(Unknowns(store.genome), self._judge),
+            SensorData.of(observations, store.settings.modalities, store.world.clearance_cap),
+            Noise.announced(store.capabilities),
+        )
+        return BestFit(
+            interactions=len(observations),
+            unexplained=tuple(
+                UnexplainedInteraction(interaction=item.interaction, sensors=item.sensors)
+                for item in verdict.unexplained
+            ),
+            noisy=verdict.noisy,
+            contradicting=verdict.contradicting,
+        )
 
     def _first(self, interaction: int) -> int:
         """The first generation after an interaction."""

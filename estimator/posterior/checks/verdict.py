@@ -20,7 +20,7 @@ from estimator.body.morphology import Array
 from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.special import at_least
+from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.readings.modalities.registry import MODALITIES
@@ -76,10 +76,31 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
         data: What the robot felt.
         noise: How far readings stray.
     """
-    best = posterior.modes[0].point[None]
+    misfits = Likelihood(data, noise).misfits_of(predictor, posterior.values)
+    samples = misfits, posterior.scales, posterior.weights
+    return _judged(posterior.modes[0].point[None], samples, predictor, data, noise)
+
+
+def judge_body(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -> FitVerdict:
+    """The same of one body, shape (size,), for all noise factors that its readings leave."""
     likelihood = Likelihood(data, noise)
-    misfits = likelihood.misfits_of(predictor, posterior.values)
-    inliers = posterior.weights @ likelihood.inlier_share(misfits, scales=posterior.scales)
+    misfits = likelihood.misfits_of(predictor, point[None])
+    fits, factors = likelihood.by_noise_factors(misfits)[0], likelihood.noise_factors.both
+    weights = np.exp(fits - logsumexp(fits[None], axis=1)[0])
+    samples = misfits.repeat(len(factors), axis=0), factors, weights
+    return _judged(point[None], samples, predictor, data, noise)
+
+
+def _judged(
+    best: Array,
+    samples: tuple[Array, Array, Array],
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+) -> FitVerdict:
+    """The verdict on the best body, shape (1, size), by misfits, scales and weights of samples."""
+    misfits, scales, weights = samples
+    inliers = weights @ Likelihood(data, noise).inlier_share(misfits, scales=scales)
     outliers = inliers < 0.5
     margins = _margins(best, predictor, data)
     strays = deviations(best, predictor, data, noise)
@@ -90,7 +111,7 @@ def judge(posterior: Posterior, predictor: Predictor, data: SensorData, noise: N
         )
         for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
     )
-    share = posterior.weights @ (posterior.scales > math.log(TOO_NOISY))
+    share = weights @ (scales > math.log(TOO_NOISY))
     noisy = tuple(name for name, one in zip(SCALED, share, strict=True) if one > _SURELY)
     contradicting = _contradicting(best, predictor, data, noise, ~outliers)
     return FitVerdict(unexplained=unexplained, noisy=noisy, contradicting=contradicting)

@@ -25,7 +25,6 @@ from estimator.report.plots.predictions import plot_predictions
 from estimator.report.plots.run import RunPlot, run_plots
 from estimator.report.result import Result
 from estimator.report.tables.posterior import (
-    WHAT_TO_CHECK,
     built_otherwise,
     nuisance_in_words,
     percent,
@@ -33,6 +32,7 @@ from estimator.report.tables.posterior import (
     sureness,
     sureness_after,
 )
+from estimator.report.tables.verdict import WHAT_TO_CHECK
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:
@@ -149,24 +149,15 @@ def _headline(result: Result) -> str:
 
 
 def _verdict(result: Result) -> dict[str, Any]:
-    """Whether any body fits: yes, no, or, by a method that does not ask, unknown."""
-    if result.posterior is not None:
-        fits = result.posterior.explained
-        return {
-            "fits": fits,
-            "verdict": result.posterior.verdict,
-            "advice": None if fits else WHAT_TO_CHECK,
-        }
-    if not result.best_models:
-        return {"fits": None, "verdict": "Nothing was learnt yet.", "advice": None}
-    error = "not known" if result.sensor_error is None else f"{result.sensor_error:.3f}"
-    return {
-        "fits": None,
-        "verdict": "The paper's method does not say. The subjective error of its best model is "
-        f"{error}.",
-        "advice": "An interaction that the best model foretells badly, below, is a sign that the "
-        "problem describes another robot, or that the search was too short.",
-    }
+    """Whether any body fits: yes, no, or not known yet."""
+    judged = result.judged
+    if judged is not None:
+        advice = None if judged.explained else WHAT_TO_CHECK
+        return {"fits": judged.explained, "verdict": judged.verdict, "advice": advice}
+    unknown = "Nothing was learnt yet."
+    if result.best_models:
+        unknown = "The best model of a population is judged when the search has ended."
+    return {"fits": None, "verdict": unknown, "advice": None}
 
 
 def _facts(result: Result) -> list[tuple[str, str]]:
@@ -193,7 +184,7 @@ def _felt(
     driven: Sequence[int],
 ) -> list[dict[str, Any]]:
     foretold = () if result.posterior is None else result.posterior.foretold
-    unexplained = () if result.posterior is None else result.posterior.unexplained
+    unexplained = () if result.judged is None else result.judged.unexplained
     rows = []
     for index, item in enumerate(seen):
         told = predicted[index] if index < len(predicted) else None

@@ -5,6 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from estimator.storage.beliefs import ACCIDENTS, AGREED, OTHERWISE, Belief, NotKnown
+from estimator.storage.records import BestFit
+
+
+def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> str:
+    """Whether the best model of a population explains the readings, as sentences.
+
+    Args:
+        fit: How it explains them.
+        contradictions: Between the problem and what the robot states.
+    """
+    if contradictions:
+        return f"{_not_the_robots(contradictions)} {verdict_on_best_model(fit)}"
+    if fit.explained:
+        return (
+            f"The best model explains every interaction{_but_accidents(fit)}. Whether others do as "
+            "well, only --method posterior says."
+        )
+    return (
+        f"NO BODY LIKE THE BEST MODEL {', or '.join(_reasons(fit, fit.interactions))}. The search "
+        "has not found the robot's body, or this problem does not allow it: --method posterior "
+        "tells which."
+    )
 
 
 def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
@@ -15,38 +37,16 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
         contradictions: Between the problem and what the robot states.
     """
     if contradictions:
-        listed = "; ".join(contradictions)
-        return f"THIS PROBLEM IS NOT THE ROBOT'S: {listed}. {verdict_on_fit(belief)}"
+        return f"{_not_the_robots(contradictions)} {verdict_on_fit(belief)}"
     if belief.explained:
-        rest = ""
-        if belief.unexplained:
-            number = belief.unexplained[0].interaction + 1
-            rest = f" but interaction {number}, an accident or a fault that came or went"
+        rest = _but_accidents(belief)
         if belief.not_known is NotKnown.POOR_FIT:
             rest += (
                 ", but poorly: a better one may have been missed, the problem may be another "
                 "robot's, or the sensors noisier than announced"
             )
         return f"Some body that this problem allows explains every interaction{rest}."
-    reasons = []
-    numbers = [str(item.interaction + 1) for item in belief.unexplained]
-    if numbers and (len(numbers) > ACCIDENTS or len(belief.foretold) <= ACCIDENTS):
-        sensors = sorted({name for item in belief.unexplained for name in item.sensors})
-        listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
-        if len(numbers) == 1:
-            listed = f"interaction {numbers[0]}, the only one"
-        where = f" ({', '.join(sensors)})" if sensors else ""
-        reasons.append(f"explains {listed}{where}")
-    if belief.noisy:
-        reasons.append(
-            f"explains {' and '.join(belief.noisy)} without more than twice the noise that is "
-            "expected"
-        )
-    if belief.contradicting:
-        several = len(belief.contradicting) > 1
-        those = " and ".join(str(sensor + 1) for sensor in belief.contradicting)
-        felt = f"sensors {those} feel" if several else f"sensor {those} feels"
-        reasons.append(f"explains what touch {felt}")
+    reasons = _reasons(belief, len(belief.foretold))
     if belief.overturned is not None:
         first = (
             "interaction 1"
@@ -75,3 +75,37 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
             "open."
         )
     return f"NO BODY THAT THIS PROBLEM ALLOWS {listed}."
+
+
+def _not_the_robots(contradictions: Sequence[str]) -> str:
+    return f"THIS PROBLEM IS NOT THE ROBOT'S: {'; '.join(contradictions)}."
+
+
+def _but_accidents(fit: Belief | BestFit) -> str:
+    if not fit.unexplained:
+        return ""
+    number = fit.unexplained[0].interaction + 1
+    return f" but interaction {number}, an accident or a fault that came or went"
+
+
+def _reasons(fit: Belief | BestFit, interactions: int) -> list[str]:
+    """What a body leaves unexplained of so many interactions."""
+    reasons = []
+    numbers = [str(item.interaction + 1) for item in fit.unexplained]
+    if numbers and (len(numbers) > ACCIDENTS or interactions <= ACCIDENTS):
+        sensors = sorted({name for item in fit.unexplained for name in item.sensors})
+        listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
+        if len(numbers) == 1:
+            listed = f"interaction {numbers[0]}, the only one"
+        where = f" ({', '.join(sensors)})" if sensors else ""
+        reasons.append(f"explains {listed}{where}")
+    if fit.noisy:
+        reasons.append(
+            f"explains {' and '.join(fit.noisy)} without more than twice the noise that is expected"
+        )
+    if fit.contradicting:
+        several = len(fit.contradicting) > 1
+        those = " and ".join(str(sensor + 1) for sensor in fit.contradicting)
+        felt = f"sensors {those} feel" if several else f"sensor {those} feels"
+        reasons.append(f"explains what touch {felt}")
+    return reasons

@@ -17,13 +17,7 @@ from estimator.report.posterior.summary import (
 )
 from estimator.report.result import Result
 from estimator.report.tables.plain import plain_table
-
-WHAT_TO_CHECK: Final = (
-    "Check that the problem describes this robot: where legs can sit, how thick parts are and "
-    "whether they are round, units, the order and direction of the servos, the sign of the tilts, "
-    "whether every servo moves and holds its angle, each foot's gauge, and whether the ground is "
-    "level."
-)
+from estimator.report.tables.verdict import print_verdict
 
 _NAMED: Final = 3  # of what is untested
 _UNKNOWN: Final = "cannot be known: hardly narrower than supposed"
@@ -31,11 +25,7 @@ _UNKNOWN: Final = "cannot be known: hardly narrower than supposed"
 
 def print_posterior(console: Console, result: Result, posterior: PosteriorSummary) -> None:
     """The verdict, the body with its probabilities, rivals, how it was found, what it cost."""
-    if posterior.explained:
-        console.print(posterior.verdict)
-    else:
-        console.print(Text(posterior.verdict, style="bold red"))
-        console.print(WHAT_TO_CHECK)
+    print_verdict(console, posterior)
     state = "complete" if result.complete else "not finished"
     console.print(
         Text.assemble(

@@ -16,6 +16,7 @@ from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.result import ModelFound, Result, in_words
 from estimator.report.tables.plain import plain_table
 from estimator.report.tables.posterior import print_posterior
+from estimator.report.tables.verdict import print_verdict
 
 _NOT_FELT: Final = Text("not felt", style="dim")
 _FORK: Final = 0.2  # degrees of path margin; docs/reproduction.md shows what happens below
@@ -26,6 +27,8 @@ def print_result(console: Console, result: Result) -> None:
     if result.posterior is not None:
         print_posterior(console, result, result.posterior)
         return
+    if result.fit is not None:
+        print_verdict(console, result.fit)
     state = "complete" if result.complete else "not finished"
     console.print(
         Text.assemble(

@@ -86,6 +86,47 @@ def test_identify_takes_all_that_was_recorded(run: Path) -> None:
     assert (run / "plots" / "lengths.png").exists()
 
 
+@pytest.mark.parametrize("method", ["paper", "posterior"])
+def test_readings_that_nothing_explains_come_first_and_fail_a_strict_run(
+    tmp_path: Path, readings: Path, method: str
+) -> None:
+    problem = make_order(tmp_path, "").problem
+    shutil.copy(readings.parent / "robot.json", tmp_path)
+    columns = readings.read_text().splitlines()[0]
+    on_end = "20,-20,20,-20,0,0,0,0,60,-50,0\n"  # on its edge, and flat on the ground
+    (tmp_path / "readings.csv").write_text(f"{columns}\n{3 * on_end}")
+    ended = estimator(
+        *("identify", "--robot", f"file:{tmp_path / 'readings.csv'}", "--problem", problem),
+        *("--seed", "1", "--method", method, "--jobs", "1", "--strict", "--out", tmp_path / "run"),
+    )
+    assert ended.exit_code == 1, ended.output
+    wanted = {"paper": "NO BODY LIKE THE BEST MODEL explains", "posterior": "NO BODY THAT"}
+    assert ended.stdout.startswith(wanted[method])
+    verdict, checks, _ = ended.stdout.partition("Check that the problem describes this robot")
+    assert len(verdict.splitlines()) <= 4
+    assert checks
+    assert (tmp_path / "run" / "result.json").exists()
+    assert estimator("show", tmp_path / "run").stdout.startswith(wanted[method])
+
+
+@pytest.mark.parametrize("method", ["paper", "posterior"])
+def test_readings_that_are_explained_pass_a_strict_run(tmp_path: Path, method: str) -> None:
+    path = Path(make_order(tmp_path, "").problem)
+    text = path.read_text()
+    for true in TRUE_LENGTHS:  # a small population finds what is nearly known
+        near = f"length = [{true - 0.001:.3f}, {true + 0.001:.3f}]"
+        text = text.replace("length = [0.05, 0.25]", near, 1)
+    path.write_text(text)
+    with serving(ModelRobot()) as uri:
+        ended = estimator(
+            *("identify", "--robot", uri, "--problem", path, "--seed", "1", "--method", method),
+            *("--jobs", "1", "--strict", "--out", tmp_path / "run"),
+        )
+    assert ended.exit_code == 0, ended.output
+    wanted = {"paper": "The best model explains every", "posterior": "Some body that this problem"}
+    assert ended.stdout.startswith(wanted[method])
+
+
 def test_show_says_how_far_a_run_has_come(run: Path) -> None:
     ended = estimator("show", run)
     assert ended.exit_code == 0

@@ -58,8 +58,13 @@ for line in sys.stdin:
     print(child, flush=True)
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
-BUDGET = ("--population", "4", "--generations", "2", "--interactions", "2")
-INTERRUPTIONS = 3  # at least, with either physics
+SMALL = ("--population", "4", "--generations", "2")
+RUNS = {
+    "paper, statics": ("topological", "paper", "--physics", "statics", *SMALL),
+    "paper, PyBullet": ("topological", "paper", "--physics", "pybullet", *SMALL),
+    "posterior": ("parametric", "posterior"),
+}
+INTERRUPTIONS = 3  # at least, of each kind of run
 SIGNALS = itertools.cycle((signal.SIGKILL, signal.SIGINT))
 OF_ONE_RUN = 3  # then it is let be: on a machine that has become busy it would get nowhere
 
@@ -118,6 +123,7 @@ def content(directory: Path) -> dict[str, Any]:
     with RunStore.open(directory, to_write=False) as store:
         found["errors"] = [item.errors for item in store.generations()]
         found["best"] = [item.best for item in store.generations()]
+        found["believed"] = [belief for belief, _ in store.beliefs()]
         observations = [item.observation for item in store.interactions()]
     assert None not in observations
     found["felt"] = [
@@ -126,12 +132,13 @@ def content(directory: Path) -> dict[str, Any]:
     return found
 
 
-def command(directory: Path, uri: str, physics: str) -> tuple[str | Path, ...]:
+def command(directory: Path, uri: str, kind: str) -> tuple[str | Path, ...]:
     if holds_run(directory):
         return "resume", directory, "--jobs", "1"
+    problem, method, *options = RUNS[kind]
     return (
-        *("identify", "--robot", uri, "--problem", "topological", "--seed", "8", *BUDGET),
-        *("--method", "paper", "--physics", physics, "--jobs", "1", "--out", directory),
+        *("identify", "--robot", uri, "--problem", problem, "--method", method, *options),
+        *("--interactions", "2", "--seed", "8", "--jobs", "1", "--out", directory),
     )
 
 
@@ -147,15 +154,15 @@ def break_off(pid: int, number: signal.Signals) -> None:
         assert not left
 
 
-@pytest.mark.parametrize("physics", ["statics", "pybullet"])
+@pytest.mark.parametrize("kind", RUNS)
 def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
-    tmp_path: Path, nursery: Nursery, physics: str
+    tmp_path: Path, nursery: Nursery, kind: str
 ) -> None:
     with simulator("--seed", "8") as robot:
         nursery.start("--help")  # once it has started, it is quick
         nursery.ended()
         began = time.monotonic()
-        nursery.start(*command(tmp_path / "whole", robot.uri, physics))
+        nursery.start(*command(tmp_path / "whole", robot.uri, kind))
         code, said = nursery.ended()
         lasts = time.monotonic() - began
     assert code == 0, said
@@ -167,7 +174,7 @@ def test_a_run_broken_off_at_random_moments_ends_as_one_that_never_was(
         directory, code, broken = tmp_path / str(turn), -1, 0
         with simulator("--seed", "8") as robot:
             while code != 0:
-                pid = nursery.start(*command(directory, robot.uri, physics))
+                pid = nursery.start(*command(directory, robot.uri, kind))
                 if broken < OF_ONE_RUN and not nursery.ends_within(
                     random.uniform(0.0, 0.7 * lasts)
                 ):

@@ -258,7 +258,7 @@ def test_any_flipped_bit_is_a_sentence_or_no_matter(directory: Path) -> None:
         store.plan(0, PROGRAM)
         store.observe(0, OBSERVATION)
         store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
-        store.save_finish(
+        store.search_end.save_finish(
             Finish(models=(0,), searched=(1.0,), simulated=(2.0,), simulations=1, steps=1)
         )
     whole = (directory / DATABASE).read_bytes()

@@ -82,8 +82,8 @@ def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
         assert found.models == (1, 0)
         assert found.simulated[0] == math.inf
         assert (found.simulations, found.invalid, found.steps) == (2, 1, 600)
-        store.save_finish(found)
-        assert store.finish() == found
+        store.search_end.save_finish(found)
+        assert store.search_end.finish() == found
         assert FinalPopulation.of(store).order.tolist() == [0, 1]
         result = write_report(store)
     assert [model.sensor_error is None for model in result.best_models] == [False, True]
@@ -109,7 +109,7 @@ def test_plots_end_where_the_tables_do(tmp_path: Path) -> None:
     store = make_run(tmp_path, (0.17, 0.15, 0.2, 0.16))
     with store:
         assert with_last_word(store) == store.generations()
-        store.save_finish(
+        store.search_end.save_finish(
             Finish(models=(1, 0), searched=(1.0, 2.0), simulated=(4.0, 3.0), simulations=2, steps=9)
         )
         *searched, word = with_last_word(store)

@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.posterior.checks.verdict import FitVerdict, deviations, fit_of, judge
+from estimator.posterior.checks.verdict import (
+    FitVerdict,
+    deviations,
+    fit_of,
+    judge,
+    judge_body,
+)
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
@@ -22,7 +28,7 @@ def certain(scale: float = 0.0) -> Posterior:
 def test_what_the_body_felt_is_explained(predictor: Predictor) -> None:
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     verdict = judge(certain(), predictor, data, NOISE)
-    assert verdict == EXPLAINED
+    assert verdict == judge_body(POINT, predictor, data, NOISE) == EXPLAINED
     assert fit_of(POINT, predictor, data, NOISE).unexplained == 0
 
 
@@ -54,7 +60,18 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
         (1, ("tilt",)),
         (4, ("tilt",)),
     ]
+    assert judge_body(POINT, predictor, data, NOISE) == verdict
     assert fit_of(POINT, predictor, data, NOISE).unexplained == 2
+
+
+def test_one_body_is_told_to_need_too_much_noise(predictor: Predictor) -> None:
+    movements = programs(20, seed=4)
+    for factor, noisy in ((1.0, ()), (4.0, ("tilt",))):
+        rng, scales = np.random.default_rng(11), (np.log(factor), 0.0)
+        data = draw(predictor, POINT, movements, rng, scales=scales, outlier=0.0)
+        verdict = judge_body(POINT, predictor, data, NOISE)
+        assert verdict.noisy == noisy
+        assert len(verdict.unexplained) <= 1
 
 
 def test_a_body_from_which_much_strays_a_little_fits_poorly(predictor: Predictor) -> None:
