@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib.resources import files
 
 import numpy as np
 import pytest
@@ -117,8 +118,10 @@ def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
 
 @pytest.mark.parametrize("seed", [1, 3])
 def test_of_many_parts_those_are_moved_whose_thickness_hardly_matters(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    problem, size = Problem.load("topological-24"), (0.14, 0.14, 0.085)
+    rng, size = np.random.default_rng(seed), (0.14, 0.14, 0.085)
+    shipped = files("estimator") / "problem" / "library" / "topological-24.toml"
+    rods = shipped.read_text(encoding="utf-8").replace('shape = "box"', "")
+    problem = Problem.parse(rods, "rods")
     genome = Genome(problem, Base(size=size, mass=0.6, mounts=problem.tables.base_mounts(size)))
     unknowns = Unknowns(genome)
     predictor = Predictor(unknowns, StaticsPhysics())
@@ -131,9 +134,9 @@ def test_of_many_parts_those_are_moved_whose_thickness_hardly_matters(seed: int)
     )
     bodies, rows = unknowns.bodies(points), np.arange(40)
     programs = np.tile(choice.program, (40, 1))
-    round_parts = predictor.read(bodies, rows, programs)
+    as_thick = predictor.read(bodies, rows, programs)
     thicker = bodies.changed(radius=1.4 * bodies.radius)
-    assert np.mean(apart(round_parts, predictor.read(thicker, rows, programs), NOISE)) < 0.1
+    assert np.mean(apart(as_thick, predictor.read(thicker, rows, programs), NOISE)) < 0.1
     assert choice.bits > 0.5  # which is not for want of anything to tell
 
 
