@@ -94,16 +94,17 @@ def draw(
     *,
     scales: tuple[float, float] | Array = (0.0, 0.0),
     outlier: float = NOISE.outlier,
+    noise: Noise = NOISE,
 ) -> SensorData:
     """Readings from the model's own likelihood, outliers and wrong bits included."""
     wide = np.exp(np.asarray(scales))
     readings = predictor.read_all(point[None], programs)
     observations = []
     for row, program in enumerate(programs):
-        tilt = readings.tilt[row] + rng.normal(0, NOISE.tilt * wide[0], 2)
-        height = min(readings.clearance[row] + rng.normal(0, NOISE.clearance * wide[1]), CAP)
+        tilt = readings.tilt[row] + rng.normal(0, noise.tilt * wide[0], 2)
+        height = min(readings.clearance[row] + rng.normal(0, noise.clearance * wide[1]), CAP)
         doubtful = readings.touch_doubtful[row]
-        wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, NOISE.touch)
+        wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, noise.touch)
         touch = readings.touch[row] != wrong
         if rng.random() < outlier or readings.undecided[row]:
             tilt = rng.uniform(-np.pi / 2, np.pi / 2, 2)

@@ -6,13 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from estimator.body.morphology import Morphology
+from estimator.body.morphology import Array, Morphology
 from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.recheck import fine, recheck
+from estimator.posterior.model.likelihood import Likelihood
+from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from tests.estimator.two_unknown_rows import NOISE, draw, programs
+from estimator.readings.observation import Observation
+from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
 
 RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
 WRONG = np.array([0.9, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -26,23 +30,55 @@ def test_the_fine_world_lasts_as_long() -> None:
 
 def test_a_body_that_the_simulator_contradicts_loses_its_weight(predictor: Predictor) -> None:
     data = draw(predictor, RIGHT, programs(3, seed=9), np.random.default_rng(2))
-    keys = predictor.unknowns.keys(np.stack([RIGHT, WRONG]))
-    values = np.repeat(np.stack([RIGHT, WRONG]), 10, axis=0)
-    before = Posterior(
-        values=values,
+    simulated = recheck(undecided(predictor, RIGHT, WRONG), predictor, data, NOISE, _Swapped())
+    assert simulated.simulated == 16
+    assert simulated.posterior.modes[0].attachments == predictor.unknowns.keys(WRONG[None])[0]
+    assert simulated.posterior.modes[0].probability > 0.99
+    assert simulated.posterior.weights[10:].sum() > 0.99
+
+
+def test_where_engines_differ_the_simulator_has_the_last_word(predictor: Predictor) -> None:
+    """This body falls onto its side in PyBullet, and in statics stays upright, with 2° to spare."""
+    fallen = np.array([0.38, 0.37, 0.83, 0.73, 0.28, 0.36, 0.39])
+    other = fallen.copy()
+    other[0] = 0.9  # its first leg at the back
+    program = np.radians([-11.5, -25.8, -27.2, -16.6])
+    pair = (predictor.unknowns.decode_all(fallen[None])[0], program)
+    with PyBulletPhysics(fine(WorldSettings())) as pybullet:
+        felt, computed = pybullet.read([pair]), StaticsPhysics().read([pair])
+        assert np.degrees(np.abs(felt.tilt - computed.tilt).max()) > 45
+        observation = Observation(
+            angles=tuple(program.tolist()),
+            touch=tuple(felt.touch[0].tolist()),
+            tilt=(float(felt.tilt[0, 0]), float(felt.tilt[0, 1])),
+            clearance=float(felt.clearance[0]),
+            clearance_saturated=bool(felt.saturated[0]),
+        )
+        data = SensorData.of([observation], MODALITIES, CAP)
+        likelihood = Likelihood(data, NOISE)
+        fits = likelihood.of(likelihood.misfits_of(predictor, np.stack([fallen, other])))
+        assert np.ptp(fits) < 1.0  # to statics both are as poor
+        checked = recheck(undecided(predictor, fallen, other), predictor, data, NOISE, pybullet)
+    first, *_ = checked.posterior.modes
+    assert first.attachments == predictor.unknowns.keys(fallen[None])[0]
+    assert first.probability > 0.99
+    assert checked.posterior.weights[:10].sum() > 0.99
+    assert checked.effective < 16
+
+
+def undecided(predictor: Predictor, one: Array, other: Array) -> Posterior:
+    """Ten samples of each of two bodies, as probable as each other."""
+    both = np.stack([one, other])
+    return Posterior(
+        values=np.repeat(both, 10, axis=0),
         scales=np.zeros((20, 2)),
         weights=np.full(20, 0.05),
         modes=tuple(
             Mode(key, 0.5, point, 10.0, (True, True))
-            for key, point in zip(keys, (RIGHT, WRONG), strict=True)
+            for key, point in zip(predictor.unknowns.keys(both), both, strict=True)
         ),
         credible=True,
     )
-    simulated = recheck(before, predictor, data, NOISE, _Swapped())
-    assert simulated.simulated == 16
-    assert simulated.posterior.modes[0].attachments == keys[1]
-    assert simulated.posterior.modes[0].probability > 0.99
-    assert simulated.posterior.weights[10:].sum() > 0.99
 
 
 class _Swapped(StaticsPhysics):
