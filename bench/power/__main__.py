@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
+import importlib
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.study import SEEDS, study
@@ -17,9 +20,9 @@ PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
 BY_HAND: Final = "by hand"
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Goes on where it stopped; a run that was broken off begins anew."""
-    options = _parser().parse_args()
+    options = _parser().parse_args(arguments)
     if options.problem is None:
         groups = study(SEEDS[options.seeds])
         known = set(groups) if options.only is None else set(options.only)
@@ -27,11 +30,11 @@ def main() -> None:
     else:
         groups = {BY_HAND: (_by_hand(options),)}
     done: dict[str, list[tuple[Trial, list[Figures]]]] = {}
-    with ProcessPoolExecutor(options.jobs) as workers:
+    with _workers(options) as workers:
         waiting = [
             (group, trial, [workers.submit(figures_of, trial, seed, root) for seed in seeds])
             for group, trials in groups.items()
-            for root in [options.out / options.seeds / group.replace(" ", "-")]
+            for root in [options.out.resolve() / options.seeds / group.replace(" ", "-")]
             for trial in trials
             if options.trial in trial.name
             for seeds in [
@@ -51,6 +54,18 @@ def main() -> None:
         PAGE.write_text(text, encoding="utf-8")
 
 
+@contextmanager
+def _workers(options: argparse.Namespace) -> Iterator[Executor]:
+    """Processes here or, given a scheduler, a Dask cluster's, which see the same folders."""
+    if options.dask is None:
+        with ProcessPoolExecutor(options.jobs) as processes:
+            yield processes
+        return
+    distributed: Any = importlib.import_module("distributed")  # an extra; others do without
+    with distributed.Client(options.dask) as client:
+        yield client.get_executor()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", choices=SEEDS, default="reported")
@@ -58,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--trial", default="", help="only trials whose name contains this")
     parser.add_argument("--done", action="store_true", help="only runs that were made before")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, instead of --jobs")
     parser.add_argument("--out", type=Path, default=Path("runs/power"))
     parser.add_argument("--page", action="store_true", help=f"write {PAGE.name}")
     hand = parser.add_argument_group("a trial that is not of the study")

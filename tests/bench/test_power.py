@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
+from bench.power.__main__ import main
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
 from bench.power.tables import page
 from bench.power.trial import Figures, Step, Trial, figures_of, is_done
 from bench.prior_bodies import drawn_body
 from sim_robot.world.body import load_body
+from tests.estimator.dask_cluster import dask
 
 
 def figures(
@@ -88,6 +90,18 @@ def test_what_was_done_is_not_repeated(tmp_path: Path) -> None:
     assert not is_done(trial, 6, tmp_path)
     with pytest.raises(AssertionError):
         figures_of(trial, 6, tmp_path)
+
+
+def test_a_cluster_does_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "reported" / "eight-parts" / "topological-20"
+    for seed in SEEDS["reported"][:10]:
+        (folder / str(seed)).mkdir(parents=True)
+        (folder / str(seed) / "figures.json").write_text(figures(seed, 12, 0.9).model_dump_json())
+    with dask(tmp_path) as cluster:
+        cluster.start_worker(path=[Path.cwd()]).wait_for("Registered to")
+        options = ["--only", "eight parts", "--done", "--out", str(tmp_path)]
+        main([*options, "--dask", cluster.address])
+    assert "10 of 10" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

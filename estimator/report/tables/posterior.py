@@ -8,6 +8,7 @@ from typing import Final
 from rich.console import Console
 from rich.text import Text
 
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.posterior.summary import (
     FoundAlong,
     Interval,
@@ -45,6 +46,7 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
     _print_nuisances(console, posterior)
     _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
+    _print_deviations(console, posterior)
     factors = "; ".join(
         f"{name} {factor.median:.1f} times what is expected ({_between(factor, 1, 1)})"
         for name, factor in posterior.noise.items()
@@ -121,6 +123,15 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
             "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
         )
         table.add_row(str(number), *bits, sureness_after(step), Text(step.reason))
+    console.print(table)
+
+
+def _print_deviations(console: Console, posterior: PosteriorSummary) -> None:
+    console.print("Felt minus foretold by the best body, in standard deviations of the noise:")
+    table = plain_table("interaction", *MODALITIES, "accident")
+    for number, told in enumerate(posterior.foretold, 1):
+        off = (f"{told.deviations.get(name, 0.0):+.1f}" for name in MODALITIES)
+        table.add_row(str(number), *off, percent(told.outlier))
     console.print(table)
 
 

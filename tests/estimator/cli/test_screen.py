@@ -50,6 +50,18 @@ def test_the_end_of_input_is_a_no(monkeypatch: pytest.MonkeyPatch) -> None:
         assert not screen.may_retry(NOT_PLANAR)
 
 
+def test_a_movement_comes_with_its_reason_and_what_it_is_expected_to_tell() -> None:
+    console, text = make()
+    with Screen(console) as screen:
+        screen.chosen(2, "tells apart: front leg on its left or right side", 3.14)
+        screen.chosen(3, "was recorded", None)
+    first, second = text.getvalue().splitlines()
+    assert first == (
+        "Interaction 3 tells apart: front leg on its left or right side; expected 3.1 bits."
+    )
+    assert second == "Interaction 4 was recorded."
+
+
 def test_an_observation_reads_in_degrees_and_millimetres() -> None:
     console, text = make()
     with Screen(console) as screen:

@@ -58,6 +58,26 @@ def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None
     assert all(leg.population_m is None for leg in result.legs)
 
 
+def test_what_was_felt_is_held_against_what_was_foretold(tmp_path: Path) -> None:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
+        result = summarise(run)
+    assert result.posterior is not None
+    told = Foretold(
+        touch=(True,) * 4,
+        tilt=(0.1, 0.0),
+        clearance=0.02,
+        deviations={"touch": 0.0, "tilt": -1.26, "clearance": 12.0},
+        outlier=0.97,
+    )
+    posterior = result.posterior.model_copy(update={"foretold": (told,)})
+    text = io.StringIO()
+    print_result(Console(file=text, width=200), result.model_copy(update={"posterior": posterior}))
+    _, _, table = text.getvalue().partition("in standard deviations of the noise:\n")
+    heading, row, *_ = (line.split() for line in table.splitlines())
+    assert heading == ["interaction", "touch", "tilt", "clearance", "accident"]
+    assert row == ["1", "+0.0", "-1.3", "+12.0", "97.0", "%"]
+
+
 def test_what_the_movements_have_not_tested_is_said_in_terminal_and_page(tmp_path: Path) -> None:
     others = [f"leg {number} twice as thick" for number in range(1, 6)]
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP, untested=others) as run:
