@@ -7,7 +7,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import TYPE_CHECKING, Any, Final, NoReturn
 
 import typer
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -17,6 +17,9 @@ from estimator.errors import RunDirectoryError
 from estimator.storage.database import holds_run
 from protocol.errors import BodyschemaError
 from protocol.text.printable import printable
+
+if TYPE_CHECKING:
+    from estimator.report.result import Result
 
 
 class Terminal(Console):
@@ -90,6 +93,12 @@ def print_run_directory(run: Path) -> None:
     names = ("report.html", "result.json", "readings.csv", "plots/")
     there = ", ".join(name for name in names if (run / name).exists())
     out.print(f"Run: {run} ({there})", soft_wrap=True)
+
+
+def exit_if_unexplained(result: Result) -> None:
+    """Exits with 1 where a run ends without a body that explains the readings."""
+    if result.judged is not None and not result.judged.explained:
+        raise typer.Exit(1)
 
 
 @contextmanager

@@ -9,9 +9,15 @@ from typing import Annotated, cast
 
 import typer
 
-from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
+from estimator.cli.console import (
+    err,
+    errors_as_sentences,
+    exit_if_unexplained,
+    out,
+    print_run_directory,
+)
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, computers
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, Strict, computers
 from estimator.exploration.rules import RULES
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.run import METHODS, MethodName, Order, identify
@@ -75,10 +81,7 @@ def command(
             "more movement has left them so.",
         ),
     ] = None,
-    strict: Annotated[
-        bool,
-        typer.Option("--strict", help="Exit code 1 where no body explains the readings."),
-    ] = False,
+    strict: Strict = False,
     modalities: Annotated[
         str, typer.Option(help="Sensors that count, separated by commas.")
     ] = ",".join(MODALITIES),
@@ -130,5 +133,5 @@ def command(
         print_result(out, result)
         print_run_directory(place)
         live_view.stay(err)
-    if strict and result.judged is not None and not result.judged.explained:
-        raise typer.Exit(1)
+    if strict:
+        exit_if_unexplained(result)

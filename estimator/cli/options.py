@@ -39,6 +39,9 @@ Keys: TypeAlias = Annotated[
     ),
 ]
 
+Strict: TypeAlias = Annotated[
+    bool, typer.Option("--strict", help="Exit code 1 where no body explains the readings.")
+]
 LiveBind: TypeAlias = Annotated[
     str,
     typer.Option("--live-bind", metavar="HOST:PORT", help="Where the live page is served."),

@@ -6,9 +6,25 @@ from typing import Annotated
 
 import typer
 
-from estimator.cli.console import err, errors_as_sentences, out, print_run_directory
+from estimator.cli.console import (
+    err,
+    errors_as_sentences,
+    exit_if_unexplained,
+    out,
+    print_run_directory,
+)
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Live, LiveBind, computers
+from estimator.cli.options import (
+    CORES,
+    Dask,
+    Directory,
+    Jobs,
+    Keys,
+    Live,
+    LiveBind,
+    Strict,
+    computers,
+)
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
 from estimator.report.tables.terminal import print_result
@@ -20,6 +36,7 @@ def command(
     robot: Annotated[
         str | None, typer.Option(help="Where the robot is now. Default: where it was.")
     ] = None,
+    strict: Strict = False,
     jobs: Jobs = CORES,
     dask: Dask = None,
     keys: Keys = None,
@@ -33,3 +50,5 @@ def command(
         print_result(out, result)
         print_run_directory(directory)
         view.stay(err)
+    if strict:
+        exit_if_unexplained(result)

@@ -107,6 +107,8 @@ def test_readings_that_nothing_explains_come_first_and_fail_a_strict_run(
     assert checks
     assert (tmp_path / "run" / "result.json").exists()
     assert estimator("show", tmp_path / "run").stdout.startswith(wanted[method])
+    assert estimator("resume", tmp_path / "run").exit_code == 0
+    assert estimator("resume", tmp_path / "run", "--strict").exit_code == 1
 
 
 @pytest.mark.parametrize("method", ["paper", "posterior"])
