@@ -34,6 +34,7 @@ from estimator.body.mounts import (
     Vector,
     four_sides,
 )
+from estimator.body.part_shapes import ends, volume
 from estimator.errors import MorphologyError
 
 Array: TypeAlias = NDArray[np.float64]
@@ -112,12 +113,12 @@ class Part:
     @property
     def far(self) -> float:
         """Position of the far sphere's centre, or of the far face, on the part's x axis, m."""
-        return self.length if self.shape == "box" else self.length - self.radius
+        return ends(self.length, self.radius, self.shape == "box")[1]
 
     @property
     def near(self) -> float:
         """Position of the near sphere's centre, or of the near face, on the part's x axis, m."""
-        return min(0.0, self.length - (2 if self.shape == "box" else 1) * self.radius)
+        return ends(self.length, self.radius, self.shape == "box")[0]
 
     @property
     def middle(self) -> float:
@@ -127,16 +128,13 @@ class Part:
     @property
     def size(self) -> Vector:
         """Extent along x, y and z, m."""
-        ends = 0.0 if self.shape == "box" else 2 * self.radius
-        return self.far - self.near + ends, 2 * self.radius, 2 * self.radius
+        round_ends = 0.0 if self.shape == "box" else 2 * self.radius
+        return self.far - self.near + round_ends, 2 * self.radius, 2 * self.radius
 
     @property
     def volume(self) -> float:
         """m³."""
-        straight = self.far - self.near
-        if self.shape == "box":
-            return straight * (2 * self.radius) ** 2
-        return math.pi * self.radius**2 * (straight + 4 / 3 * self.radius)
+        return volume(self.far - self.near, self.radius, self.shape == "box")
 
     def below(self, up: Sequence[float] | Array) -> float:
         """How far its surface reaches below its x axis, m.

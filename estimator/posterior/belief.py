@@ -25,7 +25,6 @@ from estimator.storage.beliefs import (
     Belief,
     BelievedMode,
     Foretold,
-    UnexplainedInteraction,
 )
 
 _FEW: Final = 10.0  # effective draws
@@ -83,10 +82,7 @@ def believe(
         few_draws=bool(predictor.unknowns.choices.size) and behind < _FEW,
         gained=gained,
         foretold=_foretold(posterior, predictor, data, noise),
-        unexplained=tuple(
-            UnexplainedInteraction(interaction=item.interaction, sensors=item.sensors)
-            for item in verdict.unexplained
-        ),
+        unexplained=verdict.unexplained,
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
     )

@@ -24,6 +24,11 @@ RIVAL: Final = 0.01
 _PROBABLE: Final = 0.5  # what few draws give less to is improbable, whatever it is exactly
 
 
+def are_accidents(unexplained: int, interactions: int) -> bool:
+    """Whether a body stands that leaves so many of all interactions unexplained."""
+    return not unexplained or unexplained <= ACCIDENTS < interactions
+
+
 class NotKnown(StrEnum):
     """Why it is not known how probable attachments are."""
 
@@ -186,9 +191,8 @@ class Belief(_Record):
 
         An accident leaves others explained.
         """
-        unexplained = len(self.unexplained)
         return (
-            (not unexplained or unexplained <= ACCIDENTS < len(self.foretold))
+            are_accidents(len(self.unexplained), len(self.foretold))
             and self.departed < OTHERWISE
             and not (self.noisy or self.contradicting or self.departure)
             and self.overturned is None

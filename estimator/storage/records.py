@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.problem.values import Population
 from estimator.readings.observation import Observation, Program
-from estimator.storage.beliefs import ACCIDENTS, UnexplainedInteraction
+from estimator.storage.beliefs import UnexplainedInteraction, are_accidents
 
 _IDS_PER_CONNECTION: Final = 2**20
 
@@ -141,8 +141,8 @@ class BestFit(BaseModel):
     @property
     def explained(self) -> bool:
         """Whether it explains them; an accident leaves others explained."""
-        few = len(self.unexplained) <= ACCIDENTS < self.interactions
-        return (few or not self.unexplained) and not (self.noisy or self.contradicting)
+        few = are_accidents(len(self.unexplained), self.interactions)
+        return few and not (self.noisy or self.contradicting)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -92,11 +92,14 @@ def test_what_was_done_is_not_repeated(tmp_path: Path) -> None:
         figures_of(trial, 6, tmp_path)
 
 
-def test_a_cluster_does_the_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_cluster_is_asked_in_place_of_processes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     folder = tmp_path / "reported" / "eight-parts" / "topological-20"
     for seed in SEEDS["reported"][:10]:
         (folder / str(seed)).mkdir(parents=True)
         (folder / str(seed) / "figures.json").write_text(figures(seed, 12, 0.9).model_dump_json())
+    monkeypatch.setattr("bench.power.__main__.ProcessPoolExecutor", None)
     with dask(tmp_path) as cluster:
         cluster.start_worker(path=[Path.cwd()]).wait_for("Registered to")
         options = ["--only", "eight parts", "--done", "--out", str(tmp_path)]

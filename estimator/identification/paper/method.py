@@ -25,7 +25,6 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.search.searches import SEARCHES, Search
-from estimator.storage.beliefs import UnexplainedInteraction
 from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.store import RunStore
 
@@ -168,10 +167,7 @@ class PaperMethod:
         )
         return BestFit(
             interactions=len(observations),
-            unexplained=tuple(
-                UnexplainedInteraction(interaction=item.interaction, sensors=item.sensors)
-                for item in verdict.unexplained
-            ),
+            unexplained=verdict.unexplained,
             noisy=verdict.noisy,
             contradicting=verdict.contradicting,
         )

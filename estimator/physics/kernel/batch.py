@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
-from estimator.body import accelerometer
+from estimator.body import accelerometer, part_shapes
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
@@ -16,7 +16,10 @@ from estimator.physics.kernel.vectors import vector
 from protocol.wire import readings as definitions
 
 _SOURCES: Final = stamp(
-    Path(__file__).parent, Path(definitions.__file__), Path(accelerometer.__file__)
+    Path(__file__).parent,
+    Path(definitions.__file__),
+    Path(accelerometer.__file__),
+    Path(part_shapes.__file__),
 )
 
 _up_as_felt: Final = compiled(accelerometer.up_as_felt)

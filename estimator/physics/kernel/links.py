@@ -26,6 +26,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from estimator.body import part_shapes
 from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import allocating, compiled
@@ -64,6 +65,10 @@ JOINT_COLUMNS: Final = 17
 FRAME_COLUMNS: Final = 15
 POINT_ROWS: Final = 7
 CORNERS: Final = 8
+
+
+_ends: Final = compiled(part_shapes.ends)
+_volume: Final = compiled(part_shapes.volume)
 
 
 class Trees(NamedTuple):
@@ -195,10 +200,8 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
         place[part] = link
         at[part, 0], at[part, 1], at[part, 2], at[part, 3] = x, y, east, north
         near, far = _ends(length[part], radius[part], box[part])
-        size = math.pi * radius[part] ** 2 * (far - near + 4 / 3 * radius[part])
-        if box[part]:
-            size = 4 * radius[part] ** 2 * (far - near)
-        mass, middle = base[4] * size, 0.5 * (near + far)
+        mass = base[4] * _volume(far - near, radius[part], box[part])
+        middle = 0.5 * (near + far)
         joint[link, MASS] += mass
         joint[link, MOMENT_X] += mass * (x + middle * east)
         joint[link, MOMENT_Y] += mass * (y + middle * north)
@@ -268,14 +271,6 @@ def _add_points(trees: Trees, row: int, links: int, work: Work) -> int:
             count += 1
         tree[link, END] = count
     return count
-
-
-@compiled
-def _ends(length: float, radius: float, box: bool) -> tuple[float, float]:
-    """Where the part's own axis begins and ends; see ``Part.near`` and ``far``."""
-    if box:
-        return min(0.0, length - 2 * radius), length
-    return min(0.0, length - radius), length - radius
 
 
 @compiled

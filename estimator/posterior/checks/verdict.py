@@ -24,6 +24,7 @@ from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.readings.modalities.registry import MODALITIES
+from estimator.storage.beliefs import UnexplainedInteraction
 
 SURE_PATH: Final = math.radians(1.0)
 """A body answers for an interaction where its path margin is larger, rad."""
@@ -40,19 +41,6 @@ _STRIKING: Final = 3.0  # standard deviations
 
 
 @dataclass(frozen=True, kw_only=True)
-class Unexplained:
-    """One interaction that no body of the problem explains.
-
-    Attributes:
-        interaction: Its index.
-        sensors: Modalities whose readings lie far from the best body's.
-    """
-
-    interaction: int
-    sensors: tuple[str, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class FitVerdict:
     """Whether the problem describes the robot.
 
@@ -62,7 +50,7 @@ class FitVerdict:
         contradicting: Touch sensors that feel otherwise than the best body too often.
     """
 
-    unexplained: tuple[Unexplained, ...]
+    unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
     contradicting: tuple[int, ...]
 
@@ -105,7 +93,7 @@ def _judged(
     margins = _margins(best, predictor, data)
     strays = deviations(best, predictor, data, noise)
     unexplained = tuple(
-        Unexplained(
+        UnexplainedInteraction(
             interaction=index,
             sensors=tuple(name for name, stray in strays.items() if abs(stray[index]) > _STRIKING),
         )

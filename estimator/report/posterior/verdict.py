@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estimator.storage.beliefs import ACCIDENTS, AGREED, OTHERWISE, Belief, NotKnown
+from estimator.storage.beliefs import AGREED, OTHERWISE, Belief, NotKnown, are_accidents
 from estimator.storage.records import BestFit
 
 
@@ -92,7 +92,7 @@ def _reasons(fit: Belief | BestFit, interactions: int) -> list[str]:
     """What a body leaves unexplained of so many interactions."""
     reasons = []
     numbers = [str(item.interaction + 1) for item in fit.unexplained]
-    if numbers and (len(numbers) > ACCIDENTS or interactions <= ACCIDENTS):
+    if not are_accidents(len(numbers), interactions):
         sensors = sorted({name for item in fit.unexplained for name in item.sensors})
         listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
         if len(numbers) == 1:

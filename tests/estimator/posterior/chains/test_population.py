@@ -41,40 +41,52 @@ def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
     Every chain begins with an exact draw from its level's target, by enumeration, so any bias comes
     from the steps. Fits that grew or shrank show what marginals do not.
     """
-    from scipy import stats  # takes a second, which other tests need not wait for
-
-    moved = programs(2, seed=8)
-    chains, scales, gains = [], [], []
+    values, scales, gains = [], [], []
     for seed in range(80):
         rng = np.random.default_rng(seed)
         population = Population.of_prior(short, rng, levels=3, width=4)
-        data = draw(short, population.values[0], moved, rng, scales=population.scales[0])
+        own = (population.values[0], programs(2, seed=8), rng)
+        data = draw(short, *own, scales=population.scales[0])
         start_exactly(population, short, data, rng)
-        population.observe(data, NOISE, surely=True)
-        likelihood = Likelihood(data, NOISE)
-        before = cold_fits(population, short, likelihood, surely=True)
-        for _ in range(20):
-            population.step()
-        after = cold_fits(population, short, likelihood, surely=True)
-        gains.append(float(np.mean(after - before)))
-        chains.append(short.unknowns.keys(population.values[:1])[0])
+        gains.append(gain(population, short, data, NOISE, surely=True))
+        values.append(population.values[0])
         scales.append(population.scales[0])
+    still_the_prior(short, values, scales, gains)
+
+
+def gain(
+    population: Population, predictor: Predictor, data: SensorData, noise: Noise, *, surely: bool
+) -> float:
+    """Takes 20 steps; by how much the coldest level's log-likelihoods grow in the mean."""
+    likelihood, cold = Likelihood(data, noise), slice(0, population.width)
+
+    def fits() -> Array:
+        misfits = likelihood.misfits_of(predictor, population.values[cold], surely=surely)
+        each: Array = likelihood.of(misfits, scales=population.scales[cold]).sum(axis=1)
+        return each
+
+    population.observe(data, noise, surely=surely)
+    before = fits()
+    for _ in range(20):
+        population.step()
+    return float(np.mean(fits() - before))
+
+
+def still_the_prior(
+    predictor: Predictor, values: list[Array], scales: list[Array], gains: list[float]
+) -> None:
+    """Refuses marginals that are not the prior's, and fits that grew or shrank."""
+    from scipy import stats  # takes a second, which other tests need not wait for
+
+    chosen = predictor.unknowns.attachments(np.array(values))
     for column, count in enumerate((4, 6, 2, 4, 6)):
-        seen = np.bincount([key[column] for key in chains], minlength=count)
+        seen = np.bincount(chosen[:, column], minlength=count)
         assert stats.chisquare(seen).pvalue > 1e-3
+    for length in np.array(values)[:, predictor.unknowns.continuous].T:
+        assert stats.kstest(length, "uniform").pvalue > 1e-3
     for factors in np.array(scales).T:
         assert stats.kstest(factors, "norm", args=(0, SCALE_SPREAD)).pvalue > 1e-3
     assert stats.wilcoxon(gains).pvalue > 1e-3
-
-
-def cold_fits(
-    population: Population, predictor: Predictor, likelihood: Likelihood, *, surely: bool
-) -> Array:
-    """Log-likelihoods of the chains of the coldest level, shape (width,)."""
-    cold = slice(0, population.width)
-    misfits = likelihood.misfits_of(predictor, population.values[cold], surely=surely)
-    fits: Array = likelihood.of(misfits, scales=population.scales[cold]).sum(axis=1)
-    return fits
 
 
 def test_the_joint_distribution_is_left_alone_where_lengths_are_open(narrow: Predictor) -> None:
@@ -82,36 +94,17 @@ def test_the_joint_distribution_is_left_alone_where_lengths_are_open(narrow: Pre
 
     Readings are so poor that draws from the prior, weighed, stand for every chain's target.
     """
-    from scipy import stats  # takes a second, which other tests need not wait for
-
-    unknowns, moved = narrow.unknowns, programs(3, seed=8)
     values, scales, gains = [], [], []
     for seed in range(80):
         rng = np.random.default_rng(seed)
         population = Population.of_prior(narrow, rng, levels=1, width=8)
-        own = (population.values[0], moved, rng)
+        own = (population.values[0], programs(3, seed=8), rng)
         data = draw(narrow, *own, scales=population.scales[0], outlier=0.3, noise=POOR)
         weigh_prior(population, narrow, data, rng)
-        population.observe(data, POOR, surely=False)
-        likelihood = Likelihood(data, POOR)
-        before = cold_fits(population, narrow, likelihood, surely=False)
-        for _ in range(20):
-            population.step()
-        after = cold_fits(population, narrow, likelihood, surely=False)
-        gains.append(float(np.mean(after - before)))
+        gains.append(gain(population, narrow, data, POOR, surely=False))
         values.append(population.values[0])
         scales.append(population.scales[0])
-    chosen, lengths = (
-        unknowns.attachments(np.array(values)),
-        np.array(values)[:, unknowns.continuous],
-    )
-    for column, count in enumerate((4, 6, 2, 4, 6)):
-        assert stats.chisquare(np.bincount(chosen[:, column], minlength=count)).pvalue > 1e-3
-    for length in lengths.T:
-        assert stats.kstest(length, "uniform").pvalue > 1e-3
-    for factors in np.array(scales).T:
-        assert stats.kstest(factors, "norm", args=(0, SCALE_SPREAD)).pvalue > 1e-3
-    assert stats.wilcoxon(gains).pvalue > 1e-3
+    still_the_prior(narrow, values, scales, gains)
 
 
 def weigh_prior(
@@ -142,9 +135,13 @@ def test_proposals_that_are_given_up_early_would_have_been_refused(
             population.step()
         return population, predictor.spared - before
 
+    def hopeful(likelihood: Likelihood, width: Array, scales: Array) -> Array:
+        """Gives no proposal up before all of it is known."""
+        del likelihood, scales
+        return np.full((len(width), len(data)), 1e9)
+
     early, spared = after_steps()
-    hopeful = lambda likelihood, width, scales: np.full((len(width), len(data)), 1e9)  # noqa: E731
-    monkeypatch.setattr(Likelihood, "best", hopeful)  # until all of it is known
+    monkeypatch.setattr(Likelihood, "best", hopeful)
     patient, none_spared = after_steps()
     assert np.array_equal(early.values, patient.values)
     assert np.array_equal(early.scales, patient.scales)
