@@ -10,6 +10,7 @@ Module                  What is in it
 ``trial``               one run through the wire, held against the truth after each interaction
 ``ablations``           the method with one part left out, on development seeds
 ``tables``              what the runs say, as Markdown
+``curves``              how often the body is found against movements and CPU time, as a picture
 ``__main__``            does what is left to do, and writes ``docs/power.md``
 ======================= =========================================================================
 

@@ -10,10 +10,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
+from bench.power.curves import plot_success
 from bench.power.robots import BODIES, Robot, from_prior, shipped
-from bench.power.study import SEEDS, study
+from bench.power.study import PICTURES, SEEDS, study
 from bench.power.tables import page
 from bench.power.trial import Figures, Trial, figures_of, is_done
+from estimator.report.plots.canvas import as_png
 from sim_robot.world.body import DEFAULT
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
@@ -52,6 +54,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(text)
     if options.page:
         PAGE.write_text(text, encoding="utf-8")
+        for group in set(PICTURES).intersection(done):
+            (PAGE.parent / "images" / PICTURES[group]).write_bytes(
+                as_png(plot_success(done[group]))
+            )
 
 
 @contextmanager
@@ -75,7 +81,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, instead of --jobs")
     parser.add_argument("--out", type=Path, default=Path("runs/power"))
-    parser.add_argument("--page", action="store_true", help=f"write {PAGE.name}")
+    parser.add_argument("--page", action="store_true", help=f"write {PAGE.name} and its pictures")
     hand = parser.add_argument_group("a trial that is not of the study")
     hand.add_argument("--problem", help="name, or file")
     hand.add_argument("--method", choices=("posterior", "paper"), default="posterior")

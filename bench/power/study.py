@@ -41,6 +41,12 @@ SUBJECTS: Final[Mapping[str, str]] = {
 }
 """What each group is about."""
 
+PICTURES: Final[Mapping[str, str]] = {
+    "whole body": "success.png",
+    "eight parts": "success-eight-parts.png",
+}
+"""Files under ``docs/images`` that show how often the body is found, by group."""
+
 Groups = Mapping[str, tuple[Trial, ...]]
 
 
@@ -68,7 +74,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
                 interactions=4,
                 explore="random",
             ),
-            Trial(name="paper", seeds=ten, problem="parametric", method="paper", interactions=4),
+            Trial(name="paper", seeds=seeds, problem="parametric", method="paper", interactions=4),
         ),
         "faults": fault_trials(seeds[:1]),
         "odd robots": odd_trials(seeds[:1]),

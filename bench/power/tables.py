@@ -9,10 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, SUBJECTS
+from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
 from bench.power.trial import SURE, Figures, Step, Trial
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
+Steps = Sequence[tuple[Figures, Step]]
+"""Runs after one interaction."""
 
 _HEAD: Final = """# How often the body is found, and whether the estimator knows
 
@@ -30,6 +32,8 @@ def page(done: Mapping[str, Runs]) -> str:
     parts = [_HEAD]
     for group, runs in done.items():
         parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
+        if group in PICTURES:
+            parts.append(f"![Share of runs that are right](images/{PICTURES[group]})\n\n")
         parts.append(fault_table(runs) if group in FAULTY else success_table(runs))
         if group not in FAULTY:
             parts.append(run_table(runs))
@@ -50,25 +54,36 @@ def success_table(runs: Runs) -> str:
         "|---|---|---|---|---|---|---|---|---|---|",
     ]
     for trial, figures in runs:
-        for at in range(max((len(one.steps) for one in figures), default=0)):
-            reached = [(one, one.steps[at]) for one in figures if at < len(one.steps)]
-            name = trial.name if at == 0 else ""
-            lines.append(f"| {name} | {at + 1} | {_success(reached)} |")
+        for number, steps in enumerate(by_interaction(figures), start=1):
+            lines.append(f"| {trial.name if number == 1 else ''} | {number} | {_success(steps)} |")
     return "\n".join(lines) + "\n"
 
 
-def _success(reached: Sequence[tuple[Figures, Step]]) -> str:
-    right = [step.cells == one.cells for one, step in reached]
+def by_interaction(figures: Sequence[Figures]) -> Iterator[Steps]:
+    """After each interaction the runs that went so far."""
+    for at in range(max((len(one.steps) for one in figures), default=0)):
+        yield [(one, one.steps[at]) for one in figures if at < len(one.steps)]
+
+
+def share_right(steps: Steps) -> tuple[float, float, float]:
+    """Share of runs in which all attachments are right, and its 95 % interval (Wilson's)."""
+    count = sum(step.cells == one.cells for one, step in steps)
     stats = importlib.import_module("scipy.stats")  # takes a second
-    low, high = stats.binomtest(sum(right), len(right)).proportion_ci(method="wilson")
+    low, high = stats.binomtest(count, len(steps)).proportion_ci(method="wilson")
+    return count / len(steps), low, high
+
+
+def _success(steps: Steps) -> str:
+    right = [step.cells == one.cells for one, step in steps]
+    _, low, high = share_right(steps)
     sure = [
         good
-        for good, (_, step) in zip(right, reached, strict=True)
+        for good, (_, step) in zip(right, steps, strict=True)
         if step.explained and (step.probability or 0.0) >= SURE
     ]
-    states = any(step.probability is not None for _, step in reached)
-    errors = np.abs([error for _, step in reached for error in step.leg_errors_mm])
-    inside = [one for _, step in reached for one in step.inside]
+    states = any(step.probability is not None for _, step in steps)
+    errors = np.abs([error for _, step in steps for error in step.leg_errors_mm])
+    inside = [one for _, step in steps for one in step.inside]
     return " | ".join(
         [
             f"{sum(right)} of {len(right)}",
@@ -78,7 +93,7 @@ def _success(reached: Sequence[tuple[Figures, Step]]) -> str:
             f"{errors.mean():.1f}",
             f"{np.median(errors):.1f}",
             f"{sum(inside)} of {len(inside)}" if inside else "–",
-            f"{np.mean([step.cpu_seconds for _, step in reached]):.0f}",
+            f"{np.mean([step.cpu_seconds for _, step in steps]):.0f}",
         ]
     )
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pickle
 from pathlib import Path
 
+import numpy as np
 import pytest
 from lxml import etree
 
 from bench.power.__main__ import main
+from bench.power.curves import plot_success
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
 from bench.power.tables import page
@@ -132,6 +134,32 @@ def test_the_page_holds_every_run() -> None:
     assert "| one method | 1 | 12 of 12 | 0.99 | +1 -1 | no | Some body explains it. |" in text
     assert "| 0.99–1 | 1 | 0.99 | 1 |" in text  # lengths alone state nothing
     assert "4 of 8 hold the true length" in text
+
+
+def test_the_picture_has_a_line_for_each_method() -> None:
+    one, other = (Trial(name=name, seeds=(1, 2)) for name in ("one method", "another"))
+    figure = plot_success(
+        [(one, [figures(1, 12, 0.99), figures(2, 11, 0.40)]), (other, [figures(1, 12, 0.99)])]
+    )
+    points = [
+        [np.asarray(line.get_xydata()).tolist() for line in axes.lines] for axes in figure.axes
+    ]
+    assert points == [[[[1, 0.5]], [[1, 1]]], [[[20, 0.5]], [[20, 1]]]]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one method", "another"]
+
+
+def test_a_page_is_written_with_its_pictures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "runs" / "reported" / "eight-parts" / "topological-20" / "1000"
+    folder.mkdir(parents=True)
+    (folder / "figures.json").write_text(figures(1000, 12, 0.9).model_dump_json())
+    (tmp_path / "images").mkdir()
+    monkeypatch.setattr("bench.power.__main__.PAGE", tmp_path / "power.md")
+    main(["--only", "eight parts", "--done", "--page", "--out", str(tmp_path / "runs")])
+    (picture,) = (tmp_path / "images").iterdir()
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert f"](images/{picture.name})" in (tmp_path / "power.md").read_text()
 
 
 def test_what_a_run_does_not_stand_by_is_no_statement() -> None:
