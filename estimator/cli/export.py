@@ -11,7 +11,7 @@ from estimator.cli.console import errors_as_sentences
 from estimator.cli.options import Directory
 from estimator.errors import EstimatorError
 from estimator.export.formats import FORMATS, Format, in_words_of
-from estimator.identification.final_population import FinalPopulation
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 

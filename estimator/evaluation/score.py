@@ -18,13 +18,13 @@ from estimator.body.morphology import Array, Morphology
 from estimator.errors import TruthError
 from estimator.evaluation.attachments import Comparison, Configuration, Truth
 from estimator.evaluation.length_search import LengthSearch
-from estimator.identification.final_population import FinalPopulation
 from estimator.identification.paper.fit import fit_bodies
 from estimator.identification.paper.objectives import LargestError
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.readings.observation import Observation, touched
 from estimator.search.randomness import Stream, generator
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 
 

@@ -18,13 +18,13 @@ from pydantic import BaseModel, ConfigDict
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, InteractionError
 from estimator.identification.acting import carry_out
-from estimator.identification.final_population import FinalPopulation
 from estimator.identification.listener import Listener
 from estimator.physics.base import Physics, Readings
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import RobotLink
 from estimator.search.randomness import Stream, generator
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 

@@ -4,7 +4,6 @@
 Room or module          What is in it
 ======================= =========================================================================
 ``run``                 ``identify`` and ``resume``: a run from start to end
-``final_population``    the models that a run ends with, best first
 ``loop``                the loop itself
 ``posterior_method``    samples of all bodies that explain the readings, and how sure it is
 ``doubting``            bodies that depart from the problem, and what they take from a belief

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Base, Morphology
-from estimator.identification.final_population import FinalPopulation
 from estimator.readings.observation import Observation
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import InteractionRecord
 from estimator.storage.store import RunStore
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from estimator.body.morphology import Morphology
 from estimator.evaluation.score import Score
-from estimator.identification.final_population import FinalPopulation
 from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.jointed_body import model_links
 from estimator.report.bodies.scene import at_rest, solids_of
@@ -23,6 +22,7 @@ from estimator.report.plots.leg_styles import OTHER_MARKERS, leg_colour, leg_lab
 from estimator.report.posterior.summary import Interval
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:

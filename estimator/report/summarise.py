@@ -10,7 +10,6 @@ import numpy as np
 
 from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import BASE, Morphology, Part
-from estimator.identification.final_population import FinalPopulation
 from estimator.identification.paper.reference_check import pairs_turned
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
@@ -24,6 +23,7 @@ from estimator.report.result import (
     PartFound,
     Result,
 )
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions

@@ -25,6 +25,7 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.search.searches import SEARCHES, Search
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.store import RunStore
 
@@ -135,12 +136,11 @@ class PaperMethod:
         assert latest is not None
         errors = np.array(latest.errors, dtype=float)
         self._check_leaders(errors, observations)
-        ended = self._store.search_end.finish()
-        best = int(np.argmin(errors))
-        if ended is not None and ended.models:
-            best = min(zip(ended.simulated, ended.models, strict=True))[1]
-        if self._store.search_end.best_fit() is None and np.isfinite(errors[best]):
-            self._store.search_end.save_best_fit(self._judged(best, observations))
+        if self._store.search_end.best_fit() is None:
+            population = FinalPopulation.of(self._store)
+            if np.isfinite(population.searched[population.best]):
+                best = population.genes[population.best]
+                self._store.search_end.save_best_fit(self._judged(best, observations))
 
     def _check_leaders(self, errors: Array, observations: Sequence[Observation]) -> None:
         if self._open_reference is None or self._store.search_end.finish() is not None:
@@ -157,10 +157,10 @@ class PaperMethod:
             )
         self._store.search_end.save_finish(checked)
 
-    def _judged(self, best: int, observations: Sequence[Observation]) -> BestFit:
+    def _judged(self, best: Array, observations: Sequence[Observation]) -> BestFit:
         store = self._store
         verdict = judge_body(
-            np.asarray(self._search.population[best], dtype=float),
+            best,
             Predictor(Unknowns(store.genome), self._judge),
             SensorData.of(observations, store.settings.modalities, store.world.clearance_cap),
             Noise.announced(store.capabilities),

@@ -10,7 +10,6 @@ import numpy as np
 
 from estimator.body.morphology import Morphology
 from estimator.evaluation.truth.urdf import Urdf
-from estimator.identification.final_population import FinalPopulation
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
 from estimator.report.bodies.jointed_body import Link, model_links, robot_links
@@ -23,6 +22,7 @@ from estimator.report.bodies.scene import (
 )
 from estimator.report.result import Result
 from estimator.report.tables.posterior import percent
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 
 SAMPLES: Final = 16

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from estimator.identification.final_population import with_last_word
 from estimator.report.plots.canvas import new_axes
 from estimator.report.plots.generations import draw_errors, draw_lengths
 from estimator.report.plots.posterior import plot_belief, plot_interval_lengths
+from estimator.storage.final_population import with_last_word
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ from estimator.body.morphology import Array, Morphology
 from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
-from estimator.identification.final_population import FinalPopulation
 from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -23,6 +22,7 @@ from estimator.report.result import Result
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.run_summary import Summary
 from estimator.reproduction.runs.single_run import is_finished
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 

@@ -12,9 +12,9 @@ from random import Random
 import pytest
 
 from estimator.errors import RunDirectoryError
-from estimator.identification.final_population import FinalPopulation
 from estimator.readings.observation import Observation
 from estimator.storage.database import DATABASE
+from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import (
     Counters,
     Finish,

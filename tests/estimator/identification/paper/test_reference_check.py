@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from estimator.body.limbs import driven_limbs
-from estimator.identification.final_population import FinalPopulation, with_last_word
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.reference_check import (
     LEADERS,
@@ -23,6 +22,7 @@ from estimator.physics.base import BackEnd, Pair, Readings
 from estimator.problem.genome import Genome
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.storage.final_population import FinalPopulation, with_last_word
 from estimator.storage.records import Finish
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import make_capabilities, make_problem
