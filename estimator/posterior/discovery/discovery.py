@@ -80,6 +80,8 @@ class Discovery:
     Attributes:
         population: As above, like ``predictor`` and ``rng``.
         met: The best points that it met, shape (n, size): it begins with them when it observes.
+        drawn: Points of the posterior with attachments that it met itself, shape (n, size): it
+            begins with them, too. The best lengths so far may be far from the best ones now.
         settled: Attachments on which all searches agreed after the last interaction, if on any;
             several where sensors tell them apart hardly or not at all. While they explain the
             readings bodies near them are not tried again.
@@ -96,7 +98,7 @@ class Discovery:
         self.population = population
         self.predictor = predictor
         self.rng = rng
-        self.met = np.empty((0, predictor.unknowns.size))
+        self.met, self.drawn = np.empty((2, 0, predictor.unknowns.size))
         self.settled: frozenset[Attachments] = frozenset()
         self._wanders = wanders
 
@@ -116,7 +118,8 @@ class Discovery:
         if joined_parts(predictor.unknowns) and len(data) >= _SEVERAL:
             self._neighbours = Neighbours(predictor, data, likelihood, self.rng)
         self._before, self._visited = _Visited(predictor), _Visited(predictor)
-        self._visited.add(self.met, self._lengths.fits(self.met))
+        starts = np.concatenate([self.met, self.drawn])
+        self._visited.add(starts, self._lengths.fits(starts))
 
     def search(self, steps: int, *, until_explained: bool = False) -> Bodies:
         """One round.

@@ -123,6 +123,7 @@ class Sampler:
             "searching": [search.rng.bit_generator.state for search in self._searches],
             "random": self._rng.bit_generator.state,
             "met": [search.met.tolist() for search in self._searches],
+            "drawn": [search.drawn.tolist() for search in self._searches],
             "agreed_on": sorted(self._searches[0].settled),
             "known": sorted(self._known),
             "cleared": sorted(self._cleared),
@@ -143,10 +144,12 @@ class Sampler:
             raise SearchStateError(
                 "the run was made with another version of the sampler: start a new run"
             )
-        for search, population, rng, met in zip(
-            self._searches, state["populations"], state["searching"], state["met"], strict=True
-        ):
-            search.met = np.array(met, dtype=float).reshape(len(met), self.predictor.unknowns.size)
+        kept = (state[name] for name in ("populations", "searching", "met", "drawn"))
+        for search, population, rng, met, drawn in zip(self._searches, *kept, strict=True):
+            search.met, search.drawn = (
+                np.array(some, dtype=float).reshape(-1, self.predictor.unknowns.size)
+                for some in (met, drawn)
+            )
             search.population = Population.from_state(population, search.predictor)
             search.rng.bit_generator.state = rng
             search.settled = frozenset(map(tuple, state["agreed_on"]))
@@ -177,13 +180,9 @@ class Sampler:
         """What is believed before the first interaction."""
         populations = [search.population for search in self._searches]
         values = np.concatenate([one.values for one in populations])
-        return Posterior(
-            values=values,
-            scales=np.concatenate([one.scales for one in populations]),
-            weights=np.full(len(values), 1 / len(values)),
-            modes=(),
-            credible=False,
-        )
+        scales = np.concatenate([one.scales for one in populations])
+        weights = np.full(len(values), 1 / len(values))
+        return Posterior(values=values, scales=scales, weights=weights, modes=(), credible=False)
 
     def learn(self, data: SensorData) -> Posterior:
         """What is believed after the interactions so far.
@@ -275,13 +274,14 @@ class Sampler:
             self._rng,
         )
         chains = sampled(modes, predictor, data, self._noise, self._rng, count=effort.samples)
-        whose = predictor.unknowns.keys(chains.values)
+        whose, keys = map(predictor.unknowns.keys, (chains.values, modes.points))
         for search, met in zip(self._searches, agreement.met, strict=True):
             own = [row for row, key in enumerate(whose) if self._wanders or key in met]
             if own:
                 rows = self._rng.choice(own, effort.width)
                 search.population.replace_coldest(chains.values[rows], chains.scales[rows])
-        keys = predictor.unknowns.keys(modes.points)
+            if not self._wanders:
+                search.drawn = modes.draws([row for row, key in enumerate(keys) if key in met])
         self._known = set(keys)
         named = [
             Mode(key, float(share), point, mode.effective, tuple(met))

@@ -10,6 +10,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.chains.population import Population
+from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
@@ -19,6 +20,9 @@ from estimator.posterior.sampling.evidence import ModeEvidence
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
 _AT_ONCE: Final = 16  # of them
 _WEIGHED: Final = 9.0  # nats below the best evidence
+_DRAWN: Final = 16  # points of a mode, for the next interaction,
+_DRAWN_OF: Final = 32  # of so many modes, drawn as if
+_SPREAD: Final = 64  # of the evidence's draws counted at least
 _LEAST_POWER: Final = 1e-3
 _STEPS: Final = 20  # of valid sampling
 _FEW: Final = 32  # effective draws of a mode, with fewer of which chains have to find their way:
@@ -40,6 +44,15 @@ class WeighedModes:
     points: Array
     evidences: Sequence[ModeEvidence]
     shares: Array
+
+    def draws(self, rows: Sequence[int]) -> Array:
+        """Some draws of each of the modes of these rows, spread out, shape (n, size)."""
+        chosen = [self.points[:0]]
+        for row in sorted(rows, key=lambda row: -self.shares[row])[:_DRAWN_OF]:
+            mode = self.evidences[row]
+            likely = _spread_out(mode.weights, _SPREAD)
+            chosen.append(mode.values[systematic(likely, _DRAWN, 0.5)])
+        return np.concatenate(chosen)
 
 
 def weighed(
