@@ -26,7 +26,7 @@ from estimator.posterior.checks.recheck import recheck
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
@@ -168,14 +168,18 @@ class PosteriorMethod:
         """Whether attachments and lengths are as sure as the settings ask for.
 
         They must have been so before the last movement too: it then tested whether the robot
-        departs from the problem.
+        departs from the problem. A run that has ended stays so, whatever the simulator said then.
         """
         wanted = self._store.settings.sure
-        if wanted is None or not number or number != self._learnt - 1:
+        if wanted is None or number != self._learnt - 1:
             return False
-        return all(
-            attachments_known(one, wanted, self._store) and self._lengths_known(one)
-            for one, _ in self._store.beliefs()[-2:]
+        last = [belief for belief, _ in self._store.beliefs()[-2:]]
+        return bool(last[-1].simulated) or (
+            len(last) == 2
+            and all(
+                attachments_known(one, wanted, self._store) and self._lengths_known(one)
+                for one in last
+            )
         )
 
     def _overturned(self, number: int) -> int | None:
@@ -208,16 +212,17 @@ class PosteriorMethod:
                 data,
                 self._noise,
                 reference=reference,
+                like=self._like_first_of(checked.posterior, belief),
                 rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
             )
             final = believe(posterior, self._predictor, data, self._noise, self._alike)
             grounds = self._grounds(checked.posterior, data, reference)
-            doubted = self._doubted_of(belief)
+            before = doubted = self._doubted_of(belief)
             if not doubted or final.not_known is NotKnown.POOR_FIT:
                 doubted = self._doubting.in_the_end(final, grounds)
             known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
             poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
-            if known or poor:
+            if before or known or poor:
                 final = self._doubting.left_of(
                     final, doubted, replace(grounds, posterior=posterior)
                 )
@@ -234,6 +239,13 @@ class PosteriorMethod:
         if any(not mode.like_the_first for mode in final.modes if mode.probability >= RIVAL):
             final = final.model_copy(update={"decides": self._deciding(final, observations)})
         self._store.save_belief(last, final, self._cost(), None)
+
+    def _like_first_of(self, posterior: Posterior, belief: Belief) -> set[Attachments]:
+        """A posterior's leading attachments, with those that felt like them after the last."""
+        leader = posterior.modes[0].attachments
+        genes = np.array([mode.genes for mode in belief.modes if mode.like_the_first])
+        alike = set(self._predictor.unknowns.keys(genes))
+        return alike if leader in alike else {leader}
 
     def _deciding(self, belief: Belief, observations: Sequence[Observation]) -> NextMovement:
         """The movement that would tell most about what is left open."""

@@ -9,6 +9,7 @@ simulator confirms belongs to the posterior as well.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Final
 
@@ -22,7 +23,7 @@ from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import logsumexp, softmax
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Attachments, Predictor
 from estimator.posterior.posterior import Posterior
 
 _DRAWS: Final = 64
@@ -40,6 +41,7 @@ def with_left_out(
     noise: Noise,
     *,
     reference: Physics,
+    like: Collection[Attachments],
     rng: np.random.Generator,
 ) -> Posterior:
     """The posterior with the lengths that only the simulator admits.
@@ -50,6 +52,8 @@ def with_left_out(
         data: What the robot felt.
         noise: How far readings stray.
         reference: The simulator.
+        like: The first mode's attachments, and such as no sensor can tell from them: in the places
+            of their samples come the added bodies.
         rng: Draws bodies.
     """
     if len(data) < 2 or not predictor.unknowns.continuous.size:
@@ -83,7 +87,18 @@ def with_left_out(
         if share > _LITTLE and _FEWEST * np.sum(probable**2) < 1.0:
             added.append((draws[rows], probable))
             shares.append(share)
-    return _mixed(posterior, added, np.array(shares), rng) if added else posterior
+    if not added:
+        return posterior
+    kept = systematic(posterior.weights, len(posterior.values), float(rng.random()))
+    values, keys = posterior.values[kept], predictor.unknowns.keys(posterior.values[kept])
+    own = [row for row, key in enumerate(keys) if key in like]
+    values[own] = _mixed(values[own], added, np.array(shares), rng)
+    return replace(
+        posterior,
+        values=values,
+        scales=posterior.scales[kept],
+        weights=np.full(len(values), 1.0 / len(values)),
+    )
 
 
 def _draws(
@@ -113,22 +128,13 @@ def _fits(likelihood: Likelihood, predictor: Predictor, points: Array) -> Array:
 
 
 def _mixed(
-    posterior: Posterior,
-    added: list[tuple[Array, Array]],
-    shares: Array,
-    rng: np.random.Generator,
-) -> Posterior:
+    values: Array, added: list[tuple[Array, Array]], shares: Array, rng: np.random.Generator
+) -> Array:
     """The samples with the added bodies in the places of some of them, by their shares."""
     odds = shares / np.maximum(1.0 - shares, _LITTLE)
-    counts = np.rint(len(posterior.values) * odds / (1.0 + odds.sum())).astype(int)
-    kept = systematic(posterior.weights, len(posterior.values), float(rng.random()))
-    values = posterior.values[kept]
+    counts = np.rint(len(values) * odds / (1.0 + odds.sum())).astype(int)
+    mixed = values.copy()
     places = np.split(rng.permutation(len(values)), np.cumsum(counts))
     for (bodies, probable), rows in zip(added, places, strict=False):  # the rest stays
-        values[rows] = bodies[rng.choice(len(bodies), len(rows), p=probable)]
-    return replace(
-        posterior,
-        values=values,
-        scales=posterior.scales[kept],
-        weights=np.full(len(values), 1.0 / len(values)),
-    )
+        mixed[rows] = bodies[rng.choice(len(bodies), len(rows), p=probable)]
+    return mixed

@@ -16,12 +16,13 @@ from estimator.identification import doubting, posterior_method
 from estimator.identification.listener import Listener
 from estimator.identification.run import Order, identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
+from estimator.posterior.belief import believe
 from estimator.posterior.checks import departed
 from estimator.posterior.model.densities import MODEL_TILT
 from estimator.posterior.model.departures import Doubt, Thickness, Travel
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.storage.beliefs import NotKnown
+from estimator.storage.beliefs import Belief, NotKnown
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import (
@@ -198,6 +199,12 @@ def test_a_run_ends_as_soon_as_it_is_sure(tmp_path: Path) -> None:
     assert result.posterior is not None
     for length in result.posterior.lengths_m:
         assert length.high - length.low <= 2.5 * posterior_method.PRECISE  # reweighted since
+    with RunStore.open(tmp_path / "run") as store:  # as if the simulator had made it less sure
+        belief, cost = store.beliefs()[-1]
+        unsure = belief.model_copy(update={"departed": 0.5})
+        store.save_belief(result.interactions - 1, unsure, cost, None)
+    again = resume(tmp_path / "run", IN_THIS_PROCESS, Listener(), report=without_plots)
+    assert again.interactions == result.interactions  # no robot is there that could be moved
 
 
 def test_a_run_that_is_sure_at_once_puts_it_to_the_test(
@@ -230,6 +237,29 @@ def test_a_robot_that_is_built_otherwise_is_noticed_on_the_way(
         assert 0.9 < step.probability < 1.0
     assert result.posterior.probability == pytest.approx(1 - result.posterior.departed)
     assert not any(step.explained for step in result.posterior.steps)
+    assert "as well as one with thick parts" in result.posterior.verdict
+
+
+def test_what_departs_is_not_forgotten_where_the_simulator_leaves_less_sure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stated(*args: Any, **before: Any) -> Belief:
+        within = 0.97 if before else 0.94  # in the end nobody asks what was learnt
+        return believe(*args, **before).model_copy(
+            update={"within_problem": within, "few_draws": False, "met_in_common": 1.0}
+        )
+
+    monkeypatch.setattr(posterior_method, "believe", stated)
+    otherwise = Thickness(text="thick parts", amount=2.0)
+    monkeypatch.setattr(doubting, "clearly_better", lambda doubted: otherwise if doubted else None)
+    with serving(ModelRobot()) as uri:
+        asked = order(tmp_path, uri)
+        (tmp_path / "legs.toml").write_text(PROBLEM.replace('"up"', '"unknown"'))
+        result = identify(
+            tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots
+        )
+    assert result.posterior is not None
+    assert not result.posterior.explained
     assert "as well as one with thick parts" in result.posterior.verdict
 
 

@@ -46,10 +46,13 @@ def sampled() -> Posterior:
     return equally_likely(values, FELT_LIKE)
 
 
-def looked_at(predictor: Predictor, reference: StaticsPhysics) -> Posterior:
+def looked_at(
+    predictor: Predictor, reference: StaticsPhysics, posterior: Posterior | None = None
+) -> Posterior:
+    posterior = posterior or sampled()
     data = draw(predictor, FELT_LIKE, PERFORMED, np.random.default_rng(3), outlier=0.0)
-    rng = np.random.default_rng(4)
-    return with_left_out(sampled(), predictor, data, NOISE, reference=reference, rng=rng)
+    rng, like = np.random.default_rng(4), predictor.unknowns.keys(FELT_LIKE[None])
+    return with_left_out(posterior, predictor, data, NOISE, reference=reference, like=like, rng=rng)
 
 
 def test_lengths_that_only_statics_rules_out_are_believed_too(predictor: Predictor) -> None:
@@ -59,6 +62,16 @@ def test_lengths_that_only_statics_rules_out_are_believed_too(predictor: Predict
     assert np.ptp(sampled().values[:, 2]) < 0.05
     assert wider.weights.sum() == 1.0
     assert wider.modes[0].point.tolist() == FELT_LIKE.tolist()
+
+
+def test_samples_of_rivals_stay(predictor: Predictor) -> None:
+    """A rival that held 40 % of the samples held 21 % of them afterwards."""
+    posterior = sampled()
+    rival = np.arange(64) % 5 < 2
+    posterior.values[rival, 0] = 0.9  # its first leg sits elsewhere
+    wider = looked_at(predictor, Elsewhere(), posterior)
+    assert np.ptp(wider.values[:, 2]) > 0.3
+    assert np.count_nonzero(wider.values[:, 0] == 0.9) == np.count_nonzero(rival)
 
 
 def test_where_the_simulator_agrees_with_statics_nothing_changes(predictor: Predictor) -> None:
