@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
 
+from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES
 from estimator.exploration.situation import Choice, Models, Situation
 from estimator.identification.paper.objectives import OBJECTIVES
@@ -11,6 +14,8 @@ from estimator.physics.base import ArrayMarginPhysics
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.storage.store import RunStore
+
+_ROUNDING: Final = 1e-9  # rad
 
 
 def next_program(
@@ -28,6 +33,9 @@ def next_program(
         observations: Of all interactions so far.
         models: What is believed after them.
         physics: Predicts what models feel.
+
+    Raises:
+        EstimatorError: What the rule gives is no motor program of this robot.
     """
     settings = store.settings
     situation = Situation(
@@ -41,4 +49,29 @@ def next_program(
         clearance_cap=store.world.clearance_cap,
         rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
     )
-    return RULES.load(rule)(situation)
+    return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)
+
+
+def _checked(chosen: object, rule: str, store: RunStore) -> Choice:
+    """A rule's choice, its program as floats, before any of it is kept or performed."""
+    if not isinstance(chosen, Choice):
+        raise EstimatorError(f"the {rule} gave {chosen!r}: it must give a Choice")
+    joints, driven = store.capabilities.joints, store.problem.motors.driven
+    try:
+        program = tuple(map(float, chosen.program))
+    except (TypeError, ValueError):
+        program = ()
+    if len(program) != len(joints):
+        raise EstimatorError(
+            f"the {rule} gave the program {chosen.program!r}: it must hold {len(joints)} targets, "
+            "one for each joint of the robot, driven or not"
+        )
+    for number, (target, joint) in enumerate(zip(program, joints, strict=True)):
+        low, high = (joint.lower, joint.upper) if number in driven else (0.0, 0.0)
+        if not low - _ROUNDING <= target <= high + _ROUNDING:
+            raise EstimatorError(
+                f"the {rule} gave {target:.6g} for joint {joint.name!r}: targets are rad, and that "
+                f"joint's must lie in {low:.4f} to {high:.4f}"
+                + ("" if number in driven else ", since the problem does not drive it")
+            )
+    return replace(chosen, program=program)

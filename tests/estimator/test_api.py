@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,6 +18,8 @@ from estimator import (
     identify,
     resume,
 )
+from estimator.readings.observation import Program
+from estimator.storage.store import RunStore
 from tests.estimator.model_robot import JOINTS, PROBLEM, ModelRobot, serving
 
 
@@ -80,6 +83,46 @@ def test_a_run_with_parts_of_a_program_goes_on_only_with_them(tmp_path: Path) ->
         result = resume(run, physics=Slack, explore=first)
     assert (result.physics, result.explore) == (f"{__name__}:Slack", f"{__name__}:first")
     assert result.versions[result.physics] == "of the calling program"
+    assert result.complete
+
+
+GIVEN: Any = None
+
+
+def careless(situation: Situation) -> Choice:
+    """A rule that gives ``GIVEN``."""
+    return GIVEN  # type: ignore[no-any-return]
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        (Choice(program=(0.1, 0.2)), "must hold 4 targets, one for each joint"),
+        (Choice(program=(20.0, 0, 0, 0)), r"gave 20 for joint 'left': .* rad, .* 1.0000"),
+        (Choice(program=(0, float("nan"), 0, 0)), "gave nan for joint 'front'"),
+        (Choice(program=cast(Program, "abcd")), "gave the program 'abcd': it must hold 4"),
+        (None, "gave None: it must give a Choice"),
+    ],
+)
+def test_what_no_robot_can_perform_is_refused_before_it_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: object, sentence: str
+) -> None:
+    monkeypatch.setattr(f"{__name__}.GIVEN", given)
+    (tmp_path / "legs.toml").write_text(PROBLEM)
+    run, problem, robot = tmp_path / "run", tmp_path / "legs.toml", ModelRobot()
+    with serving(robot) as uri, pytest.raises(EstimatorError, match=sentence):
+        identify(run, robot=uri, problem=problem, method="paper", explore=careless)
+    assert not robot.motions
+    with RunStore.open(run, to_write=False) as store:
+        assert not store.interactions()
+
+
+def test_a_rule_may_give_an_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(f"{__name__}.GIVEN", Choice(program=cast(Program, np.zeros(4))))
+    (tmp_path / "legs.toml").write_text(PROBLEM)
+    run, problem = tmp_path / "run", tmp_path / "legs.toml"
+    with serving(ModelRobot()) as uri:
+        result = identify(run, robot=uri, problem=problem, method="paper", explore=careless)
     assert result.complete
 
 
