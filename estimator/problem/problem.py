@@ -61,7 +61,7 @@ class Problem(Strict):
     """
 
     name: Name
-    description: str
+    description: str = ""
     density: Density
     motors: Motors
     nuisance: NuisanceSection = NuisanceSection()
@@ -93,7 +93,7 @@ class Problem(Strict):
                 )
             return cls.parse((folder / f"{name_or_path}.toml").read_text("utf-8"), name_or_path)
         try:
-            return cls.parse(Path(name_or_path).read_text("utf-8"), name_or_path)
+            return cls.parse(Path(name_or_path).read_text("utf-8-sig"), name_or_path)
         except OSError as error:
             raise ProblemError(f"{name_or_path} cannot be read: {error.strerror}") from error
         except UnicodeDecodeError as error:
@@ -179,7 +179,10 @@ class Problem(Strict):
             part.length_unknown or None in (part.parent, part.mount, part.hinge)
             for part in self.parts
         ):
-            raise ValueError("parts: there is nothing to be found: give some length a range")
+            raise ValueError(
+                "parts: there is nothing to be found: give some length a range (what is open in "
+                "[nuisance] is found along with a body, not alone)"
+            )
         return self
 
     @property

@@ -182,11 +182,11 @@ class WorldSection(Strict):
 
 
 class SearchSettings(Strict):
-    """How the models are optimised."""
+    """How often the robot acts, and how the paper's method optimises its models."""
 
-    population: Population
-    generations: Count
     interactions: Count
+    population: Population = 100
+    generations: Count = 10
     crossover: Annotated[Crossover, Field(discriminator="kind")] = BlendCrossover()
     mutation: Annotated[Mutation, Field(discriminator="kind")] = GaussianMutation()
 

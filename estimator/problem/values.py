@@ -69,6 +69,8 @@ def _parse_densities(value: Any) -> tuple[float, float]:
 
 
 def _parse_angles(value: Any) -> tuple[float, float]:
+    if not isinstance(value, list):
+        raise ValueError(f"must be [lowest, highest], like [-30, 30], not {value!r}")
     low, high = _parse_range(value)
     if low < -180 or high > 180:
         raise ValueError(f"must lie within -180 to 180 degrees, not {value!r}")
@@ -138,11 +140,12 @@ def _even(value: int) -> int:
 
 
 Ends: TypeAlias = tuple[float, float]
-Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False, strict=True)]
-Radius: TypeAlias = Annotated[Positive, _between(*LENGTHS, "m")]
-Density: TypeAlias = Annotated[Positive, _between(*DENSITIES, "kg/m³")]
-Misalignment: TypeAlias = Annotated[Positive, _between(0.01, 10, "degrees")]
-Offset: TypeAlias = Annotated[Positive, _between(0.01, 1000 * LENGTHS[1], "mm")]
+Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Positive: TypeAlias = Annotated[Finite, Field(gt=0)]
+Radius: TypeAlias = Annotated[Finite, _between(*LENGTHS, "m")]
+Density: TypeAlias = Annotated[Finite, _between(*DENSITIES, "kg/m³")]
+Misalignment: TypeAlias = Annotated[Finite, _between(0.01, 10, "degrees")]
+Offset: TypeAlias = Annotated[Finite, _between(0.01, 1000 * LENGTHS[1], "mm")]
 Count: TypeAlias = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 Population: TypeAlias = Annotated[Count, AfterValidator(_even)]
 Name: TypeAlias = Annotated[str, Field(min_length=1, max_length=60)]
@@ -150,7 +153,7 @@ Number: TypeAlias = Annotated[int, BeforeValidator(_count_from_0)]
 """Of a joint or a sensor: counted from 1 in the file and from 0 in code."""
 
 Angles: TypeAlias = Annotated[Ends, BeforeValidator(_parse_angles)]
-"""``[lowest, highest]``, or one number for both, degrees."""
+"""``[lowest, highest]``, degrees."""
 
 Densities: TypeAlias = Annotated[Ends, BeforeValidator(_parse_densities)]
 """``[lowest, highest]``, kg/m³."""
@@ -170,6 +173,33 @@ Axis: TypeAlias = Annotated[Vector, BeforeValidator(_parse_axis)]
 """A unit vector; in the file of any length but 0."""
 
 
+_REASONS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "missing": "is missing",
+        "too_short": "must hold at least one",
+        "greater_than": "must be greater than {gt:g}, not {input!r}",
+        "greater_than_equal": "must be at least {ge:g}, not {input!r}",
+        "less_than_equal": "must be at most {le:g}, not {input!r}",
+        "finite_number": "must be finite, not {input!r}",
+        "float_type": "must be a number, not {input!r}",
+        "int_type": "must be an integer, not {input!r}",
+        "string_type": "must be a text in quotes, not {input!r}",
+        "literal_error": "must be {expected}, not {input!r}",
+        "tuple_type": "must be a list, or tables with [[{key}]] above each, not {input!r}",
+        "union_tag_not_found": "must say of which {discriminator} it is",
+        "union_tag_invalid": "must be of kind {expected_tags}, not {tag!r}",
+        **dict.fromkeys(
+            ("extra_forbidden", "unexpected_keyword_argument"), "is no key of a problem file"
+        ),
+        **dict.fromkeys(
+            ("model_type", "dataclass_type", "model_attributes_type", "dict_type"),
+            "must be a table of keys and values, not {input!r}",
+        ),
+    }
+)
+"""What a person reads for a kind of complaint that pydantic makes."""
+
+
 def complaint(
     error: ValidationError,
     origin: str,
@@ -185,8 +215,12 @@ def complaint(
         parts: For each part that was validated, the index of the part in the file that it comes
             from; a complaint about several that come from one is made once.
     """
-    lines = []
-    for item in error.errors():
+    lines: list[str] = []
+    items = error.errors()
+    places = [item["loc"] for item in items]
+    for item in items:
+        if item["type"] == "too_short" and sum(place[:1] == item["loc"] for place in places) > 1:
+            continue  # there are some, each of them wrong
         place = list(item["loc"])
         if len(place) > 1 and place[0] == "parts" and isinstance(place[1], int):
             place[1] = parts[place[1]] if parts else place[1]
@@ -197,12 +231,8 @@ def complaint(
             else:
                 key += f".{step}" if key else str(step)
         name = _name(raw, place)
-        reasons = {
-            "missing": "is missing",
-            "extra_forbidden": "is no key of a problem file",
-            "too_short": "must hold at least one",
-        }
-        reason = reasons.get(item["type"], item["msg"].removeprefix("Value error, "))
+        said = _REASONS.get(item["type"], item["msg"].removeprefix("Value error, "))
+        reason = said.format(key=key, input=item["input"], **item.get("ctx", {}))
         line = f"{key}{name}: {reason}" if key else reason
         if line not in lines:
             lines.append(line)

@@ -88,9 +88,12 @@ def test_only_an_open_accelerometer_is_read_lying_flat() -> None:
     [
         ("density = 1000.0", "nuisance.density: must be [lowest, highest]"),
         ("density = [0.1, 10.0]", "nuisance.density: must be [lowest, highest] within 1 to 25000"),
-        ("joint_zero_deg = -1.0", "nuisance.joint_zero_deg: Input should be greater than 0"),
+        (
+            "joint_zero_deg = -1.0",
+            "nuisance.joint_zero_deg: must lie in 0.01 to 10 degrees, not -1",
+        ),
         ("joint_zero_deg = 30.0", "nuisance.joint_zero_deg: must lie in 0.01 to 10 degrees"),
-        ("centre_of_mass_mm = inf", "nuisance.centre_of_mass_mm: Input should be a finite"),
+        ("centre_of_mass_mm = inf", "nuisance.centre_of_mass_mm: must be finite, not inf"),
         ("mass = 1.0", "nuisance.mass: is no key of a problem file"),
     ],
 )

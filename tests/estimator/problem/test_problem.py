@@ -109,11 +109,16 @@ def test_a_missing_problem_is_refused(tmp_path: Path) -> None:
         ("[0.01, 0.20]", "[10, 200]", "0.0001 to 10 m"),
         ("[0.01, 0.20]", "[0.01]", r"must be a number or \[lowest, highest\]"),
         ("[0.01, 0.20]", "true", "must be a number"),
-        ("radius = 0.013", "radius = -0.013", r"parts\[1\].radius"),
+        ("radius = 0.013", "radius = -0.013", r"parts\[1\].radius .* 0.0001 to 10 m, not -0.013"),
+        ("[-30.0, 30.0]", "30.0", r"range_deg: must be \[lowest, highest\], like \[-30, 30\], not"),
+        ('kind = "blend", ', "", "search.crossover: must say of which 'kind' it is"),
+        ("driven = [1, 2, 3, 4]", "driven = 3", "motors.driven: must be a list, .*, not 3"),
+        ("density = 1000.0", "density = 1000.0\nhinges = 1", r"with \[\[hinges\]\] above each"),
+        ("density = 1000.0", "density = 1000.0\nworld = 1", "world: must be a table of keys and"),
         (
             "radius = 0.013",
             'radius = 0.013\nshape = "cube"',
-            r"parts\[1\].shape .left upper.: Input should be 'capsule' or 'box'",
+            r"parts\[1\].shape .left upper.: must be 'capsule' or 'box', not",
         ),
         ("sensor = 1", "sensor = 2", "sensors must be numbered 1, 2"),
         ("sensor = 1", "sensor = 1.0", r"parts\[5\].sensor .*: must be an integer"),
@@ -123,6 +128,24 @@ def test_wrong_files_are_refused_with_key_and_reason(old: str, new: str, reason:
     assert old in TEXT
     with pytest.raises(ProblemError, match=f"^mine.toml.*{reason}"):
         Problem.parse(TEXT.replace(old, new, 1), "mine.toml")
+
+
+def test_parts_that_are_all_wrong_are_not_said_to_be_missing() -> None:
+    with pytest.raises(ProblemError) as refusal:
+        Problem.parse(TEXT.replace("[0.01, 0.20]", "[10, 200]"), "mine.toml")
+    assert str(refusal.value).count("must lie in") == 8
+    assert "at least one" not in str(refusal.value)
+
+
+def test_what_only_the_papers_method_looks_at_may_be_left_out() -> None:
+    text = TEXT.replace("population = 100", "").replace("generations = 10", "")
+    settings = Problem.parse(text, "mine.toml").search
+    assert (settings.population, settings.generations) == (100, 10)
+
+
+def test_an_editors_byte_order_mark_is_no_part_of_a_file(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text(TEXT, encoding="utf-8-sig")
+    assert Problem.load(str(tmp_path / "mine.toml")).parts == Problem.parse(TEXT, "mine.toml").parts
 
 
 def test_a_problem_must_leave_something_to_be_found() -> None:
