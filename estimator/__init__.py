@@ -76,11 +76,11 @@ if TYPE_CHECKING:
     from estimator.exploration.situation import Objective as Objective
     from estimator.exploration.situation import Situation as Situation
     from estimator.identification.listener import Listener as Listener
+    from estimator.identification.order import METHODS as METHODS
+    from estimator.identification.order import Order as Order
     from estimator.identification.paper.objectives import OBJECTIVES as OBJECTIVES
     from estimator.identification.paper.objectives import LargestError as LargestError
     from estimator.identification.paper.objectives import RobustMeanError as RobustMeanError
-    from estimator.identification.run import METHODS as METHODS
-    from estimator.identification.run import Order as Order
     from estimator.physics.backends import BACKENDS as BACKENDS
     from estimator.physics.base import Abilities as Abilities
     from estimator.physics.base import ArrayMarginPhysics as ArrayMarginPhysics

@@ -12,8 +12,8 @@ from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES, Rule
 from estimator.exploration.situation import Objective
 from estimator.identification.listener import Listener
+from estimator.identification.order import MethodName, Order
 from estimator.identification.paper.objectives import OBJECTIVES
-from estimator.identification.run import MethodName, Order
 from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run
 from estimator.physics.backends import (
@@ -44,7 +44,7 @@ def identify(
     problem: Path | str,
     method: MethodName = "posterior",
     physics: str | type[Physics] | None = None,
-    search: str | type[Search] = "deterministic-crowding",
+    search: str | type[Search] | None = None,
     objective: str | type[Objective] = "largest",
     explore: str | Rule | None = None,
     sure: float | None = None,
@@ -66,11 +66,13 @@ def identify(
         problem: A problem's name, or a TOML file.
         method: ``posterior``, or ``paper``: one population, optimised.
         physics: A name in ``BACKENDS``, or a class of your own; default: the method's.
-        search: A name in ``SEARCHES``, or a class; the method ``paper`` has use for it.
-        objective: A name in ``OBJECTIVES``, or a class; likewise.
+        search: A name in ``SEARCHES``, or a class, of the method ``paper``; default:
+            ``deterministic-crowding``.
+        objective: A name in ``OBJECTIVES``, or a class: what that search minimises; exploration
+            rules are given it, too.
         explore: A name in ``RULES``, or a function; default: the method's.
-        sure: Probability of the attachments, 0 to 1, at which the run ends early, if the lengths
-            are known to 5 mm by then.
+        sure: Probability of the attachments, 0 to 1, at which a run of the method ``posterior``
+            ends early, if the lengths are known to 5 mm by then.
         modalities: Sensors that count.
         interactions: How often the robot acts; default: the problem's, or all that was recorded.
         population: Models of the method ``paper``, an even number; default: the problem's.
@@ -94,7 +96,7 @@ def identify(
         seed=secrets.randbelow(2**32) if seed is None else seed,
         method=method,
         physics=None if physics is None else _name(BACKENDS, physics),
-        search=_name(SEARCHES, search),
+        search=None if search is None else _name(SEARCHES, search),
         objective=_name(OBJECTIVES, objective),
         explore=None if explore is None else _name(RULES, explore),
         sure=sure,

@@ -20,7 +20,8 @@ from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
 from estimator.identification.listener import Listener
-from estimator.identification.run import MethodName, Order, identify
+from estimator.identification.order import MethodName, Order
+from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result

@@ -19,8 +19,9 @@ from estimator.cli.console import (
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, Strict, computers
 from estimator.exploration.rules import RULES
+from estimator.identification.order import METHODS, MethodName, Order
 from estimator.identification.paper.objectives import OBJECTIVES
-from estimator.identification.run import METHODS, MethodName, Order, identify
+from estimator.identification.run import identify
 from estimator.physics.backends import BACKENDS
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.run_files import write_report
@@ -59,12 +60,13 @@ def command(
         ),
     ] = None,
     search: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="NAME",
-            help=f"What optimises the paper's population: {', '.join(SEARCHES.own)}, or a plug-in.",
+            help=f"What optimises the paper's population: {', '.join(SEARCHES.own)}, or a plug-in. "
+            "Default: the first.",
         ),
-    ] = next(iter(SEARCHES.own)),
+    ] = None,
     objective: Annotated[
         str,
         typer.Option(
@@ -77,8 +79,8 @@ def command(
         typer.Option(
             min=0.5,
             max=0.999,
-            help="End as soon as the attachments are so probable, lengths known to 5 mm, and one "
-            "more movement has left them so.",
+            help="Of the method posterior: end as soon as the attachments are so probable, lengths "
+            "known to 5 mm, and one more movement has left them so.",
         ),
     ] = None,
     strict: Strict = False,
@@ -89,7 +91,7 @@ def command(
         int | None, typer.Option(min=0, help="Source of all randomness. Default: a new one.")
     ] = None,
     population: Annotated[
-        int | None, typer.Option(min=2, help="Models, an even number. Default: the problem's.")
+        int | None, typer.Option(min=2, help="The paper's, an even number. Default: the problem's.")
     ] = None,
     generations: Annotated[
         int | None, typer.Option(min=1, help="After each interaction. Default: the problem's.")

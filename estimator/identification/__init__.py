@@ -4,6 +4,7 @@
 Room or module          What is in it
 ======================= =========================================================================
 ``run``                 ``identify`` and ``resume``: a run from start to end
+``order``               what a person asks of a run
 ``loop``                the loop itself
 ``posterior_method``    samples of all bodies that explain the readings, and how sure it is
 ``doubting``            bodies that depart from the problem, and what they take from a belief

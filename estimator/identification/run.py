@@ -5,11 +5,9 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from types import MappingProxyType
-from typing import Final, Literal, NamedTuple, TypeAlias, TypeVar, cast
+from typing import TypeAlias, TypeVar, cast
 
 from pydantic import ValidationError
 
@@ -18,6 +16,7 @@ from estimator.exploration.rules import RULES
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.method import Method
+from estimator.identification.order import Choices, Order, choices_of
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.posterior_method import PosteriorMethod
@@ -25,7 +24,6 @@ from estimator.physics.backends import (
     BACKENDS,
     REFERENCE,
     Computers,
-    abilities_of,
     foresight_of,
     maker,
 )
@@ -34,7 +32,7 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.recheck import fine
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
-from estimator.readings.modalities.registry import MODALITIES, check_modalities
+from estimator.readings.modalities.registry import check_modalities
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 from estimator.search.searches import SEARCHES
@@ -45,45 +43,6 @@ from protocol.wire.capabilities import Capabilities
 Summary = TypeVar("Summary")
 Report: TypeAlias = Callable[[RunStore], Summary]
 """Writes what a run leaves beside its database, and sums the run up."""
-
-
-MethodName: TypeAlias = Literal["posterior", "paper"]
-
-
-class Defaults(NamedTuple):
-    """What a method works with where nobody asks for anything else."""
-
-    physics: str
-    explore: str
-
-
-METHODS: Final = MappingProxyType(
-    {
-        "posterior": Defaults(physics="statics", explore="information"),
-        "paper": Defaults(physics=REFERENCE, explore="random"),
-    }
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Order:
-    """What a person asks of a new run; ``None`` leaves the choice to the problem or the record."""
-
-    robot: str
-    problem: str
-    seed: int
-    method: MethodName = "posterior"
-    physics: str | None = None
-    search: str = "deterministic-crowding"
-    objective: str = "largest"
-    explore: str | None = None
-    sure: float | None = None
-    modalities: tuple[str, ...] = tuple(MODALITIES)
-    interactions: int | None = None
-    population: int | None = None
-    generations: int | None = None
-    full_steps: bool = False
-    keys: Path | None = None
 
 
 def identify(
@@ -110,7 +69,7 @@ def identify(
     """
     asked = Problem.load(order.problem)
     modalities = check_modalities(order.modalities)
-    physics, explore = _choices(order)
+    choices = choices_of(order)
     client_id = str(uuid.uuid4())
     link = open_robot(
         order.robot,
@@ -123,7 +82,7 @@ def identify(
         problem = asked.for_robot(link.capabilities)
         for sentence in problem.check_robot(link.capabilities, modalities):
             listener.say(f"Note: {sentence}.")
-        settings = _settings(order, (physics, explore), problem, modalities, link)
+        settings = _settings(order, choices, problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
             return _work(store, computers, lambda: link, listener, report=report)
 
@@ -225,12 +184,11 @@ def _said(packages: Mapping[str, str]) -> str:
 
 def _settings(
     order: Order,
-    chosen: tuple[str, str],
+    chosen: Choices,
     problem: Problem,
     modalities: tuple[str, ...],
     link: RobotLink,
 ) -> RunSettings:
-    physics, explore = chosen
     recorded = link.recorded
     interactions = order.interactions
     if interactions is None:
@@ -245,51 +203,26 @@ def _settings(
             problem=order.problem,
             problem_text=problem.source,
             method=order.method,
-            physics=physics,
+            physics=chosen.physics,
             reference=REFERENCE,
-            search=order.search,
+            search=chosen.search,
             objective=order.objective,
-            plugins=_packages(physics, order.search, order.objective, explore),
-            explore=explore,
+            plugins=_packages(chosen.physics, chosen.search, order.objective, chosen.explore),
+            explore=chosen.explore,
             sure=order.sure,
             modalities=modalities,
             seed=order.seed,
             interactions=interactions,
-            population=order.population or problem.search.population,
-            generations=order.generations or problem.search.generations,
+            population=_given(order.population, problem.search.population),
+            generations=_given(order.generations, problem.search.generations),
             full_steps=order.full_steps,
         )
     except ValidationError as error:
         raise EstimatorError(complaint(error, "such a run cannot be")) from error
 
 
-def _choices(order: Order) -> tuple[str, str]:
-    """Physics and exploration rule of an order, by its method where it leaves them open.
-
-    Raises:
-        EstimatorError: There is no such thing, or the method cannot work with it.
-    """
-    if order.method not in METHODS:
-        raise EstimatorError(f"there is no method {order.method!r}: choose {' or '.join(METHODS)}")
-    defaults = METHODS[order.method]
-    physics = order.physics or defaults.physics
-    explore = order.explore or defaults.explore
-    abilities = abilities_of(physics)
-    RULES.check(explore)
-    SEARCHES.check(order.search)
-    OBJECTIVES.check(order.objective)
-    if order.method == "posterior" and (order.population or order.generations or order.full_steps):
-        raise EstimatorError(
-            "population, generations and full steps belong to the method paper: leave them out, or "
-            "add --method paper"
-        )
-    if order.method == "posterior" and not (abilities.arrays and abilities.path_margins):
-        raise EstimatorError(
-            f"the method posterior needs a physics that takes arrays of bodies and knows path "
-            f"margins, and {physics} does not: leave --physics out (then it is {defaults.physics}, "
-            f"and {REFERENCE} has the last word), or take --method paper"
-        )
-    return physics, explore
+def _given(asked: int | None, otherwise: int) -> int:
+    return otherwise if asked is None else asked
 
 
 def _work(

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Morphology
-from estimator.identification.run import Order
+from estimator.identification.order import Order
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

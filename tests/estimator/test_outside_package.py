@@ -16,7 +16,8 @@ from typer.testing import CliRunner
 
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
-from estimator.identification.run import Order, identify, resume
+from estimator.identification.order import Order
+from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
 from estimator.search.searches import SEARCHES

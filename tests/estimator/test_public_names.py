@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import estimator
-from estimator.identification.run import Order
+from estimator.identification.order import Order
 
 ROOM_TABLE = estimator.__doc__ or ""
 

@@ -9,7 +9,8 @@ import pytest
 
 from bench.daemons import simulator
 from estimator.identification.listener import Listener
-from estimator.identification.run import Order, identify
+from estimator.identification.order import Order
+from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from tests.estimator.model_robot import without_plots
 

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from estimator.identification.run import METHODS
+from estimator.identification.order import METHODS
 from estimator.storage.records import RunSettings
 
 

@@ -14,7 +14,7 @@ from typing import Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from estimator.identification.run import Order
+from estimator.identification.order import Order
 from estimator.physics.backends import REFERENCE
 from estimator.problem.problem import Problem
 

@@ -14,7 +14,8 @@ import pytest
 from estimator.errors import EstimatorError
 from estimator.identification import doubting, posterior_method
 from estimator.identification.listener import Listener
-from estimator.identification.run import Order, identify, resume
+from estimator.identification.order import Order
+from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.posterior.belief import believe
 from estimator.posterior.checks import departed
@@ -327,6 +328,9 @@ def test_noise_that_is_not_announced_is_no_other_body(
     ("changes", "reason"),
     [
         ({"population": 4}, "belong to the method paper"),
+        ({"population": 0}, "belong to the method paper"),
+        ({"search": "deterministic-crowding"}, "belong to the method paper"),
+        ({"method": "paper", "sure": 0.9}, "sure belongs to the method posterior"),
         ({"physics": "pybullet"}, "needs a physics that takes arrays"),
         ({"method": "guessing"}, "there is no method 'guessing'"),
     ],

@@ -14,7 +14,8 @@ from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.identification.listener import Listener
-from estimator.identification.run import Order, identify, resume
+from estimator.identification.order import Order
+from estimator.identification.run import identify, resume
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
 from estimator.physics.backends import Computers, in_this_process, on_this_computer

@@ -9,7 +9,8 @@ from typing import TypeAlias
 import pytest
 
 from estimator.identification.listener import Listener
-from estimator.identification.run import MethodName, identify
+from estimator.identification.order import MethodName
+from estimator.identification.run import identify
 from estimator.live import run_follower
 from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import RunView

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from estimator.errors import RunDirectoryError
-from estimator.identification.run import MethodName
+from estimator.identification.order import MethodName
 from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import SHOWN, RunState
 from tests.estimator.cli.test_command_line import unwritable

@@ -14,7 +14,8 @@ import pytest
 from estimator.body.morphology import BASE
 from estimator.errors import ProblemError
 from estimator.identification.listener import Listener
-from estimator.identification.run import Order, identify
+from estimator.identification.order import Order
+from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.base import Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from estimator.identification.listener import Listener
-from estimator.identification.run import Order, identify
+from estimator.identification.order import Order
+from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.storage.store import RunStore
 
