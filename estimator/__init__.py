@@ -122,7 +122,7 @@ _NAMES: Final = MappingProxyType(
         "exploration.situation": ("Choice", "Models", "Situation", "Objective"),
         "identification.listener": ("Listener",),
         "identification.paper.objectives": ("OBJECTIVES", "LargestError", "RobustMeanError"),
-        "identification.run": ("METHODS", "Order"),
+        "identification.order": ("METHODS", "Order"),
         "physics.backends": ("BACKENDS",),
         "physics.base": (
             "Abilities",

@@ -109,6 +109,7 @@ class Description:
         mass: Of the main body, kg.
         inertia: Of the main body about its centre of mass, kg·m².
         centre: Of its mass, from its middle.
+        height: Of its middle over the ground where the body stands planar.
         accelerometer: How it is turned on the main body; see ``Base``.
         links: Parents before children; driven ones in the order of the robot's joints as far as
             that allows.
@@ -120,6 +121,7 @@ class Description:
     mass: float
     inertia: Vector
     centre: Vector
+    height: float
     accelerometer: tuple[float, float]
     links: tuple[Link, ...]
 
@@ -187,6 +189,7 @@ def describe(
         mass=body.base.mass,
         inertia=body.base.inertia,
         centre=_vector(body.base.centre),
+        height=body.planar_height,
         accelerometer=body.base.accelerometer,
         links=tuple(links),
     )

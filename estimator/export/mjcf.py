@@ -31,8 +31,7 @@ def mjcf(body: Description) -> str:
     world = SubElement(root, "worldbody")
     SubElement(world, "geom", type="plane", size="0 0 1", contype="1", conaffinity="0")
     belly = body.size[2] / 2
-    height = max([belly, *(link.radius for link in body.links)])
-    main = SubElement(world, "body", name=body.base, pos=_numbers((0, 0, height)))
+    main = SubElement(world, "body", name=body.base, pos=_numbers((0, 0, body.height)))
     SubElement(main, "freejoint")
     _add_inertial(main, body.mass, body.inertia, body.centre)
     SubElement(main, "geom", type="box", size=_numbers(extent / 2 for extent in body.size))

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Base, Morphology, Part, PartShape, part_frames
+from estimator.body.mounts import BaseMount
 from estimator.export.description import Description, describe
 from estimator.export.formats import as_json
 from estimator.export.mjcf import mjcf
@@ -79,6 +80,18 @@ def test_yourdfpy_finds_each_link_where_it_is(tree: Morphology, tmp_path: Path) 
         assert limit.velocity == JOINTS[motor].speed
 
 
+def test_a_body_that_stands_starts_on_its_feet() -> None:
+    under = BaseMount(name="under", at=(0.0, 0.0, -0.05), yaw=0.0, elevation=-math.pi / 2)
+    leg = Part(parent=BASE, mount=0, hinge=2, length=0.2, radius=0.006, motor=0)
+    base = Base(size=(0.1, 0.1, 0.1), mass=1.0, mounts=(under,))
+    body = Morphology(base=base, parts=(leg,), density=1000.0)
+    model = mujoco.MjModel.from_xml_string(mjcf(described(body)))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.body("body").xpos[2] == pytest.approx(0.25)
+    assert data.sensor("clearance").data[0] == pytest.approx(0.2)
+
+
 def test_check_urdf_accepts_it(tree: Morphology, tmp_path: Path) -> None:
     path = tmp_path / "tree.urdf"
     path.write_text(urdf(described(tree)), encoding="utf-8")
@@ -104,6 +117,7 @@ def test_mujoco_finds_each_link_where_it_is(tree: Morphology) -> None:
         assert data.body(name).xmat.reshape(3, 3) == pytest.approx(turn, abs=1e-6)
         assert model.body(name).mass[0] == pytest.approx(tree.masses[row])
     assert model.body_mass.sum() == pytest.approx(tree.mass)
+    assert lift[2] == pytest.approx(tree.planar_height)
     sensors = [model.sensor(number).name for number in range(model.nsensor)]
     assert sensors == ["tilt", "clearance", "touch_1", "touch_2", "touch_3", "touch_4"]
 
