@@ -20,11 +20,16 @@ from sim_robot.world.body import DEFAULT
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
 BY_HAND: Final = "by hand"
+REPORTED: Final = "reported"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Goes on where it stopped; a run that was broken off begins anew."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    parts = (options.only, options.trial, options.problem, options.seeds != REPORTED)
+    if options.page and any(parts):
+        parser.error(f"{PAGE.name} is of the whole study: leave --page out, or the others")
     if options.problem is None:
         groups = study(SEEDS[options.seeds])
         known = set(groups) if options.only is None else set(options.only)
@@ -74,7 +79,7 @@ def _workers(options: argparse.Namespace) -> Iterator[Executor]:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", choices=SEEDS, default="reported")
+    parser.add_argument("--seeds", choices=SEEDS, default=REPORTED)
     parser.add_argument("--only", nargs="*", metavar="GROUP", help="default: all groups")
     parser.add_argument("--trial", default="", help="only trials whose name contains this")
     parser.add_argument("--done", action="store_true", help="only runs that were made before")

@@ -23,12 +23,14 @@ def command(
         list[Path], typer.Argument(help="Run directories, two or more.", metavar="DIR DIR...")
     ],
     picture: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="The picture, a PNG.")
+        Path, typer.Option("--out", metavar="FILE", dir_okay=False, help="The picture, a PNG.")
     ] = Path("comparison.png"),
 ) -> None:
     """Compare runs, finished or not, as a table and as a picture."""
     if len(directories) < 2:
         raise typer.BadParameter("give two run directories or more")
+    if picture.suffix.lower() != ".png":
+        raise typer.BadParameter(f"the picture is a PNG: let --out {picture} end in .png")
     with errors_as_sentences(None):
         runs = [ComparedRun.read(directory) for directory in directories]
         _print_runs(runs)

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import typer
 from rich.text import Text
 
 from estimator.cli.console import errors_as_sentences, out
 from estimator.cli.examination import ExaminedItem, Fitness, examine
-from estimator.cli.options import Keys, Robot
+from estimator.cli.options import Keys
 
 
-def command(*, robot: Robot, keys: Keys = None) -> None:
+def command(
+    *,
+    robot: Annotated[str, typer.Option(help="tcp://HOST:PORT: robotd, or sim-robotd.")],
+    keys: Keys = None,
+) -> None:
     """Find out whether a robot can be identified, and why not; moves nothing."""
     with errors_as_sentences(None):
         verdicts = [_print_finding(finding) for finding in examine(robot, keys)]

@@ -22,7 +22,9 @@ def command(
     sample: Annotated[
         int, typer.Option(min=0, help="Another than the best model (0): 1 is the second best.")
     ] = 0,
-    file: Annotated[Path | None, typer.Option("--out", help="Default: standard output.")] = None,
+    file: Annotated[
+        Path | None, typer.Option("--out", dir_okay=False, help="Default: standard output.")
+    ] = None,
 ) -> None:
     """Write a run's best model, or another one, as URDF, MJCF or JSON."""
     with errors_as_sentences(None):

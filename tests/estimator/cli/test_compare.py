@@ -69,3 +69,6 @@ def test_what_cannot_be_compared_is_a_sentence(runs: tuple[Path, Path], tmp_path
     assert (alone.exit_code, nowhere.exit_code) == (2, 1)
     assert "two run directories" in alone.stderr
     assert "holds no run" in nowhere.stderr
+    other = compare(*runs, "--out", tmp_path / "c.pdf")
+    assert other.exit_code == 2
+    assert ".png" in other.stderr

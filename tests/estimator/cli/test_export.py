@@ -81,6 +81,9 @@ def test_a_sample_that_there_is_not_is_refused(posterior_run: Path) -> None:
     assert ended.exit_code == 1
     assert "there is no sample 99999: choose 0 to" in ended.stderr
     assert export(posterior_run, "--format", "stl").exit_code == 2
+    folder = export(posterior_run, "--format", "json", "--out", str(posterior_run))
+    assert folder.exit_code == 2
+    assert "directory" in folder.stderr
 
 
 @pytest.mark.parametrize("form", ["urdf", "mjcf", "json"])
