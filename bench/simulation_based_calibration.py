@@ -35,6 +35,7 @@ from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
+from estimator.identification.doubting import SURE
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
@@ -52,7 +53,6 @@ from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from protocol.system.replace_file import replace_text
 
-SURE: Final = 0.95
 BEYOND: Final = 0.1
 
 

@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
-from bench.power.trial import SURE, Figures, Step, Trial
+from bench.power.trial import Figures, Step, Trial
+from estimator.identification.doubting import SURE
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
 Steps = Sequence[tuple[Figures, Step]]

@@ -19,6 +19,7 @@ from estimator.body.morphology import Array
 from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
+from estimator.identification.doubting import SURE
 from estimator.identification.listener import Listener
 from estimator.identification.order import MethodName, Order
 from estimator.identification.run import identify
@@ -32,7 +33,6 @@ from protocol.errors import BodyschemaError
 from protocol.system.replace_file import replace_text
 from sim_robot.world.body import DEFAULT
 
-SURE: Final = 0.95
 _FIGURES: Final = "figures.json"
 CLOSE: Final = 10.0
 """A length is wrong when it is farther off, mm, and outside its own 90 % interval."""

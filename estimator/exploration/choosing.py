@@ -97,8 +97,8 @@ class Chooser:
 
         Args:
             samples: Equally likely models. All their doubts together are taken to be half as
-                likely as they, and the program tells of them rather than more of lengths that are
-                known well.
+                likely as they, or each as likely as a model where they are more, and the program
+                tells of them rather than more of lengths that are known well.
             interactions: That the samples are believed after.
             rng: The choice's own.
         """
