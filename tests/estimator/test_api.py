@@ -18,9 +18,11 @@ from estimator import (
     identify,
     resume,
 )
+from estimator.body.morphology import Array
 from estimator.readings.observation import Program
 from estimator.storage.store import RunStore
 from tests.estimator.model_robot import JOINTS, PROBLEM, ModelRobot, serving
+from tests.estimator.outside_parts import WrongTouches
 
 
 class Impatient(Listener):
@@ -115,6 +117,23 @@ def test_what_no_robot_can_perform_is_refused_before_it_is_kept(
     assert not robot.motions
     with RunStore.open(run, to_write=False) as store:
         assert not store.interactions()
+
+
+class Nonsense(WrongTouches):
+    """An objective that knows no errors."""
+
+    def terms(self, *args: Any) -> Array:
+        return np.full(super().terms(*args).shape, np.nan)
+
+
+def test_an_objective_that_gives_no_errors_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "legs.toml").write_text(PROBLEM)
+    run, problem = tmp_path / "run", tmp_path / "legs.toml"
+    with (
+        serving(ModelRobot()) as uri,
+        pytest.raises(EstimatorError, match=r"Nonsense gave array\(\[nan.* for 8 models"),
+    ):
+        identify(run, robot=uri, problem=problem, method="paper", objective=Nonsense)
 
 
 def test_a_rule_may_give_an_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

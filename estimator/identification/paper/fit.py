@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
+from estimator.errors import EstimatorError
 from estimator.exploration.situation import Objective
 from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
 from estimator.problem.genome import Genome
@@ -196,7 +197,14 @@ class _Targets:
         for turn in np.unique(turns):
             rows = np.flatnonzero(turns == turn)
             target = self.observed[turn]
-            errors[rows] = self.objective.terms(readings[rows], target, self.modalities)
+            terms = self.objective.terms(readings[rows], target, self.modalities)
+            if np.shape(terms) != rows.shape or not np.all(terms >= 0):
+                raise EstimatorError(
+                    f"the objective {type(self.objective).__name__} gave {terms!r} for {len(rows)} "
+                    "models: it must give each an error of at least 0, infinite where the model's "
+                    "reading is invalid"
+                )
+            errors[rows] = terms
         return errors
 
 
