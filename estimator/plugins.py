@@ -23,7 +23,7 @@ from functools import lru_cache
 from importlib import metadata
 from typing import Final, Generic, TypeVar, cast
 
-from estimator.errors import EstimatorError
+from estimator.errors import EstimatorError, RunDirectoryError
 
 _GROUPS: Final = "bodyschema."
 _ADDED: Final = "of the calling program"  # in the place of a package's version
@@ -83,7 +83,7 @@ class Registry(Generic[T]):
                 use it, at the top level of a module that they can import.
 
         Returns:
-            Its name, by which a run records it: where it is defined.
+            Its name, by which a run records it: where it is defined, or ours if it is one of ours.
 
         Raises:
             EstimatorError: It is not defined at the top level of a module.
@@ -95,6 +95,9 @@ class Registry(Generic[T]):
                 "give a class or function at the top level of a module"
             )
         name = f"{implementation.__module__}:{place}"
+        for known, ours in self.own.items():
+            if ours == name:
+                return known
         self._added[name] = implementation
         return name
 
@@ -145,9 +148,9 @@ class Registry(Generic[T]):
         if name in self.own:
             entries.insert(0, metadata.EntryPoint(name, self.own[name], self.group))
         if not entries and ":" in name:
-            raise EstimatorError(
+            raise RunDirectoryError(
                 f"the {self.kind} {name!r} is part of a program: let that program go on with the "
-                "run, and give it to `estimator.resume`"
+                "run, and give it to the function `estimator.resume`"
             )
         if not entries:
             raise EstimatorError(

@@ -80,7 +80,7 @@ def test_a_run_with_parts_of_a_program_goes_on_only_with_them(tmp_path: Path) ->
         BACKENDS._added.clear()  # as in a new process
         with pytest.raises(EstimatorError, match="test_api:Slack' is part of a program"):
             resume(run)
-        with pytest.raises(EstimatorError, match=r"started with the physics .*Slack', not 'esti"):
+        with pytest.raises(EstimatorError, match=r"started with the physics .*Slack', not 'stat"):
             resume(run, physics=StaticsPhysics)
         result = resume(run, physics=Slack, explore=first)
     assert (result.physics, result.explore) == (f"{__name__}:Slack", f"{__name__}:first")
