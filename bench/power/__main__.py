@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from bench.power.curves import plot_success
 from bench.power.robots import BODIES, Robot, from_prior, shipped
-from bench.power.study import PICTURES, SEEDS, study
+from bench.power.study import PICTURES, REPORTED, SEEDS, study
 from bench.power.tables import page
 from bench.power.trial import Figures, Trial, figures_of, is_done
 from estimator.report.plots.canvas import as_png
@@ -20,15 +20,14 @@ from sim_robot.world.body import DEFAULT
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
 BY_HAND: Final = "by hand"
-REPORTED: Final = "reported"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Goes on where it stopped; a run that was broken off begins anew."""
     parser = _parser()
     options = parser.parse_args(arguments)
-    parts = (options.only, options.trial, options.problem, options.seeds != REPORTED)
-    if options.page and any(parts):
+    part = options.only or options.trial or options.problem or options.seeds != REPORTED
+    if options.page and part:
         parser.error(f"{PAGE.name} is of the whole study: leave --page out, or the others")
     if options.problem is None:
         groups = study(SEEDS[options.seeds])

@@ -11,8 +11,9 @@ from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.trial import Trial
 from sim_robot.world.body import DEFAULT
 
+REPORTED: Final = "reported"
 SEEDS: Final[Mapping[str, tuple[int, ...]]] = {
-    "reported": tuple(range(1000, 1030)),
+    REPORTED: tuple(range(1000, 1030)),
     "development": tuple(range(30)),
 }
 

@@ -79,12 +79,12 @@ def choices_of(order: Order) -> Choices:
     RULES.check(chosen.explore)
     SEARCHES.check(chosen.search)
     OBJECTIVES.check(order.objective)
-    of_paper = (order.search, order.population, order.generations)
     if order.method == "paper" and order.sure is not None:
         raise EstimatorError(
             "sure belongs to the method posterior, since a population does not know how good it "
             "is: leave it out, or leave out --method paper"
         )
+    of_paper = (order.search, order.population, order.generations)
     if order.method == "posterior" and (order.full_steps or of_paper != (None, None, None)):
         raise EstimatorError(
             "search, population, generations and full steps belong to the method paper: leave them "

@@ -231,8 +231,10 @@ def complaint(
             else:
                 key += f".{step}" if key else str(step)
         name = _name(raw, place)
-        said = _REASONS.get(item["type"], item["msg"].removeprefix("Value error, "))
-        reason = said.format(key=key, input=item["input"], **item.get("ctx", {}))
+        reason = item["msg"].removeprefix("Value error, ")
+        if item["type"] in _REASONS:
+            context = item.get("ctx", {})
+            reason = _REASONS[item["type"]].format(key=key, input=item["input"], **context)
         line = f"{key}{name}: {reason}" if key else reason
         if line not in lines:
             lines.append(line)

@@ -280,7 +280,7 @@ class Sampler:
             if own:
                 rows = self._rng.choice(own, effort.width)
                 search.population.replace_coldest(chains.values[rows], chains.scales[rows])
-            if not self._wanders:
+            if not self._wanders:  # chains that do hold samples of all
                 search.drawn = modes.draws([row for row, key in enumerate(keys) if key in met])
         self._known = set(keys)
         named = [

@@ -98,6 +98,8 @@ def test_a_missing_problem_is_refused(tmp_path: Path) -> None:
         ("parent = 0", "parent = -1", r"parts\[1\].parent .*: must be 0 \(the main body\)"),
         ("parent = 0\n", "", r"parts\[1\].parent .*: is missing"),
         ('mount = "left"', 'mount = "above"', "'back', 'unknown', not 'above'"),
+        ('mount = "left"', 'mount = "{above}"', "'back', 'unknown', not '{above}'"),
+        ("[0.01, 0.20]", '"{0}"', r"must be a number or \[lowest, highest\], not '{0}'"),
         (
             'hinge = "up"',
             'hinge = "ball"',
