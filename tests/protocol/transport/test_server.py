@@ -229,7 +229,7 @@ def test_each_kind_of_frame_may_be_lost_once(
     server = serve(robot)
     wire = LossyWire(server.endpoint, lose=set(kinds))
     stack.callback(wire.close)
-    with RobotClient(wire.endpoint, timeout=1.2) as client:  # repeats after a third of it
+    with RobotClient(wire.endpoint, timeout=3.0) as client:  # repeats twice, after a third each
         client.acquire()
         assert client.perform(TARGETS).sequence == 1
         client.release()
