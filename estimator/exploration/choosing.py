@@ -28,6 +28,7 @@ _VARIANTS: Final = 8
 _SPREADS: Final = (math.radians(6.0), math.radians(3.0))
 _FINALISTS: Final = 20  # compared by more readings, and by their path margins
 _MORE_DRAWS: Final = 800
+_AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
 _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
 _DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
@@ -232,8 +233,12 @@ class Chooser:
     def _read(
         self, known: _Hypotheses, programs: Array, lean: Array, *, quickly: bool = False
     ) -> Readings:
-        rows, repeated = _each_with_each(len(known), programs)
-        return self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly)
+        pieces = []
+        at_once = max(1, _AT_ONCE // len(known))
+        for start in range(0, len(programs), at_once):
+            rows, repeated = _each_with_each(len(known), programs[start : start + at_once])
+            pieces.append(self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly))
+        return Readings.concatenate(pieces)
 
     def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns

@@ -59,6 +59,8 @@ def _take_reciprocals(sigma: Array, counts: bool, result: Array) -> None:
 def _make_gains(sources: int) -> Any:
     @entrance
     def gains(
+        start: int,
+        end: int,
         touch: Flags,
         doubtful: Flags,
         tilt: Array,
@@ -76,12 +78,12 @@ def _make_gains(sources: int) -> Any:
         uniforms: Array,
         result: Array,
     ) -> int:
-        """Fills ``result``, in nats; see ``InformationGain.of``.
+        """Fills ``result`` of programs ``start`` to ``end``, in nats; see ``InformationGain.of``.
 
         An outlier, drawn or of a sample that foretells nothing, tells nothing: p0 is the same for
         every body.
         """
-        programs, samples, sensors = touch.shape
+        _, samples, sensors = touch.shape
         anywhere = outlier
         if senses[0]:
             anywhere *= 0.5**sensors
@@ -93,7 +95,7 @@ def _make_gains(sources: int) -> Any:
         flat, upright = np.empty(samples), np.empty(samples)
         _take_reciprocals(sigma_tilt, senses[1], flat)
         _take_reciprocals(sigma_clearance, senses[2], upright)
-        for program in range(programs):
+        for program in range(start, end):
             total = 0.0
             for draw in range(len(normals)):
                 source = draw % samples

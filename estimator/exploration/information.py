@@ -12,6 +12,7 @@ from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Models, Situation
+from estimator.parallel.threads import Threads
 from estimator.posterior.information import SAMPLES
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
@@ -27,14 +28,14 @@ def most_informative_program(situation: Situation) -> Choice:
     problem, capabilities = situation.problem, situation.capabilities
     genome = Genome(problem, problem.base(capabilities))
     models = situation.models.sample(SAMPLES, situation.rng)
-    chooser = Chooser(
-        Predictor(Unknowns(genome), situation.physics),
-        InformationGain(
-            Noise.announced(capabilities), situation.clearance_cap, situation.modalities
-        ),
-        problem.program_range(capabilities),
-    )
-    chosen = chooser.choose(models, len(situation.observations), situation.rng)
+    noise, cap = Noise.announced(capabilities), situation.clearance_cap
+    with Threads(situation.jobs) as threads:
+        chooser = Chooser(
+            Predictor(Unknowns(genome), situation.physics),
+            InformationGain(noise, cap, situation.modalities, threads),
+            problem.program_range(capabilities),
+        )
+        chosen = chooser.choose(models, len(situation.observations), situation.rng)
     return Choice(
         program=tuple(chosen.program.tolist()),
         reason="; ".join([_reason(genome, models, chosen.about), *_tests(chosen.tests)]),

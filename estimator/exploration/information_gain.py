@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
+from estimator.parallel.threads import Threads
 from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import Noise, apart
 
@@ -65,10 +66,14 @@ class InformationGain:
         noise: How far readings stray.
         cap: Range of the distance sensor, m.
         modalities: Sensors that count.
+        threads: Share out the programs; one by default.
     """
 
-    def __init__(self, noise: Noise, cap: float, modalities: Sequence[str]) -> None:
+    def __init__(
+        self, noise: Noise, cap: float, modalities: Sequence[str], threads: Threads | None = None
+    ) -> None:
         self._noise = noise
+        self._threads = threads or Threads(1)
         self._cap = cap
         self._senses = np.array([name in modalities for name in ("touch", "tilt", "clearance")])
 
@@ -96,7 +101,7 @@ class InformationGain:
         """
         noise, bits = self._noise, forecast.touch.shape[2]
         result = np.zeros(len(forecast.tilt))
-        gains(
+        arguments = (
             forecast.touch,
             forecast.doubtful,
             forecast.tilt,
@@ -113,5 +118,8 @@ class InformationGain:
             rng.normal(size=(draws, 3)),
             rng.random((draws, 1 + bits)),
             result,
+        )
+        self._threads.share_out(
+            lambda start, end: gains(start, end, *arguments), len(result), fewest=1
         )
         return result / math.log(2)

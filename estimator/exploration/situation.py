@@ -99,6 +99,8 @@ class Situation:
         physics: Predicts what models feel.
         clearance_cap: Range of the distance sensor, m.
         rng: The choice's own.
+        jobs: Threads that the rule may use, apart from those of physics; what it chooses must not
+            depend on it.
     """
 
     problem: Problem
@@ -110,6 +112,7 @@ class Situation:
     physics: ArrayMarginPhysics
     clearance_cap: float
     rng: np.random.Generator
+    jobs: int = 1
 
     @cached_property
     def bodies(self) -> Bodies:

@@ -10,8 +10,7 @@ from estimator.exploration.situation import Choice
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.identification.method import Method
-from estimator.identification.next_program import next_program
-from estimator.physics.base import ArrayMarginPhysics
+from estimator.identification.next_program import Foresight, next_program
 from estimator.readings.observation import Observation
 from estimator.robot_link.base import RobotLink
 from estimator.storage.records import InteractionRecord
@@ -27,7 +26,7 @@ class Identification:
     Args:
         store: The run's memory; opened for writing.
         method: Learns from interactions.
-        foresight: Predicts what models feel, for the choice of motor programs.
+        foresight: What motor programs are chosen with.
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
         listener: Hears what happens.
@@ -38,7 +37,7 @@ class Identification:
         store: RunStore,
         method: Method,
         *,
-        foresight: ArrayMarginPhysics,
+        foresight: Foresight,
         connect: Connect,
         listener: Listener,
     ) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 from estimator.errors import EstimatorError
@@ -18,12 +18,25 @@ from estimator.storage.store import RunStore
 _ROUNDING: Final = 1e-9  # rad
 
 
+@dataclass(frozen=True, kw_only=True)
+class Foresight:
+    """What exploration rules compute with.
+
+    Attributes:
+        physics: Predicts what models feel.
+        jobs: Threads that a rule may use beside it.
+    """
+
+    physics: ArrayMarginPhysics
+    jobs: int = 1
+
+
 def next_program(
     store: RunStore,
     rule: str,
     observations: Sequence[Observation],
     models: Models,
-    physics: ArrayMarginPhysics,
+    foresight: Foresight,
 ) -> Choice:
     """What the rule chooses after these observations, the same each time.
 
@@ -32,7 +45,7 @@ def next_program(
         rule: Name of the exploration rule.
         observations: Of all interactions so far.
         models: What is believed after them.
-        physics: Predicts what models feel.
+        foresight: What the rule computes with.
 
     Raises:
         EstimatorError: What the rule gives is no motor program of this robot.
@@ -45,9 +58,10 @@ def next_program(
         observations=tuple(observations),
         models=models,
         objective=OBJECTIVES.load(settings.objective)(store.capabilities),
-        physics=physics,
+        physics=foresight.physics,
         clearance_cap=store.world.clearance_cap,
         rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
+        jobs=foresight.jobs,
     )
     return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)
 

@@ -16,6 +16,7 @@ from estimator.exploration.rules import RULES
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.method import Method
+from estimator.identification.next_program import Foresight
 from estimator.identification.order import Choices, Order, choices_of
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
@@ -264,7 +265,11 @@ def _work(
                 else lambda: computers.open_physics(settings.reference, world),
             )
         identification = Identification(
-            store, method, foresight=foresight, connect=connect, listener=listener
+            store,
+            method,
+            foresight=Foresight(physics=foresight, jobs=computers.threads),
+            connect=connect,
+            listener=listener,
         )
         identification.run(after_iteration=lambda: report(store))
     return report(store)

@@ -33,10 +33,12 @@ class Computers:
     Attributes:
         open_physics: Makes back-ends there.
         open_workers: Makes what shares out other work.
+        threads: How many this process may use.
     """
 
     open_physics: OpenPhysics
     open_workers: Callable[[], Workers]
+    threads: int = 1
 
 
 REFERENCE: Final = "mujoco" if find_spec("pybullet") is None else "pybullet"
@@ -96,7 +98,7 @@ def on_this_computer(jobs: int) -> Computers:
         return PhysicsPool(make, jobs, undecided=abilities_of(name).undecided)
 
     workers = ThisProcess if jobs == 1 else partial(LocalWorkers, jobs)
-    return Computers(open_physics=opened, open_workers=workers)
+    return Computers(open_physics=opened, open_workers=workers, threads=jobs)
 
 
 def on_cluster(cluster: Cluster) -> Computers:

@@ -22,9 +22,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -32,6 +30,7 @@ import numpy as np
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
+from estimator.parallel.threads import Threads
 from estimator.physics.base import Abilities, BackEnd, Pair, Readings, WorldSettings, sensor_count
 from protocol.system.interrupts import interrupts_deferred
 
@@ -71,9 +70,8 @@ class StaticsPhysics(BackEnd):
         if not 0 < pace <= PACE:
             raise PhysicsError(f"a joint's step must be above 0 and at most {PACE:.3f} rad")
         self._settings = settings or WorldSettings()
-        self._jobs = jobs
         self._pace = pace
-        self._threads: ThreadPoolExecutor | None = None
+        self._threads = Threads(jobs)
         self._compiled: set[Any] = set()  # of the kernel's functions
         try:
             with interrupts_deferred():
@@ -91,9 +89,7 @@ class StaticsPhysics(BackEnd):
 
     def close(self) -> None:
         """Ends the threads; may be called twice. The next batch starts new ones."""
-        if self._threads is not None:
-            self._threads.shutdown()
-            self._threads = None
+        self._threads.close()
 
     def read(self, pairs: Sequence[Pair]) -> Readings:
         """Computes one interaction per pair; see ``Physics.read``."""
@@ -202,16 +198,10 @@ class StaticsPhysics(BackEnd):
                 with interrupts_deferred(), self._compiling.announced():
                     function(0, 0, *arguments)
             self._compiled.add(function)  # to ask Numba costs a tenth of a small batch
-        pieces = min(self._jobs, max(1, count // _FEWEST))
-        if pieces == 1:
-            return int(function(0, count, *arguments))
-        if self._threads is None:
-            self._threads = ThreadPoolExecutor(self._jobs, thread_name_prefix="statics")
-        ends = [count * piece // pieces for piece in range(pieces + 1)]
-        work = [
-            self._threads.submit(function, start, end, *arguments) for start, end in pairwise(ends)
-        ]
-        return sum(int(piece.result()) for piece in work)
+        steps = self._threads.share_out(
+            lambda start, end: int(function(start, end, *arguments)), count, fewest=_FEWEST
+        )
+        return sum(steps)
 
 
 def _arrays(pairs: Sequence[Pair]) -> tuple[Bodies, Array]:

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
 from estimator.exploration.information_gain import Forecast, InformationGain
+from estimator.parallel.threads import Threads
 from estimator.posterior.model.likelihood import Noise
 
 CAP = 0.2
@@ -63,6 +65,26 @@ def test_only_what_differs_between_groups_counts() -> None:
     tilts = np.array([0.0, 0.5, 0.0, 0.5])
     assert bits(forecast(tilts), [0, 1, 0, 1]) == pytest.approx(0.95, abs=0.02)
     assert bits(forecast(tilts), [0, 0, 1, 1]) == pytest.approx(0.0, abs=0.01)
+
+
+def test_threads_do_not_show_in_the_result() -> None:
+    rng = np.random.default_rng(2)
+    programs = [forecast(tilts) for tilts in rng.normal(0, 0.02, (5, 8))]
+    names = [item.name for item in fields(Forecast)]
+    joined = {name: np.concatenate([getattr(one, name) for one in programs]) for name in names}
+    with Threads(3) as threads:
+        one, three = (
+            InformationGain(NOISE, CAP, ("touch", "tilt"), some).of(
+                Forecast(**joined),
+                np.zeros((8, 2)),
+                np.arange(8),
+                np.random.default_rng(1),
+                draws=50,
+            )
+            for some in (None, threads)
+        )
+    assert np.array_equal(one, three)
+    assert one.min() > 0
 
 
 def test_poses_that_cannot_be_foretold_tell_nothing() -> None:
