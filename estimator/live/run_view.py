@@ -78,7 +78,7 @@ class RunView:
         """
         interactions, result = store.interactions(), summarise(store)
         state = RunState.GOES_ON if written_to else RunState.INTERRUPTED
-        if finished := _is_finished(store, result):
+        if result.complete:
             state = RunState.FINISHED
         population, genome = FinalPopulation.of(store), store.genome
         observations = [item.observation for item in interactions if item.observation is not None]
@@ -90,16 +90,9 @@ class RunView:
             pose=observations[-1] if observations else None,
             interactions=tuple(interactions),
             wanted=store.settings.interactions,
-            progress=_progress(store, len(interactions), len(observations), finished),
+            progress=_progress(store, len(interactions), len(observations), result.complete),
             state=state,
         )
-
-
-def _is_finished(store: RunStore, result: Result) -> bool:
-    """Whether nothing is left to do, the reference back-end's last word included."""
-    settings = store.settings
-    asked = settings.method == "paper" and settings.physics != settings.reference
-    return result.complete and not (asked and result.finish is None)
 
 
 def _rows(store: RunStore, population: FinalPopulation) -> Sequence[int]:
@@ -138,6 +131,8 @@ def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> P
             sentence += f", generation {step} of {settings.generations}"
     elif learnt < wanted:
         sentence = f"interaction {learnt + 1} of {wanted}: choosing a movement"
+    elif settings.method == "paper" and settings.physics == settings.reference:
+        sentence = "the best model is held against all readings"
     else:
         sentence = "a simulator has the last word"
     return Progress(share=share, sentence=sentence)

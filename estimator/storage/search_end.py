@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from pathlib import Path
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from pydantic import BaseModel
 
@@ -12,6 +12,8 @@ from estimator.storage.database import reading, transaction
 from estimator.storage.records import BestFit, Finish
 
 _Record = TypeVar("_Record", bound=BaseModel)
+
+_NOTHING: Final = "null"
 
 
 class SearchEnd:
@@ -34,21 +36,34 @@ class SearchEnd:
         """The reference back-end's simulation of the leading models; ``None``: not done."""
         return self._saved("finish", Finish)
 
-    def save_best_fit(self, fit: BestFit) -> None:
-        """Commits how the best model explains the readings."""
+    def save_best_fit(self, fit: BestFit | None) -> None:
+        """Commits how the best model explains the readings, with which the run is over.
+
+        Args:
+            fit: ``None`` where no model has valid readings.
+        """
         self._save("best fit", fit)
 
     def best_fit(self) -> BestFit | None:
         """How the best model explains the readings; ``None``: it was not judged."""
         return self._saved("best fit", BestFit)
 
-    def _save(self, key: str, record: BaseModel) -> None:
+    @property
+    def is_reached(self) -> bool:
+        """Whether the best model was judged, or none could be: nothing is left to do."""
+        return self._text("best fit") is not None
+
+    def _save(self, key: str, record: BaseModel | None) -> None:
+        text = _NOTHING if record is None else record.model_dump_json()
         with transaction(self._database):
-            self._database.execute(
-                "INSERT INTO meta VALUES (?, ?)", (key, record.model_dump_json())
-            )
+            self._database.execute("INSERT INTO meta VALUES (?, ?)", (key, text))
 
     def _saved(self, key: str, kind: type[_Record]) -> _Record | None:
+        text = self._text(key)
+        with reading(self._directory):
+            return None if text in (None, _NOTHING) else kind.model_validate_json(text)
+
+    def _text(self, key: str) -> str | None:
         with reading(self._directory):
             row = self._database.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
-            return None if row is None else kind.model_validate_json(row[0])
+            return None if row is None else str(row[0])

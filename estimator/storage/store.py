@@ -314,13 +314,11 @@ class RunStore(Closable):
 
     @property
     def complete(self) -> bool:
-        """Whether the run has come to its end."""
+        """Whether the run has come to its end: nothing is left that ``resume`` would do."""
         if self.settings.method == "posterior":
             beliefs = self.beliefs()
             return bool(beliefs) and beliefs[-1][0].simulated > 0
-        with reading(self.directory):
-            (done,) = self._database.execute("SELECT COUNT(*) FROM generations").fetchone()
-        return bool(done == self.settings.interactions * (self.settings.generations + 1))
+        return self.search_end.is_reached
 
     # --- the database -----------------------------------------------------------------------------
 

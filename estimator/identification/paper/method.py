@@ -136,11 +136,12 @@ class PaperMethod:
         assert latest is not None
         errors = np.array(latest.errors, dtype=float)
         self._check_leaders(errors, observations)
-        if self._store.search_end.best_fit() is None:
+        if not self._store.search_end.is_reached:
             population = FinalPopulation.of(self._store)
-            if np.isfinite(population.searched[population.best]):
-                best = population.genes[population.best]
-                self._store.search_end.save_best_fit(self._judged(best, observations))
+            best, valid = population.best, np.isfinite(population.searched)
+            self._store.search_end.save_best_fit(
+                self._judged(population.genes[best], observations) if valid[best] else None
+            )
 
     def _check_leaders(self, errors: Array, observations: Sequence[Observation]) -> None:
         if self._open_reference is None or self._store.search_end.finish() is not None:

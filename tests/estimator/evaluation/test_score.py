@@ -67,6 +67,7 @@ def make_ended_run(folder: Path, lengths: tuple[float, ...]) -> RunStore:
     (generation,), checkpoint = store.generations(), store.checkpoint()
     assert checkpoint is not None
     store.save(replace(generation, number=1), checkpoint.state)
+    store.search_end.save_best_fit(None)
     return store
 
 

@@ -18,7 +18,7 @@ from estimator.identification.order import Order
 from estimator.identification.run import identify, resume
 from estimator.parallel.workers import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
-from estimator.physics.backends import Computers, in_this_process, on_this_computer
+from estimator.physics.backends import REFERENCE, Computers, in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -146,6 +146,28 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
     opened.clear()
     resume(tmp_path / "run", computers, Witness(), report=without_plots)
     assert "pybullet" not in opened
+
+
+def test_a_run_is_not_complete_before_the_reference_has_had_its_word(
+    tmp_path: Path, uninterrupted: tuple[Result, Path]
+) -> None:
+    def interrupted(name: str, settings: WorldSettings) -> Physics:
+        if name == REFERENCE:
+            raise KeyboardInterrupt
+        return in_this_process(name, settings)
+
+    order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
+    order = changed(order, physics="statics")
+    computers = Computers(open_physics=interrupted, open_workers=ThisProcess)
+    with pytest.raises(KeyboardInterrupt):
+        identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
+    with RunStore.open(tmp_path / "run", to_write=False) as store:
+        settings = store.settings
+        assert len(store.generations()) == settings.interactions * (settings.generations + 1)
+        assert not store.complete
+    result = resume(tmp_path / "run", HERE, Witness(), report=without_plots)
+    assert result.complete
+    assert result.finish is not None
 
 
 def test_its_own_readings_serve_as_readings_by_hand(

@@ -23,7 +23,10 @@ def test_a_run_that_goes_on_is_shown_step_by_step(
     if method == "paper":
         directory, views = tmp_path / "run", follow_run(tmp_path, method)
     sentences = dict.fromkeys(view.progress.sentence.partition(",")[0] for view in views)
-    ends = {"paper": "2 interactions", "posterior": "a simulator has the last word"}
+    ends = {
+        "paper": "the best model is held against all readings",
+        "posterior": "a simulator has the last word",
+    }
     assert list(sentences) == [
         "interaction 1 of 2: the robot moves",
         "interaction 1 of 2: learning from it",

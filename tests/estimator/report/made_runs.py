@@ -85,6 +85,8 @@ def made_run(
                 last = complete and number == INTERACTIONS - 1
                 belief = _belief(rng, size, number + 1, simulated=8 * last, explained=explained)
                 store.save_belief(number, belief, Counters(simulations_run=10), None)
+        if method == "paper" and complete:
+            store.search_end.save_best_fit(None)
     return directory
 
 
