@@ -77,7 +77,7 @@ def study(seeds: tuple[int, ...]) -> Groups:
             ),
             Trial(name="paper", seeds=seeds, problem="parametric", method="paper", interactions=4),
         ),
-        "faults": fault_trials(seeds[:1]),
+        "faults": fault_trials(seeds[:2]),
         "odd robots": odd_trials(seeds[:1]),
         "other bodies": tuple(
             Trial(name=name, seeds=seeds[:1], robot=Robot(body=body), interactions=9)
