@@ -116,7 +116,7 @@ class Result(_Record):
     """The outcome of a run, so far.
 
     Attributes:
-        complete: Whether all interactions are done and modelled.
+        complete: Whether the run has come to its end, what a simulator says of it included.
         method: ``paper`` or ``posterior``.
         problem: Name of the problem.
         searched: What was to be found, gene by gene.
