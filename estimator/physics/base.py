@@ -301,8 +301,20 @@ class ArrayMarginPhysics(ArrayPhysics, MarginPhysics, Protocol):
                 failed.
         """
 
-    def path_margins_of_bodies(self, bodies: Bodies, programs: Array) -> Array:
-        """Path margins, rad, shape (n,); arguments and errors are those of ``read_bodies``."""
+    def path_margins_of_bodies(
+        self, bodies: Bodies, programs: Array, most: float = math.inf
+    ) -> Array:
+        """Path margins; errors are those of ``read_bodies``.
+
+        Args:
+            bodies: As for ``read_bodies``, like ``programs``.
+            programs: Angle of each motor, rad.
+            most: The largest margin told, rad: who only asks whether margins are above an angle
+                need not wait for more.
+
+        Returns:
+            rad, shape (n,).
+        """
 
 
 def takes_arrays(physics: Physics) -> TypeGuard[ArrayPhysics]:

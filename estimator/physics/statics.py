@@ -42,6 +42,7 @@ QUICK_PACE: Final = math.radians(8.0)
 """The same where one body in several hundred may land elsewhere; costs half as much."""
 
 _FEWEST: Final = 100  # bodies worth waking another thread for: a quarter of a millisecond
+_LARGEST_MARGIN: Final = math.atan(0.5)
 _FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
 
 
@@ -154,17 +155,20 @@ class StaticsPhysics(BackEnd):
         """How sure the reading of each pair is, rad, shape (n,); see ``path_margins_of_bodies``."""
         return self.path_margins_of_bodies(*_arrays(pairs)) if pairs else np.zeros(0)
 
-    def path_margins_of_bodies(self, bodies: Bodies, programs: Array) -> Array:
+    def path_margins_of_bodies(
+        self, bodies: Bodies, programs: Array, most: float = math.inf
+    ) -> Array:
         """How sure each reading is: the path margin, rad.
 
-        Costs as much as 5 readings where it is largest, 10 to 30 elsewhere.
+        Costs as much as 5 readings where it is the largest told, 10 to 30 elsewhere.
 
         Args:
             bodies: n bodies.
             programs: As for ``read_bodies``.
+            most: The largest margin told, rad; the arc tangent of 0.5 at most.
 
         Returns:
-            Shape (n,); from 0 to the arc tangent of 0.5.
+            Shape (n,), from 0.
 
         Raises:
             PhysicsError: The programs have a wrong shape or are not finite.
@@ -174,7 +178,13 @@ class StaticsPhysics(BackEnd):
         self._share_out(
             self._kernel.margins,
             len(bodies),
-            (self._trees(bodies), checked, self._slew(checked, self._pace), margins),
+            (
+                self._trees(bodies),
+                checked,
+                self._slew(checked, self._pace),
+                min(most, _LARGEST_MARGIN),
+                margins,
+            ),
         )
         return margins
 

@@ -54,7 +54,8 @@ def feel_alike(
         # Margins cost as much as many readings; twice as many as are allowed will do.
         asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
         tells = np.zeros(differ.size, dtype=bool)
-        tells[asked] = predictor.margins(bodies[0], rows[asked], turns[asked]) > MARGIN
+        margins = predictor.margins(bodies[0], rows[asked], turns[asked], most=2 * MARGIN)
+        tells[asked] = margins > MARGIN
         differing[left] += tells.reshape(differ.shape).sum(axis=1)
     return np.asarray(differing <= allowed)
 

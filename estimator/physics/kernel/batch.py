@@ -104,6 +104,7 @@ def _make_margins(sources: int) -> Any:
         trees: Trees,
         programs: Array,
         slew: Slew,
+        most: float,
         path_margins: Array,
     ) -> int:
         """Fills rows ``start`` to ``end`` of the path margins; see ``rest``."""
@@ -113,7 +114,7 @@ def _make_margins(sources: int) -> Any:
             program = programs[row if len(programs) > 1 else 0]
             links, points = assemble(trees, row, program, slew, work)
             settle(work, links, points, own, slew, 0.0, 0.0)
-            path_margins[row] = margin(work, links, points, own, slew)
+            path_margins[row] = margin(work, links, points, own, slew, most)
         return 0 * sources
 
     return margins

@@ -32,8 +32,7 @@ from estimator.physics.kernel.rolling import follow, roll
 from estimator.physics.kernel.vectors import at, dot, minus, turning, vector
 
 _SAME: Final = 1e-3  # rad; poses that differ by less are one place
-_STEEPEST: Final = 0.5  # tangent; the largest path margin told
-_LADDER: Final = 5  # rungs from the steepest down, each a quarter of the one above
+_LADDER: Final = 5  # rungs from the steepest inclination down, each a quarter of the one above
 _FINE: Final = 1.2  # ratio of the two inclinations between which a margin is known to lie
 _QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed
 
@@ -145,18 +144,20 @@ def undecided(work: Work, links: int, count: int) -> bool:
 
 
 @compiled
-def margin(work: Work, links: int, count: int, base: Array, slew: Slew) -> float:
+def margin(work: Work, links: int, count: int, base: Array, slew: Slew, most: float) -> float:
     """How far gravity may be inclined, in each of four directions, with the body landing alike.
 
     Args:
         work: Holds a body that was just settled.
+        most: The largest margin told, rad.
 
     Returns:
-        rad; no more than the arc tangent of 0.5.
+        rad.
     """
     up = work.up
     up_x, up_y, up_z = up[0], up[1], up[2]
-    good, bad, tried = 0.0, _STEEPEST, _STEEPEST
+    steepest = math.tan(most)
+    good, bad, tried = 0.0, steepest, steepest
     trials = 0
     while bad > _FINE * good:
         alike = True
@@ -176,7 +177,7 @@ def margin(work: Work, links: int, count: int, base: Array, slew: Slew) -> float
         if good == 0 and trials == _LADDER:
             break
         tried = math.sqrt(good * bad) if good > 0 else 0.25 * tried
-    return math.atan(good)
+    return most if good == steepest else math.atan(good)
 
 
 @compiled

@@ -23,7 +23,8 @@ _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the b
 _OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the branch that departs: likewise
 _MANY_LENGTHS: Final = 32  # points, where it has several
 _KEPT: Final = 4  # of the starts with these lengths
-_FINISHED: Final = 8  # of the best, fitted once more
+_PROMISING: Final = 3  # starts of each departure, that fit best while the noise is wide,
+_FINISHED: Final = 8  # and of the best, fitted once more
 _ROOTED: Final = 40  # steps to a root: far more than needed
 
 
@@ -70,8 +71,8 @@ def fitted(
     likelihood = Likelihood(data, noise)
     lengths = Lengths(predictor, data, likelihood, noise_known=True)
     points, fits = starts, lengths.fits(starts)
-    for some in (slice(None), slice(_FINISHED)):
-        more, better = lengths.polished(points[some])
+    for some, most in ((slice(None), _PROMISING if each else None), (slice(_FINISHED), None)):
+        more, better = lengths.polished(points[some], most, points[some, -2])
         points, fits = np.vstack([points, more]), np.concatenate([fits, better])
         which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
         order = best_of_each(which, fits)

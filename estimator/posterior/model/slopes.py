@@ -7,6 +7,7 @@ surely they are no outliers, under noise that narrows from step to step.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -104,7 +105,9 @@ class Lengths:
         fits = self._likelihood.of(misfits[:, None], ROUGH, turns=each[:, None])
         return fits.reshape(len(values), len(turns))
 
-    def polished(self, values: Array, most: int | None = None) -> tuple[Array, Array]:
+    def polished(
+        self, values: Array, most: int | None = None, groups: Array | None = None
+    ) -> tuple[Array, Array]:
         """Points with better lengths, and their log-likelihoods.
 
         Each goes on from where wide noise has led it, and from where it is: where wide noise leads
@@ -112,12 +115,13 @@ class Lengths:
 
         Args:
             values: Shape (n, size).
-            most: So many of them at most, those that fit best while the noise is wide.
+            most: So many of each group at most, those that fit best while the noise is wide.
+            groups: Numbers of groups, shape (n,); one by default.
         """
         led = values
         for width in _WIDE:
             led, fits = self._narrower(led, width)
-        kept = np.argsort(-fits, kind="stable")[:most]
+        kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
         both = np.concatenate([led[kept], values[kept]])
         for width in _NARROW:
             both, _ = self._narrower(both, width)
@@ -184,6 +188,20 @@ class Lengths:
     def _of(self, misfits: Array, width: float) -> Array:
         fits: Array = self._likelihood.of(misfits, width).sum(axis=1)
         return fits
+
+
+def _best_of_groups(fits: Array, groups: Array, most: int | None) -> Columns:
+    """Of each group the ``most`` points that fit best; indices, best first."""
+    order = np.argsort(-fits, kind="stable")
+    if most is None:
+        return order
+    counted: Counter[float] = Counter()
+    kept = []
+    for row in order.tolist():
+        counted[groups[row]] += 1
+        if counted[groups[row]] <= most:
+            kept.append(row)
+    return np.array(kept, dtype=np.intp)
 
 
 def best_of_each(keys: Sequence[tuple[int, ...]], fits: Array) -> list[int]:

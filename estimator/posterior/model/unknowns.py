@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,6 +159,24 @@ def sizes_of(points: Array) -> Array:
     return sizes
 
 
+class Cost(NamedTuple):
+    """What has been computed.
+
+    Attributes:
+        simulations: Interactions that were simulated.
+        steps: Time steps of these.
+        spared: Simulations that early rejection has made unnecessary.
+    """
+
+    simulations: int
+    steps: int
+    spared: int
+
+    def since(self, before: Cost) -> Cost:
+        """The difference to an earlier one."""
+        return Cost(*(now - then for now, then in zip(self, before, strict=True)))
+
+
 class Predictor:
     """Predicts what points of the cube feel in some motor programs.
 
@@ -168,15 +187,13 @@ class Predictor:
     Attributes:
         unknowns: As above.
         spared: Simulations that early rejection has made unnecessary.
-        simulations_elsewhere: Interactions that copies of it simulated in worker processes.
-        steps_elsewhere: Time steps of these.
     """
 
     def __init__(self, unknowns: Unknowns, physics: ArrayMarginPhysics) -> None:
         self.unknowns = unknowns
         self.spared = 0
-        self.simulations_elsewhere = 0
-        self.steps_elsewhere = 0
+        self._simulations_elsewhere = 0
+        self._steps_elsewhere = 0
         self._physics = physics
 
     def departing(self, departures: Sequence[Departure]) -> Predictor:
@@ -186,12 +203,23 @@ class Predictor:
     @property
     def simulations(self) -> int:
         """How many interactions were simulated so far."""
-        return self._physics.simulations + self.simulations_elsewhere
+        return self._physics.simulations + self._simulations_elsewhere
 
     @property
     def steps(self) -> int:
         """How many time steps were computed so far."""
-        return self._physics.steps + self.steps_elsewhere
+        return self._physics.steps + self._steps_elsewhere
+
+    @property
+    def cost(self) -> Cost:
+        """What was computed so far."""
+        return Cost(self.simulations, self.steps, self.spared)
+
+    def add_cost(self, cost: Cost) -> None:
+        """Counts what a copy has computed in a worker process."""
+        self._simulations_elsewhere += cost.simulations
+        self._steps_elsewhere += cost.steps
+        self.spared += cost.spared
 
     def read(
         self,
@@ -215,10 +243,12 @@ class Predictor:
         turns = performed(programs, chosen)
         return as_sensed(self._physics.read_bodies(chosen, turns, leans, quickly=quickly), chosen)
 
-    def margins(self, bodies: Bodies, rows: Columns, programs: Array) -> Array:
-        """Path margins of the same, rad, shape (m,)."""
+    def margins(
+        self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf
+    ) -> Array:
+        """Path margins of the same, rad, shape (m,); no more than ``most`` is told."""
         chosen = bodies[rows]
-        return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen))
+        return self._physics.path_margins_of_bodies(chosen, performed(programs, chosen), most)
 
     def read_all(
         self,

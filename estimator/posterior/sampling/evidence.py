@@ -21,7 +21,7 @@ from estimator.posterior.model.likelihood import AT_ONCE, Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import log_gamma, logsumexp, softmax
-from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.model.unknowns import Cost, Predictor
 
 _FREEDOM: Final = 5.0  # of Student's t
 _SHARES: Final = np.array([0.65, 0.27, 0.08])  # close, broad, anywhere
@@ -141,20 +141,16 @@ class EvidenceEstimator:
             weights=weights,
         )
 
-    def with_cost(self, task: tuple[Array, Array, int]) -> tuple[ModeEvidence, int, int]:
-        """The evidence of one mode, and the simulations and time steps that it took.
+    def with_cost(self, task: tuple[Array, Array, int]) -> tuple[ModeEvidence, Cost]:
+        """The evidence of one mode, and what it cost.
 
         Args:
             task: Point and others, as for ``of``, and a seed.
         """
         point, others, seed = task
-        simulations, steps = self._predictor.simulations, self._predictor.steps
+        before = self._predictor.cost
         evidence = self.of(point, others, np.random.default_rng(seed))
-        return (
-            evidence,
-            self._predictor.simulations - simulations,
-            self._predictor.steps - steps,
-        )
+        return evidence, self._predictor.cost.since(before)
 
     def _marginal(
         self, point: Array, lengths: Array, rng: np.random.Generator

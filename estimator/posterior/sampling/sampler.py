@@ -50,7 +50,7 @@ class Effort:
         steps: Of one round of the search.
         rounds: Of the search, at most.
         draws: For a mode's evidence, in one round of three.
-        samples: Of the posterior; a multiple of 4.
+        samples: Of the posterior; a multiple of 8.
     """
 
     populations: int = 2
@@ -273,13 +273,21 @@ class Sampler:
             partial(self._evidences, self._estimator(data), agreement.best),
             self._rng,
         )
-        chains = sampled(modes, predictor, data, self._noise, self._rng, count=effort.samples)
-        whose, keys = map(predictor.unknowns.keys, (chains.values, modes.points))
+        values, scales = sampled(
+            modes,
+            predictor,
+            data,
+            self._noise,
+            self._rng,
+            count=effort.samples,
+            workers=self._workers,
+        )
+        whose, keys = map(predictor.unknowns.keys, (values, modes.points))
         for search, met in zip(self._searches, agreement.met, strict=True):
             own = [row for row, key in enumerate(whose) if self._wanders or key in met]
             if own:
                 rows = self._rng.choice(own, effort.width)
-                search.population.replace_coldest(chains.values[rows], chains.scales[rows])
+                search.population.replace_coldest(values[rows], scales[rows])
             if not self._wanders:  # chains that do hold samples of all
                 search.drawn = modes.draws([row for row, key in enumerate(keys) if key in met])
         self._known = set(keys)
@@ -295,9 +303,9 @@ class Sampler:
             )
         ]
         return Posterior(
-            values=chains.values,
-            scales=chains.scales,
-            weights=np.full(len(chains.values), 1 / len(chains.values)),
+            values=values,
+            scales=scales,
+            weights=np.full(len(values), 1 / len(values)),
             modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
             credible=agreement.credible,
         )
@@ -317,10 +325,9 @@ class Sampler:
             for point, seed in zip(points, seeds, strict=True)
         ]
         evidences = []
-        for evidence, simulations, steps in self._workers.map(estimator.with_cost, tasks):
+        for evidence, cost in self._workers.map(estimator.with_cost, tasks):
             evidences.append(evidence)
-            self.predictor.simulations_elsewhere += simulations
-            self.predictor.steps_elsewhere += steps
+            self.predictor.add_cost(cost)
         return evidences
 
 

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.parallel.workers import Workers
 from estimator.posterior.chains.population import Population
 from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
-from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.model.unknowns import Columns, Cost, Predictor
 from estimator.posterior.sampling.evidence import ModeEvidence
 
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
@@ -24,7 +26,8 @@ _DRAWN: Final = 16  # points of a mode, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many modes, drawn as if
 _SPREAD: Final = 64  # of the evidence's draws counted at least
 _LEAST_POWER: Final = 1e-3
-_STEPS: Final = 20  # of valid sampling
+_STEPS: Final = 20  # of valid sampling,
+_GROUPS: Final = 2  # of chains, each moved by one worker
 _FEW: Final = 32  # effective draws of a mode, with fewer of which chains have to find their way:
 _BURN_INS: Final = 4  # so often, those that got lost taken back in between,
 _BURN_IN: Final = 50  # so many steps
@@ -87,29 +90,63 @@ def sampled(
     rng: np.random.Generator,
     *,
     count: int,
-) -> Population:
-    """Chains of the posterior itself, as they stand in the end.
+    workers: Workers,
+) -> tuple[Array, Array]:
+    """Samples of the posterior: points of the cube, shape (count, size), and logarithms of scales.
 
-    They start from draws of the modes, and are moved by steps that leave the posterior invariant.
-    Where few draws stand for the best mode they begin too far out, and are first brought to where
-    the posterior is.
+    They start from draws of the modes, and are moved as chains by steps that leave the posterior
+    invariant, in groups that do not see each other.
 
     Args:
         modes: From which to start.
         predictor: Computes readings.
         data: What the robot felt.
         noise: How far readings stray.
-        rng: The chains'.
-        count: Of chains; a multiple of 4.
+        rng: Draws starts, and seeds of the chains.
+        count: Of chains; a multiple of 8.
+        workers: Move them.
     """
     spread = [_spread_out(mode.weights, count // 4) for mode in modes.evidences]
     which = rng.choice(len(spread), count, p=modes.shares)
     starts = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
     values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
     scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
+    few = modes.evidences[int(np.argmax(modes.shares))].effective < _FEW
+    groups = np.split(np.arange(count), _GROUPS)
+    seeds = rng.integers(2**32, size=_GROUPS).tolist()
+    moved = workers.map(
+        partial(_moved, predictor, data, noise, few),
+        [(values[rows], scales[rows], seed) for rows, seed in zip(groups, seeds, strict=True)],
+    )
+    for _, _, cost in moved:
+        predictor.add_cost(cost)
+    values, scales = (np.concatenate(arrays) for arrays in list(zip(*moved, strict=True))[:2])
+    return values, scales
+
+
+def _moved(
+    predictor: Predictor,
+    data: SensorData,
+    noise: Noise,
+    few: bool,
+    starts: tuple[Array, Array, int],
+) -> tuple[Array, Array, Cost]:
+    """Where chains stand in the end, values and scales, and what that cost.
+
+    Args:
+        predictor: Computes readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+        few: Whether few draws stand for the best mode: then chains begin too far out, and are
+            first brought to where the posterior is.
+        starts: Values and scales, and a seed.
+    """
+    before = predictor.cost
+    values, scales, seed = starts
+    rng = np.random.default_rng(seed)
     chains = Population(predictor, rng, values, scales)
     chains.observe(data, noise, surely=False)
-    if modes.evidences[int(np.argmax(modes.shares))].effective < _FEW:
+    if few:
         chains.hasty = True
         for _ in range(_BURN_INS):
             for _ in range(_BURN_IN):
@@ -118,7 +155,7 @@ def sampled(
         chains.observe(data, noise, surely=False)
     for _ in range(_STEPS):
         chains.step()
-    return chains
+    return chains.values, chains.scales, predictor.cost.since(before)
 
 
 def _spread_out(weights: Array, wanted: int) -> Array:

@@ -136,6 +136,22 @@ def test_the_path_margin_is_the_inclination_that_topples(statics: StaticsPhysics
     assert flat == pytest.approx(math.atan(0.5))  # the steepest that is tried
 
 
+def test_no_larger_path_margin_is_told_than_was_asked_for(
+    statics: StaticsPhysics, random_tree: MakeBody
+) -> None:
+    bodies, programs = zip(*random_pairs(random_tree, 300, seed=5), strict=True)
+    arguments = Bodies.of(bodies), np.array(programs)
+    whole = statics.path_margins_of_bodies(*arguments)
+    for degrees in (0.1, 2.0):
+        most = math.radians(degrees)
+        capped = statics.path_margins_of_bodies(*arguments, most)
+        assert capped.min() < capped.max() == most
+        # each is known to a fifth
+        assert np.mean((capped == most) == (whole >= most)) > 0.97
+        below = (capped < most) & (whole < most) & (whole > 0)
+        assert np.all(np.abs(np.log(capped[below] / whole[below])) < 2 * math.log(1.2))
+
+
 def test_joints_get_no_farther_than_their_time_allows(statics: StaticsPhysics) -> None:
     """300 steps at 60 degrees per second are 300 degrees."""
     body = replace(legs(0.1), base=replace(BODY, size=(0.4, 0.4, 0.4)))

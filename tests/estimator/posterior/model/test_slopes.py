@@ -27,8 +27,8 @@ FOUR_LEGS = [
 ]
 
 
-def test_lengths_that_fit_already_are_not_led_astray() -> None:
-    """Wide noise knows of no forks, and leads to lengths from which there is no way back."""
+def felt_by_four_legs() -> Lengths:
+    """Lengths that are to explain what the body ``FOUR_LEGS`` felt."""
     genome = Genome(Problem.load("topological"), replace(BODY, mass=0.6))
     predictor, rng = Predictor(Unknowns(genome), StaticsPhysics()), np.random.default_rng(3)
     point, moved = np.array([FOUR_LEGS]), np.radians(MOVED)
@@ -45,9 +45,25 @@ def test_lengths_that_fit_already_are_not_led_astray() -> None:
         for row in range(len(moved))
     ]
     data = SensorData.of(observations, MODALITIES, CAP)
-    lengths = Lengths(predictor, data, Likelihood(data, NOISE))
+    return Lengths(predictor, data, Likelihood(data, NOISE))
+
+
+def test_lengths_that_fit_already_are_not_led_astray() -> None:
+    """Wide noise knows of no forks, and leads to lengths from which there is no way back."""
+    lengths, point = felt_by_four_legs(), np.array([FOUR_LEGS])
     (before,), (after,) = lengths.fits(point), lengths.polished(point)[1]
     assert after >= before
+
+
+def test_the_best_of_each_group_are_kept_however_the_others_fit() -> None:
+    lengths, point = felt_by_four_legs(), np.array([FOUR_LEGS])
+    others = np.random.default_rng(1).random((6, point.size))
+    values, groups = np.vstack([np.repeat(point, 4, axis=0), others]), np.array([0] * 4 + [1] * 6)
+    of_groups, _ = lengths.polished(values, 2, groups)
+    of_all, _ = lengths.polished(values, 2)
+    same = [np.all(kept[:, :3] == point[:, :3], axis=1).sum() for kept in (of_groups, of_all)]
+    assert (len(of_groups), len(of_all)) == (4, 2)
+    assert same == [2, 2]
 
 
 def test_interactions_that_a_body_leaves_unexplained_are_named_the_last_one_first() -> None:
