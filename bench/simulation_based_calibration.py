@@ -45,8 +45,9 @@ from estimator.posterior.belief import believe
 from estimator.posterior.information import SAMPLES, information_gained
 from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
+from estimator.posterior.model.noise_factors import drawn_scales
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor, Unknowns
+from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.modalities.registry import MODALITIES
@@ -137,7 +138,7 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
     robot = StaticsRobot(
         predictor=predictor,
         body=body,
-        scales=rng.normal(0, SCALE_SPREAD, 2),
+        scales=drawn_scales(2, rng),
         noise=noise,
         cap=cap,
         rng=rng,

@@ -16,8 +16,9 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.posterior.chains.moves import exchange_parts, propose
 from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise_factors import drawn_scales, log_prior
 from estimator.posterior.model.sensor_data import ASTRAY, MISFITS, SensorData
-from estimator.posterior.model.unknowns import SCALE_SPREAD, Columns, Predictor
+from estimator.posterior.model.unknowns import Columns, Predictor
 
 HOTTEST: Final = 25.0
 """Factor on the noise on the hottest level."""
@@ -75,7 +76,7 @@ class Population:
             predictor,
             rng,
             predictor.unknowns.permitted(values),
-            rng.normal(0, SCALE_SPREAD, (levels * width, 2)),
+            drawn_scales((levels * width, 2), rng),
             levels=levels,
         )
 
@@ -97,7 +98,7 @@ class Population:
         hot = slice(level * self.width, None)
         fresh = self._rng.random(self.values[hot].shape)
         self.values[hot] = self._predictor.unknowns.permitted(fresh)
-        self.scales[hot] = self._rng.normal(0, SCALE_SPREAD, self.scales[hot].shape)
+        self.scales[hot] = drawn_scales(self.scales[hot].shape, self._rng)
         self._look(hot)
 
     def replace_coldest(self, values: Array, scales: Array) -> None:
@@ -238,7 +239,7 @@ class Population:
         rng, old = self._rng, self.scales[rows]
         fresh = old + rng.normal(0, _SCALE_STEP, old.shape) * (rng.random(old.shape) < 0.5)
         fits = self._likelihood.of(self._misfits[rows], self._widths[rows], fresh)
-        prior = (old**2 - fresh**2).sum(axis=1) / (2 * SCALE_SPREAD**2)
+        prior = (log_prior(fresh) - log_prior(old)).sum(axis=1)
         gain = (fits - self._fits[rows]).sum(axis=1) + prior
         accepted = np.flatnonzero(np.log(rng.random(len(old))) < gain)
         taken = np.arange(len(self.values))[rows][accepted]

@@ -1,6 +1,11 @@
-"""The grid over which unknown factors on the noise of tilt and clearance are integrated.
+"""Unknown factors on the noise of tilt and clearance: their prior, and a grid to integrate over.
 
-The trapezoidal rule on the logarithms of the factors: for a density as smooth as this one its error
+A sensor is hardly ever better than the robot says of it, and may well be worse. So the prior of a
+factor's logarithm is a normal distribution in two pieces: narrow below 0, the announced noise, and
+wide above. Were less noise as likely as more, lengths that happen to fit few readings well would
+be taken to be known better than they are.
+
+The grid is the trapezoidal rule on the logarithms: for densities as smooth as these its error
 vanishes as soon as the steps are not much wider than the density itself, which narrows with every
 reading.
 """
@@ -15,10 +20,24 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.special import logsumexp
-from estimator.posterior.model.unknowns import SCALE_SPREAD
 
-_REACH: Final = 4.0  # standard deviations of the prior, to either side
+_LESS: Final = 0.15  # standard deviations of the prior, of logarithms below 0
+_MORE: Final = 0.5  # and above
+_REACH: Final = (1.2, 2.0)  # of the grid, below 0 and above
 _STEP: Final = 1.5  # standard deviations of the posterior
+
+
+def log_prior(scales: Array) -> Array:
+    """Log-density of the prior of each factor's logarithm, to a constant; of any shape."""
+    density: Array = -0.5 * (scales / np.where(scales < 0, _LESS, _MORE)) ** 2
+    return density
+
+
+def drawn_scales(shape: int | tuple[int, ...], rng: np.random.Generator) -> Array:
+    """Logarithms of factors, drawn from the prior."""
+    away = np.abs(rng.normal(size=shape))
+    below = rng.random(shape) < _LESS / (_LESS + _MORE)
+    return np.where(below, -_LESS, _MORE) * away
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +70,9 @@ class NoiseFactors:
 
 def _axis(readings: float) -> tuple[Array, Array]:
     """Nodes and the logarithms of their weights, which add up to 1."""
-    step = _STEP / math.sqrt(2 * readings + SCALE_SPREAD**-2)
-    half = math.ceil(_REACH * SCALE_SPREAD / step)
-    nodes: Array = step * np.arange(-half, half + 1, dtype=float)
-    log_density: Array = -0.5 * (nodes / SCALE_SPREAD) ** 2
+    step = _STEP / math.sqrt(2 * readings + _LESS**-2)
+    below, above = (math.ceil(reach / step) for reach in _REACH)
+    nodes: Array = step * np.arange(-below, above + 1, dtype=float)
+    log_density = log_prior(nodes)
     log_weights: Array = log_density - logsumexp(log_density)
     return nodes, log_weights

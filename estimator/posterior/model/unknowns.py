@@ -24,9 +24,6 @@ Attachments = tuple[int, ...]
 SIZES: Final = (0.85, 1.5)
 """How far departures go: the amounts that are looked at are fitted from the least to the most."""
 
-SCALE_SPREAD: Final = 0.5
-"""Standard deviation of the prior of each noise factor's logarithm."""
-
 _MANY: Final = 24.0  # bits
 
 

@@ -8,8 +8,9 @@ import pytest
 from estimator.body.morphology import Array
 from estimator.posterior.chains.population import HOTTEST, Population
 from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise_factors import drawn_scales
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import SCALE_SPREAD, Predictor
+from estimator.posterior.model.unknowns import Predictor
 from estimator.readings.observation import Observation
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
 
@@ -32,7 +33,8 @@ def test_without_readings_the_chains_stay_with_the_prior(predictor: Predictor) -
     pooled = np.concatenate(values)
     for column in range(pooled.shape[1]):
         assert stats.kstest(pooled[:, column], "uniform").pvalue > 1e-4
-    assert float(np.std(np.concatenate(scales))) == pytest.approx(SCALE_SPREAD, rel=0.1)
+    drawn = drawn_scales((5000, 2), np.random.default_rng(2))
+    assert stats.ks_2samp(np.concatenate(scales).ravel(), drawn.ravel()).statistic < 0.06
 
 
 def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
@@ -84,8 +86,9 @@ def still_the_prior(
         assert stats.chisquare(seen).pvalue > 1e-3
     for length in np.array(values)[:, predictor.unknowns.continuous].T:
         assert stats.kstest(length, "uniform").pvalue > 1e-3
+    prior = drawn_scales(20_000, np.random.default_rng(0))
     for factors in np.array(scales).T:
-        assert stats.kstest(factors, "norm", args=(0, SCALE_SPREAD)).pvalue > 1e-3
+        assert stats.ks_2samp(factors, prior).pvalue > 1e-3
     assert stats.wilcoxon(gains).pvalue > 1e-3
 
 
@@ -112,7 +115,7 @@ def weigh_prior(
 ) -> None:
     """Draws every chain but the first, which the readings came from, from weighed prior draws."""
     points = rng.random((3000, predictor.unknowns.size))
-    scales = rng.normal(0, SCALE_SPREAD, (len(points), 2))
+    scales = drawn_scales((len(points), 2), rng)
     likelihood = Likelihood(data, POOR)
     misfits = likelihood.misfits_of(predictor, points)
     logs = likelihood.of(misfits, scales=scales).sum(axis=1)
@@ -161,7 +164,7 @@ def start_exactly(
     tried = 25
     each = np.tile(misfits, (tried, 1, 1))
     for chain in range(1, len(population.values)):
-        factors = rng.normal(0, SCALE_SPREAD, (tried, 2))
+        factors = drawn_scales((tried, 2), rng)
         scales = np.repeat(factors, len(every), axis=0)
         logs = likelihood.of(each, np.full(len(each), widths[chain]), scales).sum(axis=1)
         which = int(np.argmax(logs + rng.gumbel(size=logs.size)))

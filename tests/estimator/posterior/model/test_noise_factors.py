@@ -2,10 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import dblquad
+from scipy.integrate import dblquad, quad
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise_factors import log_prior
 from estimator.posterior.model.sensor_data import (
     ASTRAY,
     COLUMNS,
@@ -13,7 +14,6 @@ from estimator.posterior.model.sensor_data import (
     SILENT,
     SensorData,
 )
-from estimator.posterior.model.unknowns import SCALE_SPREAD
 from estimator.readings.observation import Observation
 
 NOISE = Noise(tilt=0.01, clearance=0.004)
@@ -73,13 +73,13 @@ def test_the_integral_over_noise_factors_is_that_of_adaptive_quadrature(
     misfits = misfits_of(rng, 1, count, factor)
     (fit,) = likelihood.integrated(misfits)
     factors = likelihood.noise_factors.both
+    log_whole = math.log(quad(lambda scale: math.exp(log_prior(np.array(scale))), -2, 4)[0])
     peak = factors[np.argmax(likelihood.by_noise_factors(misfits)[0])]
 
     def density(clearance: float, tilt: float) -> float:
-        log_prior = -(tilt**2 + clearance**2) / (2 * SCALE_SPREAD**2)
-        log_prior -= math.log(2 * math.pi * SCALE_SPREAD**2)
         scales = np.array([[tilt, clearance]])
-        return math.exp(likelihood.of(misfits, scales=scales).sum() + log_prior - fit)
+        prior = log_prior(scales).sum() - 2 * log_whole
+        return math.exp(likelihood.of(misfits, scales=scales).sum() + prior - fit)
 
     around = [(float(one) - 1.5, float(one) + 1.5) for one in peak]
     mass = dblquad(density, *around[0], *around[1], epsabs=1e-4, epsrel=1e-4)[0]

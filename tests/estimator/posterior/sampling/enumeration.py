@@ -9,13 +9,29 @@ from scipy.special import logsumexp
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise_factors import log_prior
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import SCALE_SPREAD, Attachments, Predictor
+from estimator.posterior.model.unknowns import Attachments, Predictor
 
 _COARSE = 4  # values of each length,
 _FINE = 16  # and where attachments matter: less than
 _MATTERS = 9.0  # nats below the total
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(9)
+
+
+def _quadrature() -> tuple[Array, Array]:
+    """Nodes and weights of Gauss and Legendre on either piece of the prior of noise factors."""
+    pieces = []
+    for low, high, count in ((-0.7, 0.0, 5), (0.0, 2.2, 7)):
+        nodes, weights = np.polynomial.legendre.leggauss(count)
+        middle, half = (low + high) / 2, (high - low) / 2
+        pieces.append((middle + half * nodes, half * weights))
+    nodes, weights = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
+    weights *= np.exp(log_prior(nodes))
+    return nodes, weights / weights.sum()
+
+
+NODES, WEIGHTS = _quadrature()
+"""Of the prior of one noise factor's logarithm; the weights add up to 1."""
 
 
 def enumerated(
@@ -54,11 +70,11 @@ def _log_evidences(
     misfits = likelihood.misfits_of(predictor, values.reshape(-1, unknowns.size))
     width = np.ones(len(misfits))
     logs = np.full((len(keys), len(lengths)), -np.inf)
-    for one, share in zip(_NODES, _WEIGHTS, strict=True):
-        for two, part in zip(_NODES, _WEIGHTS, strict=True):
-            factors = np.tile([SCALE_SPREAD * one, SCALE_SPREAD * two], (len(misfits), 1))
+    for one, share in zip(NODES, WEIGHTS, strict=True):
+        for two, part in zip(NODES, WEIGHTS, strict=True):
+            factors = np.tile([one, two], (len(misfits), 1))
             fits = likelihood.of(misfits, width, factors).sum(axis=1).reshape(logs.shape)
-            logs = np.logaddexp(logs, fits + np.log(share * part / (2 * np.pi)))
+            logs = np.logaddexp(logs, fits + np.log(share * part))
     found: Array = logsumexp(logs, axis=1) - np.log(len(lengths))
     return found
 

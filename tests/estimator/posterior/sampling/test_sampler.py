@@ -20,7 +20,7 @@ from estimator.posterior.sampling.evidence import EvidenceEstimator
 from estimator.posterior.sampling.sampler import Effort
 from estimator.posterior.sampling.weighing import drawn
 from tests.estimator.little_effort import little_search
-from tests.estimator.posterior.sampling.enumeration import distance, enumerated
+from tests.estimator.posterior.sampling.enumeration import NODES, WEIGHTS, distance, enumerated
 from tests.estimator.two_unknown_rows import QUICK, draw, make_sampler, programs
 
 WIDE = Noise(tilt=0.12, clearance=0.03)
@@ -76,13 +76,12 @@ def test_evidence_is_the_integral_over_the_lengths(narrow: Predictor) -> None:
     points = np.repeat(POINT[None], 400, axis=0)
     points[:, narrow.unknowns.continuous] = np.array(np.meshgrid(grid, grid)).reshape(2, -1).T
     misfits = likelihood.misfits_of(narrow, points)
-    nodes, weights = np.polynomial.hermite_e.hermegauss(9)
     total = 0.0
-    for one, share in zip(nodes, weights, strict=True):
-        for two, part in zip(nodes, weights, strict=True):
-            factors = np.tile([0.5 * one, 0.5 * two], (400, 1))
+    for one, share in zip(NODES, WEIGHTS, strict=True):
+        for two, part in zip(NODES, WEIGHTS, strict=True):
+            factors = np.tile([one, two], (400, 1))
             fits = likelihood.of(misfits, np.ones(400), factors).sum(axis=1)
-            total += share * part / (2 * np.pi) * float(np.mean(np.exp(fits)))
+            total += share * part * float(np.mean(np.exp(fits)))
     assert mode.log_evidence == pytest.approx(np.log(total), abs=0.1)
     assert mode.effective > 100
 
