@@ -10,7 +10,7 @@ from estimator.exploration.situation import Choice
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.identification.method import Method
-from estimator.identification.next_program import Foresight, next_program
+from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.readings.observation import Observation
 from estimator.robot_link.base import RobotLink
 from estimator.storage.records import InteractionRecord
@@ -26,7 +26,7 @@ class Identification:
     Args:
         store: The run's memory; opened for writing.
         method: Learns from interactions.
-        foresight: What motor programs are chosen with.
+        resources: What motor programs are chosen with.
         connect: Reaches the robot; called at most once, and not at all when every interaction is
             done already.
         listener: Hears what happens.
@@ -37,13 +37,13 @@ class Identification:
         store: RunStore,
         method: Method,
         *,
-        foresight: Foresight,
+        resources: ChoiceResources,
         connect: Connect,
         listener: Listener,
     ) -> None:
         self._store = store
         self._method = method
-        self._foresight = foresight
+        self._resources = resources
         self._connect = connect
         self._listener = listener
         self._link: RobotLink | None = None
@@ -108,7 +108,7 @@ class Identification:
         if link.recorded is None:
             models = self._method.models()
             return next_program(
-                self._store, settings.explore, observations, models, self._foresight
+                self._store, settings.explore, observations, models, self._resources
             )
         if number >= len(link.recorded):
             raise InteractionError(

@@ -19,7 +19,7 @@ _ROUNDING: Final = 1e-9  # rad
 
 
 @dataclass(frozen=True, kw_only=True)
-class Foresight:
+class ChoiceResources:
     """What exploration rules compute with.
 
     Attributes:
@@ -36,7 +36,7 @@ def next_program(
     rule: str,
     observations: Sequence[Observation],
     models: Models,
-    foresight: Foresight,
+    resources: ChoiceResources,
 ) -> Choice:
     """What the rule chooses after these observations, the same each time.
 
@@ -45,7 +45,7 @@ def next_program(
         rule: Name of the exploration rule.
         observations: Of all interactions so far.
         models: What is believed after them.
-        foresight: What the rule computes with.
+        resources: What the rule computes with.
 
     Raises:
         EstimatorError: What the rule gives is no motor program of this robot.
@@ -58,10 +58,10 @@ def next_program(
         observations=tuple(observations),
         models=models,
         objective=OBJECTIVES.load(settings.objective)(store.capabilities),
-        physics=foresight.physics,
+        physics=resources.physics,
         clearance_cap=store.world.clearance_cap,
         rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
-        jobs=foresight.jobs,
+        jobs=resources.jobs,
     )
     return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)
 

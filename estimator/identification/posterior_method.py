@@ -15,7 +15,7 @@ from estimator.body.limbs import leg_lengths
 from estimator.exploration.situation import Models
 from estimator.identification.doubting import SURE, Doubting, Grounds, attachments_known
 from estimator.identification.listener import Listener
-from estimator.identification.next_program import Foresight, next_program
+from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS
@@ -255,8 +255,8 @@ class PosteriorMethod:
             scales=np.array(belief.scales),
         )
         with closing(self._make_physics()) as physics:
-            foresight = Foresight(physics=physics)
-            choice = next_program(self._store, "information", observations, models, foresight)
+            resources = ChoiceResources(physics=physics)
+            choice = next_program(self._store, "information", observations, models, resources)
         return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
 
     def _data(self, observations: Sequence[Observation]) -> SensorData:

@@ -16,7 +16,7 @@ from estimator.exploration.rules import RULES
 from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.method import Method
-from estimator.identification.next_program import Foresight
+from estimator.identification.next_program import ChoiceResources
 from estimator.identification.order import Choices, Order, choices_of
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
@@ -237,10 +237,10 @@ def _work(
     world, settings = store.world, store.settings
     with ExitStack() as stack:
         method: Method
-        foresight: ArrayMarginPhysics
+        choosing: ArrayMarginPhysics
         if settings.method == "posterior":
             make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
-            foresight, physics = (
+            choosing, physics = (
                 stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
                 for _ in range(2)
             )
@@ -253,13 +253,13 @@ def _work(
                 open_reference=lambda: computers.open_physics(settings.reference, fine(world)),
             )
         else:
-            foresight = stack.enter_context(closing(StaticsPhysics(world)))
+            choosing = stack.enter_context(closing(StaticsPhysics(world)))
             method = PaperMethod(
                 store,
                 stack.enter_context(closing(computers.open_physics(settings.physics, world))),
                 listener,
                 foresight=foresight_of(settings.physics, world),
-                judge=foresight,
+                judge=choosing,
                 open_reference=None
                 if settings.physics == settings.reference
                 else lambda: computers.open_physics(settings.reference, world),
@@ -267,7 +267,7 @@ def _work(
         identification = Identification(
             store,
             method,
-            foresight=Foresight(physics=foresight, jobs=computers.threads),
+            resources=ChoiceResources(physics=choosing, jobs=computers.threads),
             connect=connect,
             listener=listener,
         )

@@ -47,7 +47,7 @@ _SEVERAL: Final = 4  # interactions, of which chains alone hardly ever explain a
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bodies:
+class BestPoints:
     """The best point of each set of attachments, best first.
 
     Attributes:
@@ -59,7 +59,7 @@ class Bodies:
     fits: Array
 
     @classmethod
-    def joined(cls, several: Sequence[Bodies], unknowns: Unknowns) -> Bodies:
+    def joined(cls, several: Sequence[BestPoints], unknowns: Unknowns) -> BestPoints:
         """The best of all, by set of attachments."""
         values = np.concatenate([one.values for one in several])
         fits = np.concatenate([one.fits for one in several])
@@ -121,7 +121,7 @@ class Discovery:
         starts = np.concatenate([self.met, self.drawn])
         self._visited.add(starts, self._lengths.fits(starts))
 
-    def search(self, steps: int, *, until_explained: bool = False) -> Bodies:
+    def search(self, steps: int, *, until_explained: bool = False) -> BestPoints:
         """One round.
 
         Args:
@@ -144,10 +144,10 @@ class Discovery:
         self.met = bodies.values[:_REMEMBERED]
         return bodies
 
-    def best(self) -> Bodies:
+    def best(self) -> BestPoints:
         """All sets of attachments that were met so far."""
         both = [self._before.best(), self._visited.best()]
-        return Bodies.joined(both, self.predictor.unknowns)
+        return BestPoints.joined(both, self.predictor.unknowns)
 
     def _try_others(self, visited: _Visited, enough: Callable[[], bool]) -> None:
         """Tries bodies near the best, and bodies that are made of several."""
@@ -241,10 +241,10 @@ class _Visited:
         self._polished.update(self._unknowns.keys(values))
         self.add(values, fits)
 
-    def best(self) -> Bodies:
+    def best(self) -> BestPoints:
         kept = sorted(self._points.values(), key=lambda item: -item[0])
         size = self._unknowns.size
-        return Bodies(
+        return BestPoints(
             values=np.array([value for _, value in kept]).reshape(len(kept), size),
             fits=np.array([fit for fit, _ in kept]),
         )

@@ -13,7 +13,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.checks.verdict import POOR, Fit, fit_of
-from estimator.posterior.discovery.discovery import Bodies
+from estimator.posterior.discovery.discovery import BestPoints
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
@@ -60,7 +60,7 @@ class Agreement:
     @classmethod
     def of(
         cls,
-        bodies: Sequence[Bodies],
+        bodies: Sequence[BestPoints],
         predictor: Predictor,
         estimator: EvidenceEstimator,
         data: SensorData,
@@ -76,7 +76,7 @@ class Agreement:
             noise: How far readings stray.
         """
         unknowns = predictor.unknowns
-        together = Bodies.joined(bodies, unknowns)
+        together = BestPoints.joined(bodies, unknowns)
         best = float(together.fits[0])
         points = together.values[together.fits > best - CONSIDERED]
         guesses = estimator.guess(points)
@@ -151,7 +151,7 @@ class Agreement:
 
 
 def met_by(
-    bodies: Bodies, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
+    bodies: BestPoints, points: Array, estimator: EvidenceEstimator, unknowns: Unknowns
 ) -> set[Attachments]:
     """Which sets of attachments a population has met with lengths about as good as are known.
 

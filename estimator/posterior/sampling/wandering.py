@@ -16,7 +16,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.parallel.workers import Workers
 from estimator.posterior.chains.population import EVERY, Population
-from estimator.posterior.discovery.discovery import Bodies, Discovery
+from estimator.posterior.discovery.discovery import BestPoints, Discovery
 from estimator.posterior.model.special import softmax
 from estimator.posterior.posterior import Mode, Posterior, met_by_each, share_met
 
@@ -97,7 +97,7 @@ def _wander(steps: int, search: Discovery) -> tuple[Discovery, tuple[Array, Arra
     return search, (values, scales, fits)
 
 
-def _lost_ones_moved(population: Population, bodies: Bodies, rng: np.random.Generator) -> float:
+def _lost_ones_moved(population: Population, bodies: BestPoints, rng: np.random.Generator) -> float:
     """Share of the coldest chains that were lost; they go on from bodies that fit.
 
     Args:

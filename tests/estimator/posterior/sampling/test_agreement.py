@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimator.posterior.checks.verdict import Fit
-from estimator.posterior.discovery.discovery import Bodies
+from estimator.posterior.discovery.discovery import BestPoints
 from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.unknowns import Predictor
@@ -26,7 +26,7 @@ def test_attachments_met_with_lengths_that_explain_nothing_are_not_met(
     elsewhere[:, predictor.unknowns.continuous] = 0.95
     (key,) = predictor.unknowns.keys(best)
     for values, met in ((best, {key}), (elsewhere, set())):
-        bodies = Bodies(values=values, fits=fits)
+        bodies = BestPoints(values=values, fits=fits)
         assert met_by(bodies, best, estimator, predictor.unknowns) == met
 
 
