@@ -72,7 +72,8 @@ def fitted(
     lengths = Lengths(predictor, data, likelihood, noise_known=True)
     points, fits = starts, lengths.fits(starts)
     for some, most in ((slice(None), _PROMISING if each else None), (slice(_FINISHED), None)):
-        more, better = lengths.polished(points[some], most, points[some, -2])
+        groups = points[some, -2] if each else None
+        more, better = lengths.polished(points[some], most, groups)
         points, fits = np.vstack([points, more]), np.concatenate([fits, better])
         which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
         order = best_of_each(which, fits)
