@@ -74,7 +74,7 @@ class _Hypotheses:
     def some(self, rows: slice) -> _Hypotheses:
         """Some of them."""
         return _Hypotheses(
-            bodies=self.bodies[np.arange(len(self))[rows]],
+            bodies=self.bodies[rows],
             scales=self.scales[rows],
             groups=self.groups[rows],
         )

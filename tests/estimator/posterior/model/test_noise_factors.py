@@ -1,4 +1,5 @@
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -6,7 +7,7 @@ from scipy.integrate import dblquad, quad
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.noise_factors import log_prior
+from estimator.posterior.model.noise_factors import drawn_scales, log_prior
 from estimator.posterior.model.sensor_data import (
     ASTRAY,
     COLUMNS,
@@ -61,6 +62,18 @@ def test_each_pair_of_factors_gives_what_the_mixture_gives(count: int) -> None:
     for node, pair in enumerate(factors.both):
         one_by_one = likelihood.of(misfits, scales=np.tile(pair, (3, 1))).sum(axis=1)
         assert terms[:, node] == pytest.approx(one_by_one, abs=1e-9)
+
+
+def test_what_is_drawn_has_the_density_of_the_prior_and_is_seldom_quieter() -> None:
+    drawn = drawn_scales(20_000, np.random.default_rng(1))
+    edges = np.linspace(-0.6, 2.0, 14)
+    heights = [
+        quad(lambda one: math.exp(log_prior(np.array(one))), *ends)[0] for ends in pairwise(edges)
+    ]
+    expected = np.array(heights) / sum(heights)
+    seen = np.histogram(drawn, edges)[0] / len(drawn)
+    assert seen == pytest.approx(expected, abs=0.015)
+    assert np.mean(drawn < 0) == pytest.approx(0.15 / 0.65, abs=0.015)
 
 
 @pytest.mark.parametrize("factor", [0.3, 1.0, 2.5])
