@@ -21,6 +21,7 @@ from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.sv203 import SV203Emulator
 
 SYNCHRONISE_TIMEOUT = 2.0  # s of real time for the emulated board to read what was written
+TICK = 2.0**-30  # s; differences of its multiples are exact: what lasts as long, does so always
 MAX_SLICE = 0.02  # s of real time between two advances of a real-time world
 
 
@@ -44,14 +45,18 @@ class VirtualClock:
         """Lets the world go on by ``seconds``."""
         if seconds <= 0:
             return
-        deadline = self._now + seconds
+        deadline = self._now + _in_ticks(seconds)
         self.synchronise()
         self._now = max(self._now, deadline)
         self._advance(self._now)
 
     def charge(self, seconds: float) -> None:
         """Adds the time of a device access; the world catches up at the next sleep."""
-        self._now += seconds
+        self._now += _in_ticks(seconds)
+
+
+def _in_ticks(seconds: float) -> float:
+    return round(seconds / TICK) * TICK
 
 
 class RealTimeClock:
@@ -98,9 +103,9 @@ class Follower:
 
     def __call__(self) -> None:
         """Waits; bytes that never came are waited for only once."""
-        due = self._driver.bytes_written - self._lost
-        if not self._board.wait_until_read(due, SYNCHRONISE_TIMEOUT):
-            self._lost += due - self._board.bytes_read
+        written = self._driver.bytes_written
+        self._board.wait_until_read(written - self._lost, SYNCHRONISE_TIMEOUT)
+        self._lost = written - self._board.bytes_read  # or late: a computer may stand still
 
 
 class HostClock(FaultSwitch):

@@ -88,6 +88,10 @@ class MPU6050Emulator(I2CDevice):
         self._pointer = 0
         self._sampled = -1.0
 
+    def restart_dither(self) -> None:
+        """Restarts the last bit's noise, so that a repeated observation reads the same."""
+        self._samples = 0
+
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them; a stuck axis moves again."""
         super().mend(fault)

@@ -16,7 +16,7 @@ from robot.control.controller import Controller
 from robot.drivers.buses import Buses
 from robot.service.daemon import HOUSEKEEPING, build_controller
 from robot.service.devices import Devices, open_devices
-from sim_robot.electronics.clock import HostClock, RealTimeClock, VirtualClock
+from sim_robot.electronics.clock import TICK, HostClock, RealTimeClock, VirtualClock
 from sim_robot.electronics.servos import Servos
 from sim_robot.faults.fault_panel import FaultPanel
 from sim_robot.simulator.electronics_set import ElectronicsSet
@@ -71,36 +71,28 @@ class Emulation:
 class SimulatedAttendant:
     """Numbers interactions, for the noise, and lays the body down before each.
 
+    One that is made again after it was broken off reads what it would have read.
+
     Args:
-        world: The world.
-        noise: Drawn anew for each observation: one that is made again after it was broken off
-            reads what it would have read.
-        panel: Told of each interaction.
+        parts: The robot's.
         observed: How many observations there were so far.
         lays_down: Whether to put the body back on its belly.
     """
 
-    def __init__(
-        self,
-        world: World,
-        noise: Noise,
-        panel: FaultPanel,
-        *,
-        observed: Callable[[], int],
-        lays_down: bool,
-    ):
-        self._world = world
-        self._noise = noise
-        self._panel = panel
+    def __init__(self, parts: Emulation, *, observed: Callable[[], int], lays_down: bool):
+        self._parts = parts
         self._observed = observed
         self.lays_down = lays_down
 
     def attend(self) -> None:
         """Called at each interaction, once the joints are at zero."""
-        self._panel.begin_interaction()
-        self._noise.begin(self._observed() + 1)
+        parts = self._parts
+        parts.clock.sleep(TICK)  # the world catches up
+        parts.panel.begin_interaction()
+        parts.electronics.begin_interaction()
+        parts.noise.begin(self._observed() + 1)
         if self.lays_down:
-            self._world.lay_down()
+            parts.world.lay_down()
 
 
 @contextmanager
@@ -201,9 +193,7 @@ def robot_on(parts: Emulation, log: logging.Logger, *, attendant: bool) -> Contr
         parts.devices,
         clock=parts.clock,
         attendant=SimulatedAttendant(
-            parts.world,
-            parts.noise,
-            parts.panel,
+            parts,
             observed=lambda: controller.snapshot().sequence,
             lays_down=attendant,
         ),

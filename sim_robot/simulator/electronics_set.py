@@ -56,6 +56,9 @@ class ElectronicsSet(Protocol):
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """What waits, when called, until the boards have had all that their driver sent."""
 
+    def begin_interaction(self) -> None:
+        """Restarts what counts samples, so that a repeated observation reads the same."""
+
     def close(self) -> None:
         """Gives back what it took of this computer."""
 

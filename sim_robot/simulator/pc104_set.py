@@ -90,6 +90,9 @@ class PC104Set:
         assert isinstance(servos, SV203)
         return Follower(self.servo_board, servos)
 
+    def begin_interaction(self) -> None:
+        """Nothing here counts samples."""
+
     def close(self) -> None:
         """Removes the serial port."""
         self.servo_board.close()

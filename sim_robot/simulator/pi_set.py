@@ -109,5 +109,9 @@ class PiSet:
         del servos
         return lambda: None
 
+    def begin_interaction(self) -> None:
+        """The accelerometer alone counts its samples."""
+        self.accelerometer.restart_dither()
+
     def close(self) -> None:
         """There is nothing to give back."""

@@ -51,15 +51,20 @@ class World(Closable):
         self._targets: list[float | None] = [0.0] * len(body.motors)
         self._steps = 0
         self._time = 0.0
+        self._due = 0.0
         self._held: Pose | None = None
         self._pressed: dict[str, float] = {}
         self._calm = 0
         self._build()
 
     def lay_down(self) -> None:
-        """Puts the body down upright, joints at their targets, lowest point on the ground."""
+        """Puts the body down upright, joints at their targets, lowest point on the ground.
+
+        The next step begins now: when steps fall due does not depend on what was before.
+        """
         self._held = None
         self._calm = 0
+        self._time = self._due
         self._build()
 
     def hold(self, height: float, up: Sequence[float] = (0.0, 0.0, 1.0)) -> None:
@@ -88,6 +93,7 @@ class World(Closable):
 
     def advance_to(self, time: float) -> None:
         """Steps the world until ``time`` (s)."""
+        self._due = time
         while self._time + STEP <= time + 1e-9:
             self._step()
             self._steps += 1
