@@ -54,6 +54,8 @@ class WorldSettings:
         doubtful_gap: A touch is doubtful when the gap lies between 0 and this, m.
         joint_tolerance: A reading counts only if every joint is this close to its target, rad.
         full_steps: Simulate all steps of every body, also of one that came to rest long before.
+        rest_window: A body rests that has kept tilt and height for so long, s; 0: one that hardly
+            moves at a few looks, which is enough with coarse steps.
         least_inertia: Every link of a body in PyBullet gets at least this local inertia, in units
             of the body's weight times its reach times the square of the time step; see
             ``inertia_floor``. 0 leaves the links as they are.
@@ -68,6 +70,7 @@ class WorldSettings:
     doubtful_gap: float = DOUBTFUL_GAP
     joint_tolerance: float = math.radians(0.1)
     full_steps: bool = False
+    rest_window: float = 0.0
     least_inertia: float = 6.0
 
     def inertia_floor(self, body: Morphology) -> float:

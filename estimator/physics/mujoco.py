@@ -39,7 +39,8 @@ from estimator.physics.base import (
     WorldSettings,
     sensor_count,
 )
-from estimator.physics.rest import RestWatch
+from estimator.physics.rest import MainBody, RestWatch
+from protocol.wire.readings import up_in_body
 
 _YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
@@ -116,7 +117,8 @@ class MuJoCoPhysics(BackEnd):
             several = min(watch.STEPS_PER_LOOK, settings.steps - done)
             step(model, data, several)
             done += several
-            watch.look(data.qvel[:3], data.qvel[3:6])
+            up = up_in_body(tuple(data.qpos[[4, 5, 6, 3]].tolist()))
+            watch.look(MainBody(data.qvel[:3], data.qvel[3:6], float(data.qpos[2]), up))
         self.steps += done
 
     def _sense(self, model: Any, data: Any, body: Morphology, readings: Readings, row: int) -> None:

@@ -40,7 +40,7 @@ from estimator.physics.base import (
     WorldSettings,
     sensor_count,
 )
-from estimator.physics.rest import RestWatch
+from estimator.physics.rest import MainBody, RestWatch
 from protocol.system.native_output import native_output_discarded
 from protocol.wire.readings import up_in_body
 
@@ -232,8 +232,14 @@ class PyBulletPhysics(BackEnd):
             engine.stepSimulation(physicsClientId=client)
             done += 1
             if done > unwatched and done % watch.STEPS_PER_LOOK == 0:
-                watch.look(*engine.getBaseVelocity(body, physicsClientId=client))
+                watch.look(self._main_body(body))
         self.steps += done
+
+    def _main_body(self, body: int) -> MainBody:
+        engine, client = self._engine, self._client
+        place, (x, y, z, w) = engine.getBasePositionAndOrientation(body, physicsClientId=client)
+        velocity, spin = engine.getBaseVelocity(body, physicsClientId=client)
+        return MainBody(velocity, spin, place[2], up_in_body((x, y, z, w)))
 
     def _sense(
         self,

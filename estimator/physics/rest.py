@@ -3,14 +3,35 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Final
+from collections import deque
+from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
 
 from estimator.physics.base import WorldSettings
 
 
+class MainBody(NamedTuple):
+    """How the main body moves and lies.
+
+    Attributes:
+        velocity: m/s.
+        spin: Angular velocity, rad/s.
+        height: Of its middle, m.
+        up: World up in its frame.
+    """
+
+    velocity: Iterable[float]
+    spin: Iterable[float]
+    height: float
+    up: Sequence[float]
+
+
 class RestWatch:
-    """Sees when a simulated body rests: at several looks, some steps apart, it hardly moved.
+    """Sees when a simulated body rests.
+
+    By default at several looks, some steps apart, it hardly moved. With fine steps contacts creep
+    and rattle at millimetres a second for ever, which no sensor feels: then it rests when height
+    and tilt have stayed the same for as long as ``WorldSettings.rest_window`` says.
 
     Args:
         settings: The world; where all steps are wanted, nothing ever rests.
@@ -20,17 +41,34 @@ class RestWatch:
     _LOOKS: Final = 4
     _REST_SPEED: Final = 2e-4  # m/s
     _REST_SPIN: Final = 2e-3  # rad/s
+    _SAME_HEIGHT: Final = 5e-5  # m
+    _SAME_TILT: Final = math.radians(0.05)
 
     def __init__(self, settings: WorldSettings):
         self._full_steps = settings.full_steps
         self._calm = 0
+        self._window = round(settings.rest_window / (settings.step * self.STEPS_PER_LOOK))
+        self._seen: deque[tuple[float, ...]] = deque(maxlen=self._window + 1)
 
     @property
     def rests(self) -> bool:
         """Whether the body rests."""
-        return self._calm >= self._LOOKS and not self._full_steps
+        return not self._full_steps and self._calm >= (1 if self._window else self._LOOKS)
 
-    def look(self, velocity: Iterable[float], spin: Iterable[float]) -> None:
-        """Looks at the velocity, m/s, and the angular velocity, rad/s, of the main body."""
-        still = math.hypot(*velocity) < self._REST_SPEED and math.hypot(*spin) < self._REST_SPIN
+    def look(self, body: MainBody) -> None:
+        """Looks at the main body, ``STEPS_PER_LOOK`` after the last look."""
+        still = self._stays(body) if self._window else self._hardly_moves(body)
         self._calm = self._calm + 1 if still else 0
+
+    def _hardly_moves(self, body: MainBody) -> bool:
+        slow = math.hypot(*body.velocity) < self._REST_SPEED
+        return slow and math.hypot(*body.spin) < self._REST_SPIN
+
+    def _stays(self, body: MainBody) -> bool:
+        self._seen.append((body.height, *body.up))
+        if len(self._seen) <= self._window:
+            return False
+        height, *ups = zip(*self._seen, strict=True)
+        if max(height) - min(height) > self._SAME_HEIGHT:
+            return False
+        return all(max(axis) - min(axis) < self._SAME_TILT for axis in ups)

@@ -25,14 +25,17 @@ SAMPLES: Final = 16
 
 STEP: Final = 1 / 240  # s
 
+_REST_WINDOW: Final = 0.3  # s
+
 _RIVALS: Final = 6
 _WORTH: Final = 0.005  # probability of a mode that is simulated
 _FEWEST: Final = 3  # samples of a mode
 
 
 def fine(world: WorldSettings) -> WorldSettings:
-    """The same world with the fine time step."""
-    return replace(world, step=STEP, steps=round(world.steps * world.step / STEP))
+    """The same world with the fine time step, in which bodies are read when a robot would be."""
+    steps = round(world.steps * world.step / STEP)
+    return replace(world, step=STEP, steps=steps, rest_window=_REST_WINDOW)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -224,6 +224,19 @@ def test_stopping_at_rest_reads_what_all_steps_read(engine: Engine, problem: str
     assert (quick.touch == full.touch).mean() >= 0.995
 
 
+def test_with_fine_steps_a_pose_that_stays_reads_what_all_steps_read(engine: Engine) -> None:
+    genome = Genome(Problem.load("topological"), BODY)
+    pairs = random_pairs(lambda rng: genome.decode(rng.random(genome.size)), 15, 22, 4)
+    world = WorldSettings(step=1 / 240, steps=1200, rest_window=0.3)
+    with engine(world) as usual, engine(replace(world, full_steps=True)) as reference:
+        quick, full = usual.read(pairs), reference.read(pairs)
+        assert 15 * 0.3 * 240 < usual.steps < 0.25 * reference.steps
+    assert np.array_equal(quick.valid, full.valid)
+    assert np.degrees(np.abs(quick.tilt - full.tilt)).max() < 0.05
+    assert 1000 * np.abs(quick.clearance - full.clearance).max() < 0.1
+    assert np.array_equal(quick.touch, full.touch)
+
+
 def test_a_bar_rests_on_its_edges(physics: Physics, statics: StaticsPhysics) -> None:
     """Four bars 100 mm wide, wider than the main body is high, each turned about its own axis."""
     turned = legs(0.2, radius=0.05, hinge=4)
