@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Final, TypeAlias, TypeVar
 
 import numpy as np
@@ -132,19 +133,21 @@ class Bodies:
         chosen = object.__new__(Bodies)  # rows of checked arrays need no new check
         if not isinstance(rows, slice) and rows.dtype == bool:
             rows = np.flatnonzero(rows)
-        for item in fields(self):
-            array = getattr(self, item.name)
-            if item.name not in _TABLES:  # take is several times as fast as an index
-                array = array[rows] if isinstance(rows, slice) else array.take(rows, axis=0)
-            object.__setattr__(chosen, item.name, array)
+        arrays = chosen.__dict__
+        arrays.update(self.__dict__)
+        arrays.update(motors=self.motors, sensors=self.sensors, departs=self.departs)
+        for name in _ROWS:  # take is several times as fast as an index
+            array = arrays[name]
+            arrays[name] = array[rows] if isinstance(rows, slice) else array.take(rows, axis=0)
         return chosen
 
     def changed(self, **arrays: Array | Integers | Flags) -> Bodies:
         """The same bodies but for some arrays, by name, which are known to be possible."""
         changed = object.__new__(Bodies)
-        for item in fields(self):
-            array = np.ascontiguousarray(arrays.get(item.name, getattr(self, item.name)))
-            object.__setattr__(changed, item.name, array)
+        changed.__dict__.update({name: getattr(self, name) for name in _ARRAYS})
+        changed.__dict__.update(
+            {name: np.ascontiguousarray(array) for name, array in arrays.items()}
+        )
         return changed
 
     @classmethod
@@ -163,15 +166,25 @@ class Bodies:
             ]
         return cls(**{name: np.concatenate(values) for name, values in arrays.items()})
 
-    @property
+    @cached_property
     def motors(self) -> int:
-        """How many angles a motor program for these bodies must hold at least."""
+        """Angles that a motor program for these bodies, or those they are a part of, must hold."""
         return self._most(self.motor)
 
-    @property
+    @cached_property
     def sensors(self) -> int:
-        """How many touch sensors the bodies have, at most."""
+        """Touch sensors of these bodies, or of those they are a part of, at most."""
         return self._most(self.sensor)
+
+    @cached_property
+    def departs(self) -> bool:
+        """Whether any of these bodies, or of those they are a part of, has odd servos or sensors.
+
+        What they do is then not what a back-end says; see ``limp``, ``travel`` and ``base``.
+        """
+        servos = np.any(self.limp) or np.any(self.travel != 1)
+        sensors = np.any(self.base[:, TILT_GAIN] != 1) or np.any(self.base[:, TOO_HIGH] != 0)
+        return bool(servos or sensors)
 
     def _most(self, numbers: Integers) -> int:
         used = np.arange(numbers.shape[1]) < self.count[:, None]
@@ -228,6 +241,10 @@ class Bodies:
             hinges=hinges.array(),
             **numbers,
         )
+
+
+_ARRAYS: Final = tuple(item.name for item in fields(Bodies))
+_ROWS: Final = tuple(name for name in _ARRAYS if name not in _TABLES)  # a row a body
 
 
 class _Rows:

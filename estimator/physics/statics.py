@@ -197,7 +197,8 @@ class StaticsPhysics(BackEnd):
         """How joints turn, as the kernel takes it."""
         settings = self._settings
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
-        farthest = min(float(np.max(np.abs(programs), initial=0.0)), reach)
+        most, least = programs.max(initial=0.0), programs.min(initial=0.0)
+        farthest = min(float(max(most, -least)), reach)
         angles = pace * np.arange(math.ceil(farthest / pace) + 2)
         return self._kernel.Slew(pace, reach, np.cos(angles), np.sin(angles))
 
@@ -241,7 +242,7 @@ def _checked_programs(bodies: Bodies, programs: Array) -> Array:
             f"{len(bodies)} bodies of {bodies.motors} motors need a motor program of at least so "
             f"many angles, or one for each body, not an array of shape {np.shape(programs)}"
         )
-    if not np.all(np.isfinite(rows)):
+    if not _all_finite(rows):
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
         raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")
     return rows
@@ -256,6 +257,10 @@ def _checked_leans(bodies: Bodies, leans: Array | None) -> Array:
             f"{len(bodies)} bodies need an inclination of gravity as two tangents, or two for each "
             f"body, not an array of shape {np.shape(leans)}"
         )
-    if not np.all(np.isfinite(rows)):
+    if not _all_finite(rows):
         raise PhysicsError("inclinations of gravity must be finite")
     return rows
+
+
+def _all_finite(rows: Array) -> bool:
+    return bool(np.isfinite(rows.sum()) or np.isfinite(rows).all())

@@ -133,8 +133,9 @@ class TouchDensity(Density):
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""
-        into[:, 0] = self._wrong(felt, readings)
-        into[:, 1] = np.sum(~np.isnan(felt.values) & readings.touch_doubtful, axis=1)
+        told = ~np.isnan(felt.values)
+        into[:, 0] = self._wrong(felt, readings, told)
+        into[:, 1] = _counted(told & readings.touch_doubtful)
 
     def residual(self, felt: Felt, readings: Readings) -> Array:
         """None."""
@@ -142,7 +143,8 @@ class TouchDensity(Density):
 
     def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
         """The bits that differ, each as many standard deviations as it is unlikely."""
-        return self._wrong(felt, readings) * math.sqrt(-2 * math.log(noise))
+        wrong = self._wrong(felt, readings, ~np.isnan(felt.values))
+        return wrong * math.sqrt(-2 * math.log(noise))
 
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Even."""
@@ -150,10 +152,8 @@ class TouchDensity(Density):
         return logs
 
     @staticmethod
-    def _wrong(felt: Felt, readings: Readings) -> Array:
-        told = ~np.isnan(felt.values) & ~readings.touch_doubtful
-        wrong: Array = np.sum(told & (felt.values != readings.touch), axis=1).astype(float)
-        return wrong
+    def _wrong(felt: Felt, readings: Readings, told: Flags) -> Array:
+        return _counted(told & ~readings.touch_doubtful & (felt.values != readings.touch))
 
 
 class TiltDensity(Density):
@@ -167,11 +167,12 @@ class TiltDensity(Density):
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """The sum of the squared residuals, rad²."""
-        into[:, 0] = np.nansum((felt.values - readings.tilt) ** 2, axis=1)
+        one, other = _nothing_missing(felt.values - readings.tilt).T
+        into[:, 0] = one**2 + other**2
 
     def residual(self, felt: Felt, readings: Readings) -> Array:
         """Both angles, rad."""
-        return np.nan_to_num(felt.values - readings.tilt)
+        return _nothing_missing(felt.values - readings.tilt)
 
     def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
         """The larger of the two."""
@@ -206,7 +207,7 @@ class ClearanceDensity(Density):
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """Felt minus predicted, m."""
-        into[:, 0] = np.nan_to_num(felt.values[:, 0] - readings.clearance)
+        into[:, 0] = _nothing_missing(felt.values[:, 0] - readings.clearance)
         if felt.beyond is not None:
             into[readings.saturated & felt.beyond, 0] = -np.inf
 
@@ -219,7 +220,7 @@ class ClearanceDensity(Density):
 
     def residual(self, felt: Felt, readings: Readings) -> Array:
         """The distance, m; 0 beyond the range too."""
-        residual = np.nan_to_num(felt.values[:, 0] - readings.clearance)
+        residual = _nothing_missing(felt.values[:, 0] - readings.clearance)
         if felt.beyond is not None:
             residual[felt.beyond] = 0.0
         return residual[:, None]
@@ -234,6 +235,20 @@ class ClearanceDensity(Density):
         if known.beyond is not None:
             logs[known.beyond] = math.log(_BEYOND)
         return logs
+
+
+def _nothing_missing(residuals: Array) -> Array:
+    """The same array, with 0 in the place of NaN."""
+    missing = np.isnan(residuals)
+    if missing.any():
+        residuals[missing] = 0.0
+    return residuals
+
+
+def _counted(flags: Flags) -> Array:
+    """How many are set of each row of a few, shape (n,); several times as fast as a sum."""
+    counts: Array = flags.astype(float) @ np.ones(flags.shape[1])
+    return counts
 
 
 DENSITIES: Final[Mapping[str, Density]] = MappingProxyType(

@@ -237,6 +237,8 @@ class Predictor:
             quickly: Likewise.
         """
         chosen = bodies[rows]
+        if not chosen.departs:
+            return self._physics.read_bodies(chosen, programs, leans, quickly=quickly)
         turns = performed(programs, chosen)
         return as_sensed(self._physics.read_bodies(chosen, turns, leans, quickly=quickly), chosen)
 
