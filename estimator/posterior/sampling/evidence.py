@@ -29,6 +29,7 @@ _CLOSE: Final = 1.2
 _BROAD: Final = 3.0
 _ROUNDS: Final = 3
 _CENTRES: Final = 8
+_FEWEST: Final = 60  # draws in a round
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,21 +109,25 @@ class EvidenceEstimator:
         volume = precision.shape[-1] * math.log(2 * math.pi) - np.linalg.slogdet(precision)[1]
         return np.asarray(0.5 * volume)
 
-    def of(self, point: Array, others: Array, rng: np.random.Generator) -> ModeEvidence:
+    def of(
+        self, point: Array, others: Array, rng: np.random.Generator, *, share: float = 1.0
+    ) -> ModeEvidence:
         """The evidence of one mode.
 
         Args:
             point: Its best point, shape (size,).
             others: Points with the same attachments that fit well too, shape (m, size).
             rng: Draws the points.
+            share: Of the usual draws.
         """
+        draws = max(_FEWEST, round(share * self._draws))
         columns = self._predictor.unknowns.continuous
         covariance = np.linalg.inv(self._lengths.slopes(point[None]).precision[0])
         proposals = [_Proposal(np.vstack([point, others])[:, columns], covariance)]
         drawn: list[Array] = []
         kept: list[tuple[Array, Array]] = []
         while True:
-            drawn.append(proposals[-1].draw(self._draws, rng))
+            drawn.append(proposals[-1].draw(draws, rng))
             kept.append(self._marginal(point, drawn[-1], rng))
             lengths = np.concatenate(drawn)
             fits = np.concatenate([fit for fit, _ in kept])
@@ -141,15 +146,15 @@ class EvidenceEstimator:
             weights=weights,
         )
 
-    def with_cost(self, task: tuple[Array, Array, int]) -> tuple[ModeEvidence, Cost]:
+    def with_cost(self, task: tuple[Array, Array, float, int]) -> tuple[ModeEvidence, Cost]:
         """The evidence of one mode, and what it cost.
 
         Args:
-            task: Point and others, as for ``of``, and a seed.
+            task: Point, others and share, as for ``of``, and a seed.
         """
-        point, others, seed = task
+        point, others, share, seed = task
         before = self._predictor.cost
-        evidence = self.of(point, others, np.random.default_rng(seed))
+        evidence = self.of(point, others, np.random.default_rng(seed), share=share)
         return evidence, self._predictor.cost.since(before)
 
     def _marginal(

@@ -317,11 +317,11 @@ class Sampler:
         return EvidenceEstimator(self.predictor, data, likelihood, draws=draws)
 
     def _evidences(
-        self, estimator: EvidenceEstimator, best: float, points: Array
+        self, estimator: EvidenceEstimator, best: float, points: Array, share: float
     ) -> list[ModeEvidence]:
         seeds = self._rng.integers(2**32, size=len(points)).tolist()
         tasks = [
-            (point, chains_like(point, self._searches, best - CONSIDERED), seed)
+            (point, chains_like(point, self._searches, best - CONSIDERED), share, seed)
             for point, seed in zip(points, seeds, strict=True)
         ]
         evidences = []

@@ -22,13 +22,16 @@ from estimator.posterior.sampling.evidence import ModeEvidence
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
 _AT_ONCE: Final = 16  # of them
 _WEIGHED: Final = 9.0  # nats below the best evidence
+_WELL: Final = 64  # modes estimated by all draws; of more, each by fewer
 _DRAWN: Final = 16  # points of a mode, for the next interaction,
 _DRAWN_OF: Final = 32  # of so many modes, drawn as if
 _SPREAD: Final = 64  # of the evidence's draws counted at least
 _LEAST_POWER: Final = 1e-3
 _STEPS: Final = 20  # of valid sampling,
 _GROUPS: Final = 2  # of chains, each moved by one worker
-_FEW: Final = 32  # effective draws of a mode, with fewer of which chains have to find their way:
+_FEW: Final = (
+    0.05  # of a mode's draws effective, with fewer of which chains have to find their way:
+)
 _BURN_INS: Final = 4  # so often, those that got lost taken back in between,
 _BURN_IN: Final = 50  # so many steps
 _LOST: Final = 8.0  # nats below the best, and one for each length
@@ -61,7 +64,7 @@ class WeighedModes:
 def weighed(
     points: Array,
     guesses: Array,
-    evidences_of: Callable[[Array], Sequence[ModeEvidence]],
+    evidences_of: Callable[[Array, float], Sequence[ModeEvidence]],
     rng: np.random.Generator,
 ) -> WeighedModes:
     """The evidence of all modes, or of some that stand for them.
@@ -69,15 +72,17 @@ def weighed(
     Args:
         points: The best of each mode, shape (n, size).
         guesses: Of their evidences, shape (n,).
-        evidences_of: Estimates the evidences of some modes, from their points.
+        evidences_of: Estimates the evidences of some modes, from their points, by a share of the
+            usual draws.
         rng: Draws modes.
     """
     rows, log_chances = drawn(guesses, rng)
     hoped = guesses[rows] - log_chances
+    share = min(1.0, _WELL / np.count_nonzero(hoped >= hoped.max() - _WEIGHED))
     evidences: list[ModeEvidence] = []
     logs = np.empty(0)
     while len(logs) < len(rows) and hoped[len(logs)] >= logs.max(initial=-np.inf) - _WEIGHED:
-        evidences += evidences_of(points[rows[len(logs) : len(logs) + _AT_ONCE]])
+        evidences += evidences_of(points[rows[len(logs) : len(logs) + _AT_ONCE]], share)
         logs = np.array([one.log_evidence for one in evidences]) - log_chances[: len(evidences)]
     return WeighedModes(points=points[rows[: len(logs)]], evidences=evidences, shares=softmax(logs))
 
@@ -111,7 +116,8 @@ def sampled(
     starts = [(mode, rng.choice(len(spread[mode]), p=spread[mode])) for mode in which.tolist()]
     values = np.array([modes.evidences[mode].values[row] for mode, row in starts])
     scales = np.array([modes.evidences[mode].scales[row] for mode, row in starts])
-    few = modes.evidences[int(np.argmax(modes.shares))].effective < _FEW
+    best = modes.evidences[int(np.argmax(modes.shares))]
+    few = best.effective < _FEW * len(best.values)
     groups = np.split(np.arange(count), _GROUPS)
     seeds = rng.integers(2**32, size=_GROUPS).tolist()
     moved = workers.map(
