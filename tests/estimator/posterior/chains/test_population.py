@@ -114,7 +114,7 @@ def weigh_prior(
     population: Population, predictor: Predictor, data: SensorData, rng: np.random.Generator
 ) -> None:
     """Draws every chain but the first, which the readings came from, from weighed prior draws."""
-    points = rng.random((3000, predictor.unknowns.size))
+    points = rng.random((1500, predictor.unknowns.size))
     scales = drawn_scales((len(points), 2), rng)
     likelihood = Likelihood(data, POOR)
     misfits = likelihood.misfits_of(predictor, points)
