@@ -263,4 +263,5 @@ def _checked_leans(bodies: Bodies, leans: Array | None) -> Array:
 
 
 def _all_finite(rows: Array) -> bool:
-    return bool(np.isfinite(rows.sum()) or np.isfinite(rows).all())
+    """Faster than to ask of each: the least and the largest number are NaN where any is."""
+    return bool(np.isfinite(rows.min(initial=0.0)) and np.isfinite(rows.max(initial=0.0)))

@@ -316,9 +316,9 @@ def test_work_is_counted(statics: StaticsPhysics) -> None:
 
 def test_bad_batches_are_refused(statics: StaticsPhysics) -> None:
     body = legs(0.1)
-    for angle in (math.nan, math.inf):
+    for angle, other in ((math.nan, 0), (math.inf, 0), (math.inf, -math.inf)):
         with pytest.raises(PhysicsError, match="a motor program must be finite"):
-            read_one(statics, body, angle, 0, 0, 0)
+            read_one(statics, body, angle, other, 0, 0)
     with pytest.raises(MorphologyError, match="one angle per motor"):
         read_one(statics, body, 0, 0, 0)
     with pytest.raises(PhysicsError, match=r"equally many touch sensors, not \[0, 4\]"):
