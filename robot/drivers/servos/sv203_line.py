@@ -10,6 +10,7 @@ does, and whether the return counts among the 20 characters (lines here have at 
 
 from __future__ import annotations
 
+import select
 import termios
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -86,7 +87,12 @@ class SV203Line:
             DeviceError: The line failed.
         """
         with self._link("writing to it"):
-            self._port.write(line.encode("ascii") + b"\r")
+            try:
+                self._port.write(line.encode("ascii") + b"\r")
+            except serial.SerialTimeoutException:
+                # pyserial says so, too, where this process stood still after it had written
+                if not select.select([], [self._port.fileno()], [], 0)[1]:
+                    raise
         self.bytes_written += len(line) + 1
         self._clock.sleep(self.seconds_for(len(line)))
 

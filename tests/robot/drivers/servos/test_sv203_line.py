@@ -6,6 +6,7 @@ import errno
 import termios
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 import serial
@@ -89,6 +90,22 @@ def test_a_line_that_nobody_empties_is_an_error_in_time(wire: Wire) -> None:
     with pytest.raises(DeviceTimeoutError, match="took no more bytes"):
         write_on()
     assert time.monotonic() - start < 10.0
+    driver.close()
+
+
+def test_a_process_that_stood_still_while_it_wrote_has_written(
+    servo_board: SV203Emulator, clock: InstantClock
+) -> None:
+    class Stalled(serial.Serial):
+        def write(self, data: Any, /) -> int | None:
+            super().write(data)
+            raise serial.SerialTimeoutException("Write timeout")  # it looks at the clock at last
+
+    driver = SV203(lambda: Stalled(servo_board.port, 9600, timeout=1, write_timeout=1), clock=clock)
+    driver.read_counts([1])
+    driver.set_counts({1: 90})
+    assert servo_board.wait_until_read(driver.bytes_written, 5.0)
+    assert servo_board.pulses()[0] == 90
     driver.close()
 
 
