@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,28 +126,42 @@ class Bodies:
         _check(rest, np.abs(rest) <= _LARGEST, "centre of mass, accelerometer or sensors")
 
     def __len__(self) -> int:
-        return len(self.count)
+        _, rows = self.origin
+        return len(rows)
 
     def __getitem__(self, rows: slice | NDArray[np.intp] | Flags) -> Bodies:
-        """Some of the bodies."""
+        """Some of the bodies; their arrays are not copied before somebody looks at them."""
+        whole, of_whole = self.origin
         chosen = object.__new__(Bodies)  # rows of checked arrays need no new check
-        if not isinstance(rows, slice) and rows.dtype == bool:
-            rows = np.flatnonzero(rows)
-        arrays = chosen.__dict__
-        arrays.update(self.__dict__)
-        arrays.update(motors=self.motors, sensors=self.sensors, departs=self.departs)
-        for name in _ROWS:  # take is several times as fast as an index
-            array = arrays[name]
-            arrays[name] = array[rows] if isinstance(rows, slice) else array.take(rows, axis=0)
+        chosen.__dict__.update({name: getattr(whole, name) for name in _SHARED})
+        chosen.__dict__["_origin"] = whole, np.ascontiguousarray(of_whole[rows])
         return chosen
+
+    if not TYPE_CHECKING:  # who misspells an attribute is to be told so
+
+        def __getattr__(self, name: str) -> Array | Integers | Flags:
+            if name not in _ROWS:
+                raise AttributeError(f"bodies have no {name}")
+            whole, rows = self.origin
+            array = getattr(whole, name).take(rows, axis=0)  # several times as fast as an index
+            self.__dict__[name] = array
+            return array
+
+    @property
+    def origin(self) -> tuple[Bodies, NDArray[np.intp]]:
+        """Bodies that these were chosen from, and their rows there, shape (n,); or all of these."""
+        chosen: tuple[Bodies, NDArray[np.intp]] | None = self.__dict__.get("_origin")
+        return (self, np.arange(len(self.count))) if chosen is None else chosen
 
     def changed(self, **arrays: Array | Integers | Flags) -> Bodies:
         """The same bodies but for some arrays, by name, which are known to be possible."""
         changed = object.__new__(Bodies)
-        changed.__dict__.update({name: getattr(self, name) for name in _ARRAYS})
         changed.__dict__.update(
             {name: np.ascontiguousarray(array) for name, array in arrays.items()}
         )
+        derived = [name for name, sources in _DERIVED.items() if sources.isdisjoint(arrays)]
+        same = (name for name in (*_ARRAYS, *derived) if name not in arrays)
+        changed.__dict__.update({name: getattr(self, name) for name in same})
         return changed
 
     @classmethod
@@ -244,7 +258,13 @@ class Bodies:
 
 
 _ARRAYS: Final = tuple(item.name for item in fields(Bodies))
-_ROWS: Final = tuple(name for name in _ARRAYS if name not in _TABLES)  # a row a body
+_ROWS: Final = frozenset(name for name in _ARRAYS if name not in _TABLES)  # a row a body
+_DERIVED: Final = {
+    "motors": {"count", "motor"},
+    "sensors": {"count", "sensor"},
+    "departs": {"limp", "travel", "base"},
+}
+_SHARED: Final = (*_TABLES, *_DERIVED)  # by all that are chosen from some
 
 
 class _Rows:

@@ -34,6 +34,8 @@ _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee 
 _FORESEEABLE: Final = math.radians(2.0)  # path margin; of so many, those near forks look best
 _DOUBTED: Final = 0.5  # times as many bodies that depart from the problem as models
 _KNOWN: Final = 0.01  # m: lengths that are told apart no further while there are doubts
+_PLUMB: Final = LEANS[:1]
+_WAYS: Final = np.vstack([_PLUMB, FORKS])  # of gravity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +125,7 @@ class Chooser:
             rng,
         )
         few = known.some(_THINNED)
-        quick = self._read(few, programs, LEANS[0], quickly=True)
+        (quick,) = self._read(few, programs, _PLUMB, quickly=True)
         bits = self._bits(few, Forecast.of(quick, len(few)), rng, _DRAWS)
         programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
         bits = self._bits(few, self._sure_forecast(few, programs, quickly=True), rng, _DRAWS)
@@ -198,11 +200,11 @@ class Chooser:
         self, models: _Hypotheses, doubts: Sequence[Doubt], program: Array
     ) -> tuple[Doubt, ...]:
         """Which doubts feel otherwise than most models do."""
-        expected = self._read(models, program, LEANS[0])
+        (expected,) = self._read(models, program, _PLUMB)
         tested = []
         for doubt in doubts:
             bodies = self._built(doubt)[np.zeros(len(models), dtype=np.intp)]
-            felt = self._read(replace(models, bodies=bodies), program, LEANS[0])
+            (felt,) = self._read(replace(models, bodies=bodies), program, _PLUMB)
             if np.mean(self._gain.apart(expected, felt)) > 0.5:
                 tested.append(doubt)
         return tuple(tested)
@@ -220,12 +222,11 @@ class Chooser:
         Where much is to be found, silent also where it matters how thick capsules are: what is
         square but not known to be rests on its edges.
         """
-        plumb = self._read(known, programs, LEANS[0], quickly=quickly)
-        others = [self._read(known, programs, lean, quickly=quickly) for lean in FORKS]
+        plumb, *others = self._read(known, programs, _WAYS, quickly=quickly)
         if self._predictor.unknowns.many:
             radius = np.where(known.bodies.box, 1.0, _THICKER) * known.bodies.radius
             thicker = replace(known, bodies=known.bodies.changed(radius=radius))
-            others.append(self._read(thicker, programs, LEANS[0], quickly=quickly))
+            others += self._read(thicker, programs, _PLUMB, quickly=quickly)
         forecast = Forecast.of(plumb, len(known))
         for other in others:
             apart = self._gain.apart(plumb, other)
@@ -241,14 +242,19 @@ class Chooser:
         return forecast
 
     def _read(
-        self, known: _Hypotheses, programs: Array, lean: Array, *, quickly: bool = False
-    ) -> Readings:
+        self, known: _Hypotheses, programs: Array, leans: Array, *, quickly: bool = False
+    ) -> list[Readings]:
+        """What bodies will feel as gravity is inclined in several ways: of each way, all of it."""
         pieces = []
-        at_once = max(1, _AT_ONCE // len(known))
+        ways = len(leans)
+        at_once = max(1, _AT_ONCE // (ways * len(known)))
         for start in range(0, len(programs), at_once):
             rows, repeated = _each_with_each(len(known), programs[start : start + at_once])
-            pieces.append(self._predictor.read(known.bodies, rows, repeated, lean, quickly=quickly))
-        return Readings.concatenate(pieces)
+            rows, each = np.repeat(rows, ways), np.tile(leans, (len(rows), 1))
+            repeated = np.repeat(repeated, ways, axis=0)
+            pieces.append(self._predictor.read(known.bodies, rows, repeated, each, quickly=quickly))
+        readings = Readings.concatenate(pieces)
+        return [readings[way::ways] for way in range(ways)]
 
     def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns

@@ -27,7 +27,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import Bodies, Integers
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
 from estimator.parallel.threads import Threads
@@ -124,16 +124,16 @@ class StaticsPhysics(BackEnd):
             PhysicsError: The programs or leans have a wrong shape or are not finite.
         """
         settings, count = self._settings, len(bodies)
-        checked = _angles(bodies, programs)
+        angles, farthest = _angles(bodies, programs)
         readings = Readings.empty(count, bodies.sensors)
         self.steps += self._share_out(
             self._kernel.rest,
             count,
             (
-                self._trees(bodies),
-                checked,
+                *self._trees(bodies),
+                angles,
                 _checked_leans(bodies, leans),
-                self._slew(checked, max(self._pace, QUICK_PACE) if quickly else self._pace),
+                self._slew(farthest, max(self._pace, QUICK_PACE) if quickly else self._pace),
                 settings.clearance_cap,
                 settings.touch_gap,
                 settings.doubtful_gap,
@@ -174,32 +174,31 @@ class StaticsPhysics(BackEnd):
             PhysicsError: The programs have a wrong shape or are not finite.
         """
         margins = np.zeros(len(bodies))
-        checked = _angles(bodies, programs)
+        angles, farthest = _angles(bodies, programs)
         self._share_out(
             self._kernel.margins,
             len(bodies),
             (
-                self._trees(bodies),
-                checked,
-                self._slew(checked, self._pace),
+                *self._trees(bodies),
+                angles,
+                self._slew(farthest, self._pace),
                 min(most, _LARGEST_MARGIN),
                 margins,
             ),
         )
         return margins
 
-    def _trees(self, bodies: Bodies) -> Any:
-        """The bodies as the kernel takes them."""
+    def _trees(self, bodies: Bodies) -> tuple[Any, Integers]:
+        """The bodies as the kernel takes them, and which of these each is."""
+        whole, rows = bodies.origin
         trees = self._kernel.Trees
-        return trees(bodies.count, *(getattr(bodies, name) for name in trees._fields[1:]))
+        return trees(whole.count, *(getattr(whole, name) for name in trees._fields[1:])), rows
 
-    def _slew(self, programs: Array, pace: float) -> Any:
-        """How joints turn, as the kernel takes it."""
+    def _slew(self, farthest: float, pace: float) -> Any:
+        """How joints turn that turn so far at most, as the kernel takes it."""
         settings = self._settings
         reach = min(settings.slew * settings.step * settings.steps, _FARTHEST)
-        most, least = programs.max(initial=0.0), programs.min(initial=0.0)
-        farthest = min(float(max(most, -least)), reach)
-        angles = pace * np.arange(math.ceil(farthest / pace) + 2)
+        angles = pace * np.arange(math.ceil(min(farthest, reach) / pace) + 2)
         return self._kernel.Slew(pace, reach, np.cos(angles), np.sin(angles))
 
     def _share_out(self, function: Any, count: int, arguments: tuple[Any, ...]) -> int:
@@ -224,28 +223,28 @@ def _arrays(pairs: Sequence[Pair]) -> tuple[Bodies, Array]:
     return bodies, programs
 
 
-def _angles(bodies: Bodies, programs: Array) -> Array:
-    """Where the hinges go, by motor: the programs, and where a motor's 0 is."""
-    rows = _checked_programs(bodies, programs)
-    if not bodies.zero.any():
-        return rows
-    angles = rows.repeat(len(bodies), axis=0) if len(rows) == 1 else rows.copy()
-    body, part = np.nonzero((bodies.motor >= 0) & (bodies.zero != 0))
-    angles[body, bodies.motor[body, part]] += bodies.zero[body, part]
-    return angles
+def _angles(bodies: Bodies, programs: Array) -> tuple[Array, float]:
+    """Where the hinges go, by motor: the programs, and where a motor's 0 is; and how far at most.
 
-
-def _checked_programs(bodies: Bodies, programs: Array) -> Array:
+    Raises:
+        PhysicsError: The programs have a wrong shape or are not finite.
+    """
     rows = np.ascontiguousarray(np.atleast_2d(np.asarray(programs, dtype=float)))
     if rows.ndim != 2 or len(rows) not in (1, len(bodies)) or rows.shape[1] < bodies.motors:
         raise PhysicsError(
             f"{len(bodies)} bodies of {bodies.motors} motors need a motor program of at least so "
             f"many angles, or one for each body, not an array of shape {np.shape(programs)}"
         )
-    if not _all_finite(rows):
+    farthest = _farthest(rows)
+    if not math.isfinite(farthest):
         row = int(np.argmin(np.all(np.isfinite(rows), axis=1)))
         raise PhysicsError(f"a motor program must be finite, not {rows[row].tolist()}")
-    return rows
+    if not bodies.origin[0].zero.any():
+        return rows, farthest
+    angles = rows.repeat(len(bodies), axis=0) if len(rows) == 1 else rows.copy()
+    body, part = np.nonzero((bodies.motor >= 0) & (bodies.zero != 0))
+    angles[body, bodies.motor[body, part]] += bodies.zero[body, part]
+    return angles, _farthest(angles)
 
 
 def _checked_leans(bodies: Bodies, leans: Array | None) -> Array:
@@ -257,11 +256,12 @@ def _checked_leans(bodies: Bodies, leans: Array | None) -> Array:
             f"{len(bodies)} bodies need an inclination of gravity as two tangents, or two for each "
             f"body, not an array of shape {np.shape(leans)}"
         )
-    if not _all_finite(rows):
+    if not math.isfinite(_farthest(rows)):
         raise PhysicsError("inclinations of gravity must be finite")
     return rows
 
 
-def _all_finite(rows: Array) -> bool:
-    """Faster than to ask of each: the least and the largest number are NaN where any is."""
-    return bool(np.isfinite(rows.min(initial=0.0)) and np.isfinite(rows.max(initial=0.0)))
+def _farthest(rows: Array) -> float:
+    """The largest size of a number, from the least and the largest: NaN where any is."""
+    least, most = float(rows.min(initial=0.0)), float(rows.max(initial=0.0))
+    return most if math.isnan(most) else max(most, -least)

@@ -56,8 +56,7 @@ class GeneColumns:
     """Which columns of genomes say what, so that n of them are read at once.
 
     Attributes:
-        chosen: Columns of choices.
-        counts: How many values each of these chooses from.
+        counts: How many values each column chooses from; 0: any in a range. Shape (size,).
         open_mounts: Columns of mounts on a parent that is chosen, too.
         their_parents: Columns of these parents.
         known: Of one body, shape (parts,): what the problem says, anything where a gene says.
@@ -65,12 +64,11 @@ class GeneColumns:
         lengths: Parts and their columns, for lengths.
         shortest: Of these, m.
         spans: Of these, m.
-        mounted: Parts of which the mount is known.
+        mounted: Parts of which the mount is known and the parent is not.
         on_base: Their mounts if they sit on the main body.
         on_part: The same on a part.
     """
 
-    chosen: Indices
     counts: Integers
     open_mounts: Indices
     their_parents: Indices
@@ -94,21 +92,24 @@ class GeneColumns:
             parts, columns = np.array(columns_of_parts, dtype=np.intp).reshape(-1, 2).T
             return parts, columns
 
-        chosen = [column for column, gene in enumerate(genes) if gene.choices]
         open_parts = [
             part for trait, part in places if trait == "mount" and ("parent", part) in places
         ]
         lengths = of_trait("length")
         ranges = np.array([rules[part].length for part in lengths[0].tolist()]).reshape(-1, 2)
         mounted = [part for part, rule in enumerate(rules) if rule.mount is not None]
+        mounts = np.zeros(len(rules), dtype=np.int64)
+        for part in mounted:
+            on = attached[part].on_base if rules[part].parent == BASE else attached[part].on_part
+            mounts[part] = on or 0
+        mounted = [part for part in mounted if ("parent", part) in places]
         return cls(
-            chosen=np.array(chosen, dtype=np.intp),
-            counts=np.array([genes[column].choices for column in chosen], dtype=np.int64),
+            counts=np.array([gene.choices for gene in genes], dtype=np.int64),
             open_mounts=np.array([places["mount", part] for part in open_parts], dtype=np.intp),
             their_parents=np.array([places["parent", part] for part in open_parts], dtype=np.intp),
             known=Traits(
                 np.array([BASE if rule.parent is None else rule.parent for rule in rules]),
-                np.zeros(len(rules), dtype=np.int64),
+                mounts,
                 np.array([one.hinge or 0 for one in attached]),
                 np.array([rule.length[0] for rule in rules]),
             ),

@@ -60,10 +60,8 @@ class Genome:
         Returns:
             Shape (n, size).
         """
-        values = np.asarray(genes, dtype=float)
-        chosen = np.full(values.shape, -1, dtype=np.int64)
-        columns = self._columns
-        chosen[:, columns.chosen] = _scaled(values[:, columns.chosen], columns.counts)
+        values, columns = np.asarray(genes, dtype=float), self._columns
+        chosen = _scaled(values, columns.counts)
         if columns.open_mounts.size:
             counts = self._mounts_of_parents(chosen)
             chosen[:, columns.open_mounts] = _scaled(values[:, columns.open_mounts], counts)
@@ -197,13 +195,14 @@ class Genome:
         values = self._checked(genes)
         bodies = self._any_body[np.zeros(len(values), dtype=np.intp)]
         traits = self._traits(values)
-        nuisances, zeros = self._nuisance_values(values)
-        sensor = bodies.sensor
+        changes: dict[str, Array | Integers] = traits._asdict()
         if self._problem.touch == "outermost":
-            sensor = outermost_sensors(traits.parent, self._problem.sensors)
-        base = bodies.base.copy()
-        base[:, DENSITY:TILT_GAIN] = nuisances
-        return bodies.changed(**traits._asdict(), zero=zeros, sensor=sensor, base=base)
+            changes["sensor"] = outermost_sensors(traits.parent, self._problem.sensors)
+        if self._nuisances.listed:
+            nuisances, changes["zero"] = self._nuisance_values(values)
+            changes["base"] = bodies.base.copy()
+            changes["base"][:, DENSITY:TILT_GAIN] = nuisances
+        return bodies.changed(**changes)
 
     @cached_property
     def _columns(self) -> GeneColumns:
@@ -277,12 +276,14 @@ class Genome:
         )
         chosen = self.choices(values)
         for name, (parts, own) in columns.of_traits.items():
-            getattr(traits, name)[:, parts] = chosen[:, own] + (BASE if name == "parent" else 0)
+            if parts.size:
+                getattr(traits, name)[:, parts] = chosen[:, own] + (BASE if name == "parent" else 0)
         parts, own = columns.lengths
         traits.length[:, parts] = columns.shortest + values[:, own] * columns.spans
         parts = columns.mounted
-        on_base = traits.parent[:, parts] == BASE
-        traits.mount[:, parts] = np.where(on_base, columns.on_base, columns.on_part)
+        if parts.size:
+            on_base = traits.parent[:, parts] == BASE
+            traits.mount[:, parts] = np.where(on_base, columns.on_base, columns.on_part)
         return traits
 
     def _nuisance_values(self, values: Array) -> tuple[Array, Array]:
@@ -298,5 +299,5 @@ class Genome:
 
 
 def _scaled(values: Array, counts: Integers) -> Integers:
-    """Genes as choices among so many."""
+    """Genes as choices among so many; −1 where they are none, among 0."""
     return np.minimum((values * counts).astype(np.int64), counts - 1)

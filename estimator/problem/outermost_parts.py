@@ -22,9 +22,9 @@ def with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
 def outermost_sensors(parent: Integers, sensors: int) -> Integers:
     """The same for n bodies: sensor of each part, or −1, shape (n, parts)."""
     rows, parts = parent.shape
-    carriers = np.zeros((rows, parts), dtype=bool)
-    body, part = np.nonzero(parent >= 0)
-    carriers[body, parent[body, part]] = True
+    carriers = np.zeros((rows, parts + 1), dtype=bool)  # the main body's, −1, in the last column
+    carriers[np.arange(rows)[:, None], parent] = True
+    carriers = carriers[:, :parts]
     outermost = np.cumsum(~carriers, axis=1)
     place = np.where(carriers, outermost[:, -1:] + np.cumsum(carriers, axis=1), outermost)
     chosen = place <= sensors

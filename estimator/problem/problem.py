@@ -198,7 +198,7 @@ class Problem(Strict):
         """
         return self.nuisance.accelerometer_deg is not None
 
-    @property
+    @cached_property
     def sensors(self) -> int:
         """Number of touch sensors that the parts carry."""
         if self.touch == "outermost":

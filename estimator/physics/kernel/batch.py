@@ -6,11 +6,20 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.body import accelerometer, part_shapes
-from estimator.body.arrays import Flags
+from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.physics.kernel.contact import depth
-from estimator.physics.kernel.links import GROUP, STEPS, Slew, Trees, assemble, work_space
+from estimator.physics.kernel.links import (
+    GROUP,
+    STEPS,
+    TOGETHER,
+    Slew,
+    Trees,
+    Work,
+    assemble,
+    work_space,
+)
 from estimator.physics.kernel.path import gap, margin, right_itself, settle, undecided
 from estimator.physics.kernel.vectors import vector
 from protocol.wire import readings as definitions
@@ -30,12 +39,32 @@ _touches: Final = compiled(definitions.touches)
 _touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
 
+@compiled
+def _lean(work: Work, first: int, end: int, which: Integers, programs: Array, leans: Array) -> int:
+    """Fills in how gravity is inclined for a row, and for those after it of the same body.
+
+    Returns:
+        How many rows these are, of one body in one program.
+    """
+    row = first
+    while row < end and row < first + TOGETHER and which[row] == which[first]:
+        if len(programs) > 1:
+            for motor in range(programs.shape[1]):
+                if programs[row, motor] != programs[first, motor]:
+                    return row - first
+        lean = leans[row if len(leans) > 1 else 0]
+        work.lean[row - first, 0], work.lean[row - first, 1] = lean[0], lean[1]
+        row += 1
+    return row - first
+
+
 def _make_rest(sources: int) -> Any:
     @entrance
     def rest(
         start: int,
         end: int,
         trees: Trees,
+        which: Integers,
         programs: Array,
         leans: Array,
         slew: Slew,
@@ -54,43 +83,50 @@ def _make_rest(sources: int) -> Any:
     ) -> int:
         """Fills rows ``start`` to ``end`` of the readings.
 
-        ``programs`` and ``leans`` have one row for all bodies or one for each.
+        ``which`` says of each row which of the trees it is of. ``programs`` and ``leans`` have one
+        row for all or one for each.
 
         Returns:
             How many steps that took.
         """
         work = work_space(trees.parent.shape[1])
         steps = 0 * sources  # named here, so that the cache's key knows it
-        for row in range(start, end):
-            own = trees.base[row]
+        row = start
+        while row < end:
+            body = which[row]
+            own = trees.base[body]
             program = programs[row if len(programs) > 1 else 0]
-            links, points = assemble(trees, row, program, slew, work)
-            lean = leans[row if len(leans) > 1 else 0]
-            rested = settle(work, links, points, own, slew, lean[0], lean[1])
-            if lean[0] != 0 or lean[1] != 0:
-                rested = right_itself(work, links, points) and rested
-            balances[row] = undecided(work, links, points)
-            deep = depth(work.points, points, vector(work.up))
-            felt = _up_as_felt(work.up, own[8], own[9])
-            tilt[row, 0], tilt[row, 1] = _tilt_of(felt)
-            ray = _belly_ray(deep - 0.5 * own[2] * work.up[2], work.up)
-            clearance[row], saturated[row] = _clearance_of(ray, cap)
-            largest, longest = 0.0, 0
-            for part in range(trees.parts[row]):
-                longest = max(longest, work.tree[work.place[part], STEPS])
-                if trees.motor[row, part] >= 0:
-                    largest = max(largest, abs(program[trees.motor[row, part]]) - slew.reach)
-                if trees.sensor[row, part] >= 0:
-                    group = work.tree[work.place[part], GROUP]
-                    above = gap(work, group, deep)
-                    for link in range(group + 1, links):
-                        if work.tree[link, GROUP] == group:
-                            above = min(above, gap(work, link, deep))
-                    touch[row, trees.sensor[row, part]] = _touches(above, touch_gap)
-                    doubtful[row, trees.sensor[row, part]] = _touch_is_doubtful(above, doubtful_gap)
-            miss[row] = largest
-            valid[row] = rested and largest <= joint_tolerance
-            steps += longest
+            links, points = assemble(trees, body, program, slew, work)
+            several = _lean(work, row, end, which, programs, leans)
+            settle(work, links, points, own, slew, several)
+            for each in range(several):
+                if work.lean[each, 0] != 0 or work.lean[each, 1] != 0:
+                    right_itself(work, links, points, each)
+                balances[row] = undecided(work, links, points, each)
+                up = vector(work.up[each])
+                deep = depth(work.points, points, up)
+                felt = _up_as_felt(up, own[8], own[9])
+                tilt[row, 0], tilt[row, 1] = _tilt_of(felt)
+                ray = _belly_ray(deep - 0.5 * own[2] * up[2], up)
+                clearance[row], saturated[row] = _clearance_of(ray, cap)
+                largest, longest = 0.0, 0
+                for part in range(trees.parts[body]):
+                    longest = max(longest, work.tree[work.place[part], STEPS])
+                    motor, sensor = trees.motor[body, part], trees.sensor[body, part]
+                    if motor >= 0:
+                        largest = max(largest, abs(program[motor]) - slew.reach)
+                    if sensor >= 0:
+                        group = work.tree[work.place[part], GROUP]
+                        above = gap(work, group, up, deep)
+                        for link in range(group + 1, links):
+                            if work.tree[link, GROUP] == group:
+                                above = min(above, gap(work, link, up, deep))
+                        touch[row, sensor] = _touches(above, touch_gap)
+                        doubtful[row, sensor] = _touch_is_doubtful(above, doubtful_gap)
+                miss[row] = largest
+                valid[row] = work.rested[each] and largest <= joint_tolerance
+                steps += longest
+                row += 1
         return steps
 
     return rest
@@ -102,6 +138,7 @@ def _make_margins(sources: int) -> Any:
         start: int,
         end: int,
         trees: Trees,
+        which: Integers,
         programs: Array,
         slew: Slew,
         most: float,
@@ -110,10 +147,12 @@ def _make_margins(sources: int) -> Any:
         """Fills rows ``start`` to ``end`` of the path margins; see ``rest``."""
         work = work_space(trees.parent.shape[1])
         for row in range(start, end):
-            own = trees.base[row]
+            body = which[row]
+            own = trees.base[body]
             program = programs[row if len(programs) > 1 else 0]
-            links, points = assemble(trees, row, program, slew, work)
-            settle(work, links, points, own, slew, 0.0, 0.0)
+            links, points = assemble(trees, body, program, slew, work)
+            work.lean[0, 0] = work.lean[0, 1] = 0.0
+            settle(work, links, points, own, slew, 1)
             path_margins[row] = margin(work, links, points, own, slew, most)
         return 0 * sources
 

@@ -17,6 +17,10 @@ Arrays, for at most n parts:
   first eight are the main body's corners.
 * ``place`` (n,), integers: link of each part; ``at`` (n, 4): where in the link's plane it begins,
   then cosine and sine of its direction there.
+* one row per inclination of gravity under which the body is followed: ``lean`` (16, 2), tangents
+  towards x and y; ``up`` (16, 3), world up in the body frame, and ``stance`` (16, 3), three
+  contacts around the centre of mass: the pose; ``lies`` and ``rested`` (16,), whether it still lies
+  flat, and whether it came to rest each time.
 """
 
 from __future__ import annotations
@@ -65,6 +69,8 @@ JOINT_COLUMNS: Final = 17
 FRAME_COLUMNS: Final = 15
 POINT_ROWS: Final = 7
 CORNERS: Final = 8
+TOGETHER: Final = 16
+"""Inclinations of gravity under which one body is followed at once."""
 
 
 _ends: Final = compiled(part_shapes.ends)
@@ -115,8 +121,11 @@ class Work(NamedTuple):
     at: Array
     touch: Integers
     flat: Array
+    lean: Array
     up: Array
     stance: Integers
+    lies: Flags
+    rested: Flags
 
 
 @allocating
@@ -132,8 +141,11 @@ def work_space(parts: int) -> Work:
         np.zeros((parts, 4)),
         np.zeros(points, np.int64),
         np.zeros((2, points)),
-        np.zeros(3),
-        np.zeros(3, np.int64),
+        np.zeros((TOGETHER, 2)),
+        np.zeros((TOGETHER, 3)),
+        np.zeros((TOGETHER, 3), np.int64),
+        np.zeros(TOGETHER, np.bool_),
+        np.zeros(TOGETHER, np.bool_),
     )
 
 

@@ -3,8 +3,8 @@
 All joints turn at the same speed, each to its own target, in steps of ``pace``. After each step the
 body is brought to rest again.
 
-``lean_x`` and ``lean_y`` incline gravity in the body frame (tangents of angles towards x and y):
-the centre of mass acts as if it were shifted by that share of its height. Where a body lands under
+A lean inclines gravity in the body frame (tangents of angles towards x and y): the centre of mass
+acts as if it were shifted by that share of its height. Where a body lands under
 an inclined gravity tells how sure it is to land there under a plumb one.
 """
 
@@ -38,27 +38,22 @@ _QUICK: Final = 8.0  # paces by which the body may turn in one and still be foll
 
 
 @compiled
-def settle(
-    work: Work,
-    links: int,
-    count: int,
-    base: Array,
-    slew: Slew,
-    lean_x: float,
-    lean_y: float,
-) -> bool:
+def settle(work: Work, links: int, count: int, base: Array, slew: Slew, several: int) -> None:
     """Takes an assembled body from the planar pose to its targets, at rest after each step.
 
+    Under several inclinations of gravity at once: most of the time goes into turning the joints.
+
     Args:
-        work: Holds the body; its ``up`` and ``stance`` receive the pose.
+        work: Holds the body and the inclinations, and receives the poses.
         links: How many it has.
         count: How many points it has.
-
-    Returns:
-        Whether it came to rest each time.
+        base: Its main body.
+        slew: How joints turn.
+        several: How many inclinations there are.
     """
     tree, joint, frame, points = work.tree, work.joint, work.frame, work.points
-    touch, flat, up, stance = work.touch, work.flat, work.up, work.stance
+    touch, flat, lies, rested = work.touch, work.flat, work.lies, work.rested
+    lean, ups, stances = work.lean, work.up, work.stance
     mass, steps = 0.0, 0
     for link in range(links):
         mass += joint[link, MASS]
@@ -67,28 +62,45 @@ def settle(
         frame[0, column] = 1.0 if column in (3, 7, 11) else 0.0
     for axis in range(3):
         frame[0, 12 + axis] = base[3] * base[5 + axis]
-    up[0] = up[1] = 0.0
-    up[2] = 1.0
-    stance[0], stance[1], stance[2] = 0, 1, 2
+    for each in range(several):
+        for axis in range(3):
+            ups[each, axis] = 1.0 if axis == 2 else 0.0
+            stances[each, axis] = axis
+        lies[each] = rested[each] = True
     least_cosine = math.cos(_QUICK * slew.pace)
-    on_belly: bool = True
-    rested: bool = True
     for step in range(steps + 1):
         x, y, z = move(step, links, tree, joint, frame, points, slew.cosines, slew.sines)
         x, y, z = x / mass, y / mass, z / mass
-        if lean_x != 0 or lean_y != 0:
-            foot = stance[0]
-            height = points[3, foot] + up[0] * (x - points[0, foot])
-            height += up[1] * (y - points[1, foot]) + up[2] * (z - points[2, foot])
-            x, y = x + lean_x * height, y + lean_y * height
-        if on_belly:
-            on_belly = _lies(points, count, base, x, y)
-        centre = x, y, z
-        if on_belly or (stance[2] >= 0 and follow(points, count, centre, up, stance, least_cosine)):
-            continue
-        if not roll(points, count, centre, up, stance, touch, flat):
-            rested = False
-    return rested
+        for each in range(several):
+            up, stance = ups[each], stances[each]
+            centre = _as_if_shifted(points, up, stance[0], lean[each, 0], lean[each, 1], x, y, z)
+            if lies[each]:
+                lies[each] = _lies(points, count, base, centre[0], centre[1])
+            if lies[each]:
+                continue
+            if stance[2] >= 0 and follow(points, count, centre, up, stance, least_cosine):
+                continue
+            if not roll(points, count, centre, up, stance, touch, flat):
+                rested[each] = False
+
+
+@compiled
+def _as_if_shifted(
+    points: Array,
+    up: Array,
+    foot: int,
+    lean_x: float,
+    lean_y: float,
+    x: float,
+    y: float,
+    z: float,
+) -> Vector:
+    """Where the centre of mass acts, which is at x, y, z, of a body that stands on a foot."""
+    if lean_x != 0 or lean_y != 0:
+        height = points[3, foot] + up[0] * (x - points[0, foot])
+        height += up[1] * (y - points[1, foot]) + up[2] * (z - points[2, foot])
+        x, y = x + lean_x * height, y + lean_y * height
+    return x, y, z
 
 
 @compiled
@@ -114,21 +126,17 @@ def _centre_of_mass(work: Work, links: int) -> Vector:
 
 
 @compiled
-def right_itself(work: Work, links: int, count: int) -> bool:
-    """Brings a body that was settled under an inclined gravity to rest under a plumb one.
-
-    Returns:
-        Whether it came to rest.
-    """
-    centre = _centre_of_mass(work, links)
-    rested: bool = roll(work.points, count, centre, work.up, work.stance, work.touch, work.flat)
-    return rested
+def right_itself(work: Work, links: int, count: int, each: int) -> None:
+    """Brings a body that was settled under an inclined gravity to rest under a plumb one."""
+    centre, up, stance = _centre_of_mass(work, links), work.up[each], work.stance[each]
+    if not roll(work.points, count, centre, up, stance, work.touch, work.flat):
+        work.rested[each] = False
 
 
 @compiled
-def undecided(work: Work, links: int, count: int) -> bool:
+def undecided(work: Work, links: int, count: int, each: int) -> bool:
     """Whether the body that was just settled is balanced on the rim of its support."""
-    points, up, stance = work.points, vector(work.up), work.stance
+    points, up, stance = work.points, vector(work.up[each]), work.stance[each]
     centre = _centre_of_mass(work, links)
     if stance[2] >= 0:
         least = math.inf
@@ -154,21 +162,20 @@ def margin(work: Work, links: int, count: int, base: Array, slew: Slew, most: fl
     Returns:
         rad.
     """
-    up = work.up
-    up_x, up_y, up_z = up[0], up[1], up[2]
+    up, lean = work.up, work.lean
+    up_x, up_y, up_z = up[0, 0], up[0, 1], up[0, 2]
     steepest = math.tan(most)
     good, bad, tried = 0.0, steepest, steepest
     trials = 0
     while bad > _FINE * good:
+        for way in range(4):
+            lean[way, 0], lean[way, 1] = 0.0, 0.0
+            lean[way, way % 2] = tried if way < 2 else -tried
+        settle(work, links, count, base, slew, 4)
         alike = True
-        for quarter in range(4):
-            lean = tried if quarter < 2 else -tried
-            x, y = (lean, 0.0) if quarter % 2 == 0 else (0.0, lean)
-            alike = settle(work, links, count, base, slew, x, y)
-            away = max(abs(up[0] - up_x), abs(up[1] - up_y), abs(up[2] - up_z))
-            if not alike or away > _SAME:
-                alike = False
-                break
+        for way in range(4):
+            away = max(abs(up[way, 0] - up_x), abs(up[way, 1] - up_y), abs(up[way, 2] - up_z))
+            alike = alike and work.rested[way] and away <= _SAME
         if alike:
             good = tried
         else:
@@ -181,13 +188,16 @@ def margin(work: Work, links: int, count: int, base: Array, slew: Slew, most: fl
 
 
 @compiled
-def gap(work: Work, link: int, deep: float) -> float:
+def gap(work: Work, link: int, up: Vector, deep: float) -> float:
     """Distance of a link's lowest point from the ground, m; 0 where it touches.
 
     Args:
+        work: Holds a body that was just settled.
+        link: Of it.
+        up: World up in the body frame.
         deep: Of the settled body.
     """
-    points, up = work.points, vector(work.up)
+    points = work.points
     least = math.inf
     for point in range(work.tree[link, FIRST], work.tree[link, END]):
         least = min(least, deep + dot(up, at(points, point)) - points[3, point])

@@ -72,6 +72,10 @@ class EvidenceEstimator:
         self._fits: dict[bytes, float] = {}
         self._half_volumes: dict[bytes, float] = {}
 
+    def __getstate__(self) -> dict[str, object]:
+        """Without the numbers that were computed before: workers are not asked for them."""
+        return {**self.__dict__, "_fits": {}, "_half_volumes": {}}
+
     def fits(self, values: Array) -> Array:
         """Log-likelihoods with the noise factors integrated out, shape (n,).
 
