@@ -19,7 +19,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
-from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.sensor_data import COLUMNS, SensorData
 from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
@@ -159,10 +159,9 @@ def deviations(
         data: What the robot felt.
         noise: How far readings stray.
     """
-    readings = Likelihood(data, noise).readings_of(predictor, point)
-    turns = np.arange(len(data))
+    (misfits,) = Likelihood(data, noise).misfits_of(predictor, point)
     return {
-        name: DENSITIES[name].deviation(data.felt[name][turns], readings, noise.of(name))
+        name: DENSITIES[name].deviation(misfits[:, COLUMNS[name]], data.felt[name], noise.of(name))
         for name in MODALITIES
     }
 

@@ -91,7 +91,8 @@ class Density(ABC):
     Attributes:
         name: Of the modality.
         misfits: How many numbers say how far a prediction is from what was felt.
-        residuals: How many of the readings' values lie on a continuous scale.
+        residuals: How many of the misfits, the first ones, are felt minus predicted on a
+            continuous scale.
         scaled: Whether the robot's noise may be another than announced, by an unknown factor.
         beside: How far readings stray, in their unit, where a robot ends beside the pose foretold.
     """
@@ -118,12 +119,12 @@ class Density(ABC):
         """That of the prediction that fits best, shape (k, misfits)."""
         return np.zeros((len(known.count), self.misfits))
 
-    @abstractmethod
-    def residual(self, felt: Felt, readings: Readings) -> Array:
+    def residual(self, misfits: Array, felt: Felt) -> Array:
         """Felt minus predicted, shape (n, residuals); 0 where unknown."""
+        return misfits[:, : self.residuals]
 
     @abstractmethod
-    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
         """Felt minus predicted in units of the noise, shape (n,); 0 where nothing was read."""
 
     @abstractmethod
@@ -154,50 +155,39 @@ class TouchDensity(Density):
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""
         doubtful = readings.touch_doubtful
-        into[:, 0] = self._wrong(felt, readings)
-        into[:, 1] = _counted(doubtful if felt.all_told else felt.told & doubtful)
+        differ = (felt.values != readings.touch) & ~doubtful
+        if not felt.all_told:
+            differ, doubtful = felt.told & differ, felt.told & doubtful
+        into[:, 0], into[:, 1] = _counted(differ), _counted(doubtful)
 
-    def residual(self, felt: Felt, readings: Readings) -> Array:
-        """None."""
-        return np.empty((len(felt.values), 0))
-
-    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
         """The bits that differ, each as many standard deviations as it is unlikely."""
-        wrong = self._wrong(felt, readings)
-        return wrong * math.sqrt(-2 * math.log(noise))
+        return misfits[:, 0] * math.sqrt(-2 * math.log(noise))
 
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Even."""
         logs: Array = math.log(0.5) * known.count.astype(float)
         return logs
 
-    @staticmethod
-    def _wrong(felt: Felt, readings: Readings) -> Array:
-        differ = (felt.values != readings.touch) & ~readings.touch_doubtful
-        return _counted(differ if felt.all_told else felt.told & differ)
-
 
 class TiltDensity(Density):
-    """Normal, each angle by itself. Misfit: the sum of the squared residuals, rad²."""
+    """Normal, each angle by itself. Misfits: felt minus predicted, rad."""
 
     name = "tilt"
-    misfits = 1
+    misfits = 2
     residuals = 2
     scaled = True
     beside = math.radians(3.0)
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
-        """The sum of the squared residuals, rad²."""
-        one, other = self.residual(felt, readings).T
-        into[:, 0] = one**2 + other**2
-
-    def residual(self, felt: Felt, readings: Readings) -> Array:
         """Both angles, rad."""
-        return _nothing_missing(felt.values - readings.tilt, felt)
+        np.subtract(felt.values, readings.tilt, out=into)
+        if not felt.all_told:
+            into[~felt.told] = 0.0
 
-    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
         """The larger of the two."""
-        both = self.residual(felt, readings) / noise
+        both = misfits / noise
         larger: Array = both[np.arange(len(both)), np.argmax(np.abs(both), axis=1)]
         return larger
 
@@ -228,7 +218,9 @@ class ClearanceDensity(Density):
 
     def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
         """Felt minus predicted, m."""
-        into[:, 0] = self._difference(felt, readings)
+        np.subtract(felt.values[:, 0], readings.clearance, out=into[:, 0])
+        if not felt.all_told:
+            into[~felt.told] = 0.0
         if felt.beyond is not None:
             into[readings.saturated & felt.beyond, 0] = -np.inf
 
@@ -239,20 +231,15 @@ class ClearanceDensity(Density):
             least[known.beyond] = -np.inf
         return least
 
-    def residual(self, felt: Felt, readings: Readings) -> Array:
+    def residual(self, misfits: Array, felt: Felt) -> Array:
         """The distance, m; 0 beyond the range too."""
-        residual = self._difference(felt, readings)
-        if felt.beyond is not None:
-            residual[felt.beyond] = 0.0
-        return residual[:, None]
+        if felt.beyond is None:
+            return misfits
+        return np.where(felt.beyond[:, None], 0.0, misfits)
 
-    @staticmethod
-    def _difference(felt: Felt, readings: Readings) -> Array:
-        return _nothing_missing(felt.values - readings.clearance[:, None], felt)[:, 0]
-
-    def deviation(self, felt: Felt, readings: Readings, noise: float) -> Array:
+    def deviation(self, misfits: Array, felt: Felt, noise: float) -> Array:
         """The residual in units of the noise."""
-        return self.residual(felt, readings)[:, 0] / noise
+        return self.residual(misfits, felt)[:, 0] / noise
 
     def log_anywhere(self, known: Known, cap: float) -> Array:
         """Uniform over the range, and a share beyond it."""
@@ -260,13 +247,6 @@ class ClearanceDensity(Density):
         if known.beyond is not None:
             logs[known.beyond] = math.log(_BEYOND)
         return logs
-
-
-def _nothing_missing(residuals: Array, felt: Felt) -> Array:
-    """The same array, with 0 where nothing was felt."""
-    if not felt.all_told:
-        residuals[~felt.told] = 0.0
-    return residuals
 
 
 def _counted(flags: Flags) -> Array:

@@ -19,7 +19,7 @@ from estimator.physics.kernel.compiling import compiled, entrance, stamp
 from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, SILENT
 
 _SOURCES: Final = stamp(Path(__file__).parent)
-_TILT: Final = COLUMNS["tilt"].start
+_TILT: Final = COLUMNS["tilt"].start  # and the one after it
 _CLEARANCE: Final = COLUMNS["clearance"].start
 _WRONG: Final = COLUMNS["touch"].start
 _DOUBTFUL: Final = _WRONG + 1
@@ -94,6 +94,14 @@ def _log_sum(one: float, other: float) -> float:
 
 
 @compiled
+def _tilt_squares(misfits: Array, row: int, column: int) -> float:
+    """Sum of the squares of both angles' residuals, rad²."""
+    one, other = misfits[row, column, _TILT], misfits[row, column, _TILT + 1]
+    squares: float = one * one + other * other
+    return squares
+
+
+@compiled
 def _log_tilt(squares: float, angles: float, noise: float, log_noise: float) -> float:
     """Normal, of some angles together."""
     return -squares / (2 * noise * noise) - angles * (log_noise + _LOG_ROOT)
@@ -152,7 +160,7 @@ def _make_mixture(sources: int) -> Any:
                 anywhere = read.log_anywhere[turn]
                 first, beside = -math.inf, anywhere
                 if not misfits[row, column, _SILENT] > 0:
-                    squares, angles = misfits[row, column, _TILT], read.tilts[turn]
+                    squares, angles = _tilt_squares(misfits, row, column), read.tilts[turn]
                     wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
                     bits = (read.bits[turn] - doubtful - wrong) * log_right
                     bits += wrong * log_wrong + doubtful * _LOG_EVEN
@@ -224,7 +232,7 @@ def _make_over_factors(sources: int) -> Any:
                     continue
                 least = log_elsewhere + anywhere  # what remains where nothing is explained
                 terms[row] += least
-                squares, angles = misfits[row, column, _TILT], read.tilts[column]
+                squares, angles = _tilt_squares(misfits, row, column), read.tilts[column]
                 wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
                 bits = (read.bits[column] - doubtful - wrong) * log_right
                 bits += wrong * log_wrong + doubtful * _LOG_EVEN - least

@@ -82,8 +82,17 @@ class SensorData:
         values[:, ASTRAY] = 0.0
         return values
 
-    def residuals(self, readings: Readings, turns: Columns) -> Array:
-        """Observed minus predicted tilt (rad) and clearance (m), shape (n, 3); 0 where unknown."""
+    def residuals(self, misfits: Array, turns: Columns) -> Array:
+        """Observed minus predicted tilt (rad) and clearance (m), shape (n, 3); 0 where unknown.
+
+        Args:
+            misfits: Shape (n, MISFITS).
+            turns: Which interaction each is of, shape (n,).
+        """
         return np.column_stack(
-            [one.residual(self.felt[name][turns], readings) for name, one in DENSITIES.items()]
+            [
+                density.residual(misfits[:, COLUMNS[name]], self.felt[name][turns])
+                for name, density in DENSITIES.items()
+                if density.residuals
+            ]
         )

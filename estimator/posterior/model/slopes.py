@@ -15,9 +15,8 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import LEANS, Likelihood
-from estimator.posterior.model.sensor_data import ASTRAY, SensorData
+from estimator.posterior.model.sensor_data import ASTRAY, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 ROUGH: Final = 4.0
@@ -123,8 +122,13 @@ class Lengths:
             led, fits = self._narrower(led, width)
         kept = _best_of_groups(fits, np.zeros(len(fits)) if groups is None else groups, most)
         both = np.concatenate([led[kept], values[kept]])
+        going_on = np.arange(len(both))  # who does not get better once never will
         for width in _NARROW:
-            both, _ = self._narrower(both, width)
+            before, (after, _) = both[going_on], self._narrower(both[going_on], width)
+            both[going_on] = after
+            going_on = going_on[np.any(after != before, axis=1)]
+            if not going_on.size:
+                break
         ways, fits = both.reshape(2, len(kept), -1), self.fits(both).reshape(2, -1)
         better = np.argmax(fits, axis=0), np.arange(len(kept))
         return ways[better], fits[better]
@@ -142,11 +146,7 @@ class Lengths:
         for share in (1.0, _SHORTER):
             trial = values[rows]
             trial[:, columns] = np.clip(trial[:, columns] + share * step[rows], 0.0, 1.0)
-            turns = np.tile(np.arange(len(self._data)), len(rows))
-            readings = self._read(trial, ways[rows], quickly=width > 1)
-            misfits = self._data.misfits(readings, turns)
-            misfits[:, ASTRAY] = ways[rows].ravel()
-            fits = self._of(misfits.reshape(len(rows), *slopes.misfits.shape[1:]), width)
+            fits = self._of(self._misfits(trial, ways[rows], quickly=width > 1), width)
             better = fits > best[rows]
             values[rows[better]], best[rows[better]] = trial[better], fits[better]
             rows = rows[~better]
@@ -164,26 +164,34 @@ class Lengths:
         count, lengths, turns = len(values), columns.size, len(self._data)
         misfits = self._likelihood.misfits_of(self._predictor, values, surely=width > 1)
         sign = np.where(values[:, columns] + _STEP > 1, -_STEP, _STEP)
-        moved = np.repeat(values[:, None], lengths + 1, axis=1)
+        moved = np.repeat(values[:, None], lengths, axis=1)
         for index, column in enumerate(columns):
-            moved[:, index + 1, column] += sign[:, index]
-        flat = moved.reshape(count * (lengths + 1), -1)
-        ways = np.repeat(misfits[..., ASTRAY], lengths + 1, axis=0)
-        readings = self._read(flat, ways, quickly=width > 1)
-        which = np.tile(np.arange(turns), len(flat))
-        residuals = self._data.residuals(readings, which).reshape(count, lengths + 1, turns, -1)
-        change = (residuals[:, 1:] - residuals[:, :1]) / sign[:, :, None, None]
+            moved[:, index, column] += sign[:, index]
+        ways = np.repeat(misfits[..., ASTRAY], lengths, axis=0)
+        others = self._misfits(moved.reshape(count * lengths, -1), ways, quickly=width > 1)
+        residuals = self._residuals(misfits)
+        there = self._residuals(others).reshape(count, lengths, turns, -1)
+        change = (there - residuals[:, None]) / sign[:, :, None, None]
         weight = self._likelihood.inlier_share(misfits, width)[..., None]
         weight = weight / (width * self._likelihood.sigmas) ** 2
         weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _STEEPEST, 0.0, weight)
         precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
-        climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals[:, 0], optimize=True)
+        climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)
         return Slopes(misfits=misfits, precision=precision + PRIOR * np.eye(lengths), climb=climb)
 
-    def _read(self, values: Array, ways: Array, *, quickly: bool) -> Readings:
-        """What n points feel in k interactions, each under one of ``LEANS``, shape (n, k)."""
-        leans = LEANS[ways.ravel().astype(np.intp)]
-        return self._predictor.read_all(values, self._data.programs, leans, quickly=quickly)
+    def _misfits(self, values: Array, ways: Array, *, quickly: bool) -> Array:
+        """Of n points in k interactions, each under one of ``LEANS``, shape (n, k)."""
+        data, leans = self._data, LEANS[ways.ravel().astype(np.intp)]
+        readings = self._predictor.read_all(values, data.programs, leans, quickly=quickly)
+        misfits = data.misfits(readings, np.tile(np.arange(len(data)), len(values)))
+        misfits[:, ASTRAY] = ways.ravel()
+        return misfits.reshape(len(values), len(data), MISFITS)
+
+    def _residuals(self, misfits: Array) -> Array:
+        """Of n points in k interactions, shape (n, k, …)."""
+        count, turns, _ = misfits.shape
+        flat = self._data.residuals(misfits.reshape(-1, MISFITS), np.tile(np.arange(turns), count))
+        return flat.reshape(count, turns, -1)
 
     def _of(self, misfits: Array, width: float) -> Array:
         fits: Array = self._likelihood.of(misfits, width).sum(axis=1)

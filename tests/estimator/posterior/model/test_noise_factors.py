@@ -43,7 +43,7 @@ def readings_of(rng: np.random.Generator, count: int) -> SensorData:
 def misfits_of(rng: np.random.Generator, points: int, count: int, factor: float) -> Array:
     misfits = np.zeros((points, count, MISFITS))
     strayed = rng.normal(0, factor * NOISE.tilt, (points, count, 2))
-    misfits[..., COLUMNS["tilt"].start] = (strayed**2).sum(axis=2)
+    misfits[..., COLUMNS["tilt"]] = strayed
     strays = rng.normal(0, factor * NOISE.clearance, (points, count))
     misfits[..., COLUMNS["clearance"].start] = strays
     misfits[..., COLUMNS["touch"].start] = rng.random((points, count)) < 0.1
