@@ -196,7 +196,7 @@ class Genome:
         bodies = self._any_body[np.zeros(len(values), dtype=np.intp)]
         traits = self._traits(values)
         changes: dict[str, Array | Integers] = traits._asdict()
-        if self._problem.touch == "outermost":
+        if self._problem.touch == "outermost" and self._problem.sensors < len(self._problem.parts):
             changes["sensor"] = outermost_sensors(traits.parent, self._problem.sensors)
         if self._nuisances.listed:
             nuisances, changes["zero"] = self._nuisance_values(values)

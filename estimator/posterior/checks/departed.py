@@ -13,7 +13,7 @@ if bodies of the problem end there as was felt, statics was wrong, not the probl
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -35,13 +35,13 @@ from estimator.posterior.posterior import Posterior
 
 _CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it left out
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
-_PRIOR: Final = 0.1  # of all departures together
-_NOT_LOOKED_AT: Final = 1 / 3  # of these; the others are as probable as each other
+_PRIOR: Final = 1 / 6  # of all departures together
+_NOT_LOOKED_AT: Final = 0.2  # of these; the families of the others are as probable as each other
 _ACCIDENT_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
 _STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked at
 _STARTS: Final = 8
 _WORTH_SAYING: Final = 0.005  # m
-_MATTERS: Final = -0.75  # nats gained on average over all departures, to ask the simulator
+_MATTERS: Final = -0.75  # nats gained on average over all families, to ask the simulator
 _SIMULATED: Final = 32  # samples
 _MORE_LIKELY: Final = 0.5  # than not
 _POORLY: Final = 3.0  # nats less than what explains an interaction best
@@ -133,7 +133,7 @@ def that_can_be_felt(
 
 
 def probability_departed(doubted: Sequence[Doubt], outliers: Array, noise: Noise) -> float:
-    """Probability that the robot is built otherwise, of which the prior is one robot in ten.
+    """Probability that the robot is built otherwise, of which the prior is one robot in six.
 
     Ways that were looked at are held against the best body of the problem by what both explain,
     all others, as servos that fail on the way, by how many interactions the best body does not:
@@ -232,9 +232,19 @@ def _to_which_side(point: Array, predictor: Predictor, data: SensorData, noise: 
 
 
 def _mean_gain(doubted: Sequence[Doubt]) -> float:
-    """How much better departures explain the readings, each as probable as any other, nats."""
-    gains = np.array([doubt.gain for doubt in doubted])
-    return float(logsumexp(gains)) - math.log(gains.size)
+    """How much better departures explain the readings on average, nats.
+
+    Their families are as probable as each other, and so are the departures of one family.
+    """
+    families: dict[Hashable, list[float]] = {}
+    for doubt in doubted:
+        families.setdefault(doubt.departure.family, []).append(doubt.gain)
+    return _mean(np.array([_mean(np.array(gains)) for gains in families.values()]))
+
+
+def _mean(logs: Array) -> float:
+    """Logarithm of the mean of exponentials."""
+    return float(logsumexp(logs)) - math.log(logs.size)
 
 
 def _amends(

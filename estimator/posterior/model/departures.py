@@ -62,6 +62,11 @@ class Departure(ABC):
         """What it has in common with those that differ from it in their amounts alone."""
         return replace(self, text="", amount=1.0, unit=1.0)
 
+    @property
+    def family(self) -> tuple[str, bool]:
+        """What went wrong, whichever part it is of, in whichever direction and however far."""
+        return type(self).__name__, self.part is None
+
     def _amounts(self, sizes: Array) -> Array:
         amounts: Array = self.amount**sizes if self.is_factor else self.amount * sizes
         return amounts

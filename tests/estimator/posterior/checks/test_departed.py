@@ -183,19 +183,36 @@ def odds_departed(doubted: Sequence[Doubt], outliers: Array) -> float:
 def test_what_departs_has_the_prior_s_share_until_movements_have_told(predictor: Predictor) -> None:
     fitted = doubted(predictor, felt_by(predictor))
     untold = [replace(doubt, gains=np.zeros(3), log_share=0.0) for doubt in fitted]
-    assert probability_departed(untold, np.zeros(0), NOISE) == pytest.approx(0.1)
-    assert probability_departed(untold[:1], np.zeros(0), NOISE) == pytest.approx(0.1)
+    assert probability_departed(untold, np.zeros(0), NOISE) == pytest.approx(1 / 6)
+    assert probability_departed(untold[:1], np.zeros(0), NOISE) == pytest.approx(1 / 6)
     told = [replace(doubt, gains=np.array([-3.0, 0.0, -4.0])) for doubt in untold]
     one_left = [untold[0], *told[1:]]
     one_size_left = [replace(untold[0], log_share=-1.0), *told[1:]]
     others = odds_departed(told, EXPLAINED)
-    assert 0.1 / 3 * 0.7**3 < others < 0.1 / 2 * 0.7**3
+    assert 0.2 / 6 * 0.7**3 < others < 0.2 / 4 * 0.7**3
     one = odds_departed(one_left, EXPLAINED) - others
-    assert one == pytest.approx(0.2 / 3 / 0.9 / len(fitted), rel=0.05)
+    families = [doubt.departure.family for doubt in fitted]
+    of_its_family = families.count(families[0])
+    assert one == pytest.approx(0.8 / 5 / len(set(families)) / of_its_family, rel=0.05)
     assert odds_departed(one_size_left, EXPLAINED) - others < 0.5 * one
     clear = [replace(untold[0], gains=np.full(3, 400.0)), *told[1:]]
     assert probability_departed(clear, EXPLAINED, NOISE) == pytest.approx(1.0)
     assert probability_departed((), np.ones(3), NOISE) == 0.0
+
+
+def test_a_family_of_departures_is_as_probable_as_another_of_fewer(predictor: Predictor) -> None:
+    turned = [replace(TURNED, amount=math.radians(degrees)) for degrees in (-30, -15, 15, 30)]
+    both = {TURNED.family, THICK.family}
+    assert len(both) == 2
+    odds = []
+    for left, refuted in (((THICK,), turned), (turned, (THICK,))):
+        gains = [(one, 0.0) for one in left] + [(one, -20.0) for one in refuted]
+        told = [
+            Doubt(departure=departure, point=POINT, gains=np.array([gain]))
+            for departure, gain in gains
+        ]
+        odds.append(odds_departed(told, np.zeros(1)))
+    assert odds[0] == pytest.approx(odds[1], rel=1e-6)
 
 
 def test_what_no_body_explains_speaks_for_ways_that_are_not_looked_at(predictor: Predictor) -> None:
