@@ -160,7 +160,7 @@ class StaticsPhysics(BackEnd):
     ) -> Array:
         """How sure each reading is: the path margin, rad.
 
-        Costs as much as 5 readings where it is the largest told, 10 to 30 elsewhere.
+        Costs as much as 2 readings where it is the largest told, 10 to 15 elsewhere.
 
         Args:
             bodies: n bodies.

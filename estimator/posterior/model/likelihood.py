@@ -211,20 +211,20 @@ class Likelihood:
             misfits[:, ASTRAY] = ways
             return misfits
         misfits = data.misfits(predictor.read(bodies, rows, data.programs[turns]), turns)
-        for numbers in np.split(np.arange(1, len(LEANS)), len(_INCLINED)):
-            left = self._unexplained(misfits, turns)
-            if not left.size:
-                break
-            each, leans = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
-            programs = data.programs[turns[each]]
-            readings = predictor.read(bodies, rows[each], programs, LEANS[leans])
-            others = data.misfits(readings, turns[each])
-            others[:, ASTRAY] = leans
-            explained = np.ones((len(left), len(numbers)), dtype=bool)
-            explained.flat[self._unexplained(others, turns[each])] = False
-            astray = np.flatnonzero(explained.any(axis=1))
-            first = np.argmax(explained[astray], axis=1)
-            misfits[left[astray]] = others[astray * len(numbers) + first]
+        left = self._unexplained(misfits, turns)
+        if not left.size:
+            return misfits
+        numbers = np.arange(1, len(LEANS))
+        each, leans = np.repeat(left, len(numbers)), np.tile(numbers, len(left))
+        programs = data.programs[turns[each]]
+        readings = predictor.read(bodies, rows[each], programs, LEANS[leans])
+        others = data.misfits(readings, turns[each])
+        others[:, ASTRAY] = leans
+        explained = np.ones((len(left), len(numbers)), dtype=bool)
+        explained.flat[self._unexplained(others, turns[each])] = False
+        astray = np.flatnonzero(explained.any(axis=1))
+        first = np.argmax(explained[astray], axis=1)
+        misfits[left[astray]] = others[astray * len(numbers) + first]
         return misfits
 
     def readings_of(self, predictor: Predictor, values: Array) -> Readings:
