@@ -1,11 +1,12 @@
 """Bodies as arrays, against the objects that they stand for."""
 
+import pickle
 from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
-from estimator.body.arrays import Bodies
+from estimator.body.arrays import DENSITY, Bodies
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import MorphologyError, SearchStateError
 from estimator.problem.genome import Genome
@@ -85,6 +86,23 @@ def test_bodies_of_different_sizes_share_arrays() -> None:
     assert_same(bodies[1:2], Bodies.of([SMALL]))
     assert_same(bodies[np.array([False, True, False])], Bodies.of([SMALL]))
     assert len(Bodies.of([])) == 0
+
+
+def test_bodies_chosen_from_chosen_ones_are_those_of_the_first() -> None:
+    several = [replace(SMALL, density=1000.0 + number) for number in range(6)]
+    bodies = Bodies.of(several)
+    chosen = bodies[np.array([4, 1, 1, 5])][np.array([True, False, True, True])][::2]
+    whole, rows = chosen.origin
+    assert whole is bodies
+    assert rows.tolist() == [4, 5]
+    assert len(chosen) == 2
+    for same in (chosen, pickle.loads(pickle.dumps(chosen))):
+        assert_same(same, Bodies.of([several[4], several[5]]))
+    heavier = chosen.changed(base=2 * chosen.base)
+    assert heavier.origin[0] is heavier
+    assert bodies.base[4, DENSITY] == 1004.0
+    with pytest.raises(AttributeError, match="bodies have no colour"):
+        _ = chosen.colour  # type: ignore[attr-defined]
 
 
 def test_joined_bodies_keep_their_own_mounts_and_hinges() -> None:

@@ -306,6 +306,26 @@ def test_one_program_serves_many_bodies(
     assert_same(felt, statics.read([(body, program) for body in bodies]))
 
 
+def test_what_is_followed_together_lands_as_each_does_alone(
+    statics: StaticsPhysics, random_tree: MakeBody
+) -> None:
+    """Rows of one body in one program share its joints' turns, under whatever gravity."""
+    rng = np.random.default_rng(16)
+    several = Bodies.of([random_tree(rng) for _ in range(40)])
+    programs = rng.uniform(-0.5, 0.5, (2, several.motors))
+    ways = 18  # more than are followed at once
+    body, program, lean = (
+        one.ravel() for one in np.meshgrid(range(40), range(2), range(ways), indexing="ij")
+    )
+    leans = rng.normal(0, 0.1, (ways, 2)) * (np.arange(ways) % 3 > 0)[:, None]
+    together = statics.read_bodies(several[body], programs[program], leans[lean])
+    for row in range(0, len(body), 7):
+        alone = statics.read_bodies(
+            several[body[row : row + 1]], programs[program[row]], leans[lean[row]]
+        )
+        assert_same(together[np.array([row])], alone)
+
+
 def test_work_is_counted(statics: StaticsPhysics) -> None:
     fresh = StaticsPhysics()
     fresh.read([(legs(0.1), np.radians([-30, 0, 0, 0]))] * 5)
