@@ -97,19 +97,22 @@ class GeneColumns:
         ]
         lengths = of_trait("length")
         ranges = np.array([rules[part].length for part in lengths[0].tolist()]).reshape(-1, 2)
-        mounted = [part for part, rule in enumerate(rules) if rule.mount is not None]
-        mounts = np.zeros(len(rules), dtype=np.int64)
-        for part in mounted:
-            on = attached[part].on_base if rules[part].parent == BASE else attached[part].on_part
-            mounts[part] = on or 0
-        mounted = [part for part in mounted if ("parent", part) in places]
+        mounted = [
+            part
+            for part, rule in enumerate(rules)
+            if rule.mount is not None and ("parent", part) in places
+        ]
+        mounts = [
+            (one.on_base if rule.parent == BASE else one.on_part) or 0
+            for one, rule in zip(attached, rules, strict=True)
+        ]
         return cls(
             counts=np.array([gene.choices for gene in genes], dtype=np.int64),
             open_mounts=np.array([places["mount", part] for part in open_parts], dtype=np.intp),
             their_parents=np.array([places["parent", part] for part in open_parts], dtype=np.intp),
             known=Traits(
                 np.array([BASE if rule.parent is None else rule.parent for rule in rules]),
-                mounts,
+                np.array(mounts, dtype=np.int64),
                 np.array([one.hinge or 0 for one in attached]),
                 np.array([rule.length[0] for rule in rules]),
             ),

@@ -40,11 +40,12 @@ _touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
 
 @compiled
-def _lean(work: Work, first: int, end: int, which: Integers, programs: Array, leans: Array) -> int:
-    """Fills in how gravity is inclined for a row, and for those after it of the same body.
+def _rows_together(
+    work: Work, first: int, end: int, which: Integers, programs: Array, leans: Array
+) -> int:
+    """How many rows from one on are of the same body in the same program: at most ``TOGETHER``.
 
-    Returns:
-        How many rows these are, of one body in one program.
+    Fills in how gravity is inclined for each.
     """
     row = first
     while row < end and row < first + TOGETHER and which[row] == which[first]:
@@ -97,7 +98,7 @@ def _make_rest(sources: int) -> Any:
             own = trees.base[body]
             program = programs[row if len(programs) > 1 else 0]
             links, points = assemble(trees, body, program, slew, work)
-            several = _lean(work, row, end, which, programs, leans)
+            several = _rows_together(work, row, end, which, programs, leans)
             settle(work, links, points, own, slew, several)
             for each in range(several):
                 if work.lean[each, 0] != 0 or work.lean[each, 1] != 0:

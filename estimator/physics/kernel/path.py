@@ -4,8 +4,8 @@ All joints turn at the same speed, each to its own target, in steps of ``pace``.
 body is brought to rest again.
 
 A lean inclines gravity in the body frame (tangents of angles towards x and y): the centre of mass
-acts as if it were shifted by that share of its height. Where a body lands under
-an inclined gravity tells how sure it is to land there under a plumb one.
+acts as if it were shifted by that share of its height. Where a body lands under an inclined gravity
+tells how sure it is to land there under a plumb one.
 """
 
 from __future__ import annotations

@@ -64,7 +64,10 @@ class Departure(ABC):
 
     @property
     def family(self) -> tuple[str, bool]:
-        """What went wrong, whichever part it is of, in whichever direction and however far."""
+        """Its class, and whether it is of one part: whichever, and however far.
+
+        All figures of ``Bodies.base`` that are scaled are one family, and all that are shifted.
+        """
         return type(self).__name__, self.part is None
 
     def _amounts(self, sizes: Array) -> Array:
