@@ -16,8 +16,10 @@ from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
+from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import FORKS, LEANS
+from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
 
 _CANDIDATES: Final = 1000
@@ -109,8 +111,8 @@ class Chooser:
 
         Args:
             samples: Equally likely models. All their doubts together are taken to be half as
-                likely as they, or each as likely as a model where they are more, and the program
-                tells of them rather than more of lengths that are known well.
+                likely as they, and the program tells of them rather than more of lengths that are
+                known well.
             interactions: That the samples are believed after.
             rng: The choice's own.
         """
@@ -172,7 +174,8 @@ class Chooser:
         nothing.
         """
         count, doubts = len(models), samples.doubts
-        others = np.arange(max(len(doubts), int(_DOUBTED * count))) % len(doubts)
+        probabilities = softmax(np.array([doubt.log_weight for doubt in doubts]))
+        others = systematic(probabilities, int(_DOUBTED * count), 0.5)
         spread = samples.genes - samples.genes.mean(axis=0)
         spread = spread[rng.integers(len(spread), size=len(others))]
         order = rng.permutation(count + len(others))

@@ -75,7 +75,7 @@ class Models:
 
     def sample(self, count: int, rng: np.random.Generator) -> Models:
         """At most ``count`` equally likely models, drawn by their weights."""
-        rows = systematic(self.weights, count, float(rng.random()))
+        rows = systematic(self.weights, min(count, len(self.weights)), float(rng.random()))
         return Models(
             genes=self.genes[rows],
             weights=np.full(len(rows), 1 / len(rows)),

@@ -52,10 +52,9 @@ def systematic(weights: Array, count: int, start: float) -> Columns:
 
     Args:
         weights: Adding up to 1, shape (n,).
-        count: How many; at most as many as there are samples are drawn.
+        count: How many.
         start: Between 0 and 1: uniform, the expected counts are exact.
     """
-    count = min(count, len(weights))
     ends = np.cumsum(weights)
     places = (np.arange(count) + start) / count * ends[-1]
     rows: Columns = np.searchsorted(ends, places, side="right")

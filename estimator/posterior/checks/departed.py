@@ -13,7 +13,7 @@ if bodies of the problem end there as was felt, statics was wrong, not the probl
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -25,7 +25,7 @@ from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.checks.fitting import departing_starts, fitted
 from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
-from estimator.posterior.model.departures import Departure, Doubt
+from estimator.posterior.model.departures import Departure, Doubt, log_priors
 from estimator.posterior.model.likelihood import LIKELY, Likelihood, Noise
 from estimator.posterior.model.sensor_data import ASTRAY, SensorData
 from estimator.posterior.model.slopes import PRIOR, Lengths
@@ -80,6 +80,7 @@ def doubts(
     others = [mode.point for mode in posterior.modes[1 : 1 + _STARTS]]
     candidates = np.vstack([starts, *others, points[:_STARTS, :-2]])
     stated, as_stated = fitted(candidates, predictor, data, noise)
+    priors = log_priors(departures).tolist()
     by_accident = _to_which_side(stated, predictor, data, noise)
     doubted = [
         Doubt(
@@ -87,6 +88,7 @@ def doubts(
             point=point[:-2],
             gains=_without(gains, by_accident),
             log_share=log_share,
+            log_prior=priors[int(point[-2])],
         )
         for point, size, gains, log_share in zip(
             points, sizes_of(points).tolist(), fits - as_stated, log_shares.tolist(), strict=True
@@ -232,19 +234,8 @@ def _to_which_side(point: Array, predictor: Predictor, data: SensorData, noise: 
 
 
 def _mean_gain(doubted: Sequence[Doubt]) -> float:
-    """How much better departures explain the readings on average, nats.
-
-    Their families are as probable as each other, and so are the departures of one family.
-    """
-    families: dict[Hashable, list[float]] = {}
-    for doubt in doubted:
-        families.setdefault(doubt.departure.family, []).append(doubt.gain)
-    return _mean(np.array([_mean(np.array(gains)) for gains in families.values()]))
-
-
-def _mean(logs: Array) -> float:
-    """Logarithm of the mean of exponentials."""
-    return float(logsumexp(logs)) - math.log(logs.size)
+    """How much better departures explain the readings on average, nats."""
+    return float(logsumexp([doubt.log_weight for doubt in doubted]))
 
 
 def _amends(

@@ -8,6 +8,7 @@ next to those of the problem, by which such a robot is noticed.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar, Final
@@ -64,10 +65,7 @@ class Departure(ABC):
 
     @property
     def family(self) -> tuple[str, bool]:
-        """Its class, and whether it is of one part: whichever, and however far.
-
-        All figures of ``Bodies.base`` that are scaled are one family, and all that are shifted.
-        """
+        """Its class, and whether it is of one part: whichever, and however far."""
         return type(self).__name__, self.part is None
 
     def _amounts(self, sizes: Array) -> Array:
@@ -135,8 +133,6 @@ class OffZero(Departure):
 class ScaledFigure(Departure):
     """A figure of ``Bodies.base`` that is some times what it should be.
 
-    The density of the parts, and what the accelerometer makes of tilt.
-
     Attributes:
         column: Of ``Bodies.base``.
     """
@@ -151,11 +147,17 @@ class ScaledFigure(Departure):
         return bodies.changed(base=base)
 
 
+class Density(ScaledFigure):
+    """Parts that are heavier or lighter for their size."""
+
+
+class TiltGain(ScaledFigure):
+    """An accelerometer that makes more or less of tilt."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ShiftedFigure(Departure):
     """A figure of ``Bodies.base`` to which something is added.
-
-    How the accelerometer is turned, and how much too high the distance sensor reads.
 
     Attributes:
         column: Of ``Bodies.base``.
@@ -167,6 +169,14 @@ class ShiftedFigure(Departure):
         base = bodies.base.copy()
         base[:, self.column] += amounts
         return bodies.changed(base=base)
+
+
+class Askew(ShiftedFigure):
+    """An accelerometer that is turned on the main body."""
+
+
+class TooHigh(ShiftedFigure):
+    """A distance sensor that reads too much or too little."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,12 +254,14 @@ class Doubt:
         gains: How much better than the best body of the problem it explains each interaction,
             nats, shape (k,).
         log_share: Logarithm of the share of the sizes looked at that explain as much.
+        log_prior: Logarithm of how probable its departure was among all that are looked at.
     """
 
     departure: Departure
     point: Array
     gains: Array
     log_share: float = 0.0
+    log_prior: float = 0.0
 
     @property
     def is_left(self) -> bool:
@@ -262,9 +274,23 @@ class Doubt:
         return float(self.gains.sum() + self.log_share)
 
     @property
+    def log_weight(self) -> float:
+        """Logarithm of how probable it is by now, to a constant that all doubts share."""
+        return self.log_prior + self.gain
+
+    @property
     def clear_gain(self) -> float:
         """The same without the interaction that gains most: it may have ended there by accident."""
         return self.gain - float(self.gains.max())
+
+
+def log_priors(departures: Sequence[Departure]) -> Array:
+    """Logarithms of how probable departures are before any reading, adding up to 1, shape (n,).
+
+    Their families are as probable as each other, and so are the departures of one family.
+    """
+    sizes = Counter(one.family for one in departures)
+    return -np.log([len(sizes) * sizes[one.family] for one in departures])
 
 
 class Departures:

@@ -13,13 +13,15 @@ from typing import Final, TypedDict
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.posterior.model.departures import (
+    Askew,
+    Density,
     Departure,
     Limp,
     OffCentre,
     OffZero,
-    ScaledFigure,
-    ShiftedFigure,
     Thickness,
+    TiltGain,
+    TooHigh,
     Travel,
     TurnedHinge,
     TurnedMount,
@@ -73,7 +75,7 @@ def _of_all_parts(left_open: NuisanceSection) -> Iterator[Departure]:
         yield Thickness(text="parts {} times as thick", amount=factor)
     for factor in _HEAVIER if left_open.density is None else ():
         text = "parts {} times as heavy for their size"
-        yield ScaledFigure(text=text, column=DENSITY, amount=factor)
+        yield Density(text=text, column=DENSITY, amount=factor)
     for factor in _TRAVELS:
         yield Travel(text="all servos turning {} times as far as told", amount=factor)
 
@@ -86,13 +88,13 @@ def _of_the_main_body(left_open: NuisanceSection) -> Iterator[Departure]:
         yield OffCentre(text=text, axis=axis, amount=share, unit=100)
     for about, degrees in product((0, 1), askew):
         text = f"the accelerometer turned by {_minus(degrees)}{{}}° {_TILTS[about]}"
-        yield ShiftedFigure(text=text, column=ACCELEROMETER + about, **_angle(degrees))
+        yield Askew(text=text, column=ACCELEROMETER + about, **_angle(degrees))
     for factor in _GAINS:
         text = "an accelerometer that feels {} times the tilt"
-        yield ScaledFigure(text=text, column=TILT_GAIN, amount=factor)
+        yield TiltGain(text=text, column=TILT_GAIN, amount=factor)
     for offset in _TOO_MUCH:
         text = f"a distance sensor that reads {{}} mm too {'much' if offset > 0 else 'little'}"
-        yield ShiftedFigure(text=text, column=TOO_HIGH, amount=offset / 1000, unit=1000)
+        yield TooHigh(text=text, column=TOO_HIGH, amount=offset / 1000, unit=1000)
 
 
 def _of_a_part(part: str, index: int) -> Iterator[Departure]:

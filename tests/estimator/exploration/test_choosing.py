@@ -2,16 +2,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from importlib.resources import files
+from itertools import product
 
 import numpy as np
 import pytest
 
+from estimator.body.arrays import DENSITY
 from estimator.body.morphology import Base
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
 from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.model.departures import Departure, Doubt, Limp, TurnedHinge
+from estimator.posterior.model.departures import Density, Departure, Doubt, Limp, TurnedHinge
 from estimator.posterior.model.likelihood import apart
 from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
 from estimator.problem.genome import Genome
@@ -88,6 +90,26 @@ def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
     )
     touch = np.any(stated.touch[:, None] != departing.touch[None], axis=2)
     assert np.all(touch | (strays > 5))  # standard deviations
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_of_many_doubts_the_most_probable_is_tested(predictor: Predictor, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = np.tile(RIGHT, (60, 1))
+    lengths = predictor.unknowns.continuous
+    points[:, lengths] += rng.uniform(-0.02, 0.02, (60, lengths.size))  # of the range
+    heavy = Density(text="heavy parts", column=DENSITY, amount=2.0)
+    turned = [
+        TurnedHinge(text="a turned hinge", part=part, about=about, amount=np.radians(degrees))
+        for part, about, degrees in product((0, 1), (0, 1, 2), (-30, -15, 15, 30))
+    ]
+    probable, *others = (
+        Doubt(departure=one, point=RIGHT, gains=np.zeros(1), log_prior=log_prior)
+        for one, log_prior in [(heavy, 0.0), *((one, -8.0) for one in turned)]
+    )
+    models = replace(Models.equally_likely(points), doubts=(*others, probable))
+    choice = chooser(predictor).choose(models, 0, np.random.default_rng(seed))
+    assert probable in choice.tests
 
 
 def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(

@@ -20,17 +20,20 @@ from estimator.posterior.checks.departed import (
     with_consequence,
 )
 from estimator.posterior.model.departures import (
+    Askew,
+    Density,
     Departure,
     Doubt,
     Limp,
     OffCentre,
     OffZero,
-    ScaledFigure,
-    ShiftedFigure,
     Thickness,
+    TiltGain,
+    TooHigh,
     Travel,
     TurnedHinge,
     TurnedMount,
+    log_priors,
 )
 from estimator.posterior.model.likelihood import FORKS, LEANS, Noise, apart
 from estimator.posterior.model.sensor_data import SensorData
@@ -54,13 +57,13 @@ EXPLAINED = np.zeros(3)
 LENGTH = 2  # of the part that departs
 DEAD = Limp(text="a dead servo", part=0)
 OFF_ZERO = OffZero(text="a servo off its zero", part=0, amount=math.radians(12))
-HEAVY = ScaledFigure(text="heavy parts", column=DENSITY, amount=4.0)
+HEAVY = Density(text="heavy parts", column=DENSITY, amount=4.0)
 OFF_CENTRE = OffCentre(text="a battery at one end", axis=0, amount=0.25)
-TURNED = ShiftedFigure(text="an accelerometer askew", column=ACCELEROMETER, amount=math.radians(6))
+TURNED = Askew(text="an accelerometer askew", column=ACCELEROMETER, amount=math.radians(6))
 FAR = Travel(text="servos that turn too far", amount=1.1)
 ONE_FAR = Travel(text="a servo that turns too far", amount=1.25, part=0)
-STEEP = ScaledFigure(text="an accelerometer that feels too much", column=TILT_GAIN, amount=1.1)
-RAISED = ShiftedFigure(text="a distance sensor that reads too much", column=TOO_HIGH, amount=0.005)
+STEEP = TiltGain(text="an accelerometer that feels too much", column=TILT_GAIN, amount=1.1)
+RAISED = TooHigh(text="a distance sensor that reads too much", column=TOO_HIGH, amount=0.005)
 LOOKED_AT = (
     *(THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD),
     *(OFF_ZERO, HEAVY, OFF_CENTRE, TURNED, FAR, ONE_FAR, STEEP, RAISED),
@@ -184,7 +187,8 @@ def test_what_departs_has_the_prior_s_share_until_movements_have_told(predictor:
     fitted = doubted(predictor, felt_by(predictor))
     untold = [replace(doubt, gains=np.zeros(3), log_share=0.0) for doubt in fitted]
     assert probability_departed(untold, np.zeros(0), NOISE) == pytest.approx(1 / 6)
-    assert probability_departed(untold[:1], np.zeros(0), NOISE) == pytest.approx(1 / 6)
+    alone = replace(untold[0], log_prior=0.0)
+    assert probability_departed([alone], np.zeros(0), NOISE) == pytest.approx(1 / 6)
     told = [replace(doubt, gains=np.array([-3.0, 0.0, -4.0])) for doubt in untold]
     one_left = [untold[0], *told[1:]]
     one_size_left = [replace(untold[0], log_share=-1.0), *told[1:]]
@@ -206,10 +210,13 @@ def test_a_family_of_departures_is_as_probable_as_another_of_fewer(predictor: Pr
     assert len(both) == 2
     odds = []
     for left, refuted in (((THICK,), turned), (turned, (THICK,))):
-        gains = [(one, 0.0) for one in left] + [(one, -20.0) for one in refuted]
+        departures = [*left, *refuted]
+        gains = [0.0] * len(left) + [-20.0] * len(refuted)
         told = [
-            Doubt(departure=departure, point=POINT, gains=np.array([gain]))
-            for departure, gain in gains
+            Doubt(departure=departure, point=POINT, gains=np.array([gain]), log_prior=log_prior)
+            for departure, gain, log_prior in zip(
+                departures, gains, log_priors(departures).tolist(), strict=True
+            )
         ]
         odds.append(odds_departed(told, np.zeros(1)))
     assert odds[0] == pytest.approx(odds[1], rel=1e-6)

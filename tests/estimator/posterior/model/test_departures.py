@@ -6,9 +6,9 @@ import pytest
 from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies
 from estimator.posterior.model.departures import (
     Limp,
-    ScaledFigure,
-    ShiftedFigure,
     Thickness,
+    TiltGain,
+    TooHigh,
     Travel,
     TurnedMount,
 )
@@ -65,9 +65,9 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
     gain, higher, lower = (
         predictor.departing([departure]).read_all(departing_points(values, 0), moved)
         for departure in (
-            ScaledFigure(text="steeper", column=TILT_GAIN, amount=1.25),
-            ShiftedFigure(text="too high", column=TOO_HIGH, amount=0.01),
-            ShiftedFigure(text="too low", column=TOO_HIGH, amount=-1.0),
+            TiltGain(text="steeper", column=TILT_GAIN, amount=1.25),
+            TooHigh(text="too high", column=TOO_HIGH, amount=0.01),
+            TooHigh(text="too low", column=TOO_HIGH, amount=-1.0),
         )
     )
     assert np.allclose(gain.tilt, 1.25 * sound.tilt)
