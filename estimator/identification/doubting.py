@@ -10,6 +10,7 @@ import numpy as np
 
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
+from estimator.parallel.workers import Workers
 from estimator.physics.base import Physics
 from estimator.posterior.checks.departed import (
     clearly_better,
@@ -65,12 +66,14 @@ class Doubting:
         store: The run.
         noise: How far readings stray.
         movements: At random, rad, shape (n, motors).
+        workers: Fit them.
     """
 
-    def __init__(self, store: RunStore, noise: Noise, movements: Array) -> None:
+    def __init__(self, store: RunStore, noise: Noise, movements: Array, workers: Workers) -> None:
         self._store = store
         self._noise = noise
         self._movements = movements[:_FEW]
+        self._workers = workers
 
     def once_sure(self, belief: Belief, grounds: Grounds) -> tuple[Doubt, ...]:
         """Bodies that depart, where attachments are known, beforehand or by now; else none."""
@@ -96,7 +99,13 @@ class Doubting:
             settings.modalities,
         )
         return doubts(
-            posterior, predictor, grounds.data, noise, departures, reference=grounds.reference
+            posterior,
+            predictor,
+            grounds.data,
+            noise,
+            departures,
+            reference=grounds.reference,
+            workers=self._workers,
         )
 
     def _noise_for(self, belief: Belief, grounds: Grounds) -> Noise:

@@ -48,8 +48,8 @@ class PosteriorMethod:
         listener: Hears what happens.
         make_physics: Makes the back-end that samples, for each population one.
         physics: The same, on all cores: for what is done while the workers rest.
-        workers: Move the populations' chains.
-        open_reference: Makes the back-end that has the last word.
+        workers: Move the populations' chains, and fit bodies that depart from the problem.
+        make_reference: Makes the back-end that has the last word, from the same workers.
     """
 
     def __init__(
@@ -60,12 +60,13 @@ class PosteriorMethod:
         make_physics: Callable[[], ArrayMarginPhysics],
         physics: ArrayMarginPhysics,
         workers: Workers,
-        open_reference: Callable[[], Physics],
+        make_reference: Callable[[], Physics],
     ) -> None:
         self._store = store
         self._listener = listener
         self._make_physics = make_physics
-        self._open_reference = open_reference
+        self._make_reference = make_reference
+        self._reference = make_reference()
         self._noise = Noise.announced(store.capabilities)
         effort = Effort()
         self._sampler = Sampler(
@@ -92,7 +93,7 @@ class PosteriorMethod:
         self._alike: Alike = partial(
             feel_alike, self._predictor, self._movements, store.settings.modalities
         )
-        self._doubting = Doubting(store, self._noise, self._movements)
+        self._doubting = Doubting(store, self._noise, self._movements, workers)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -121,11 +122,9 @@ class PosteriorMethod:
             self._posterior, self._predictor, data, self._noise, self._alike, before=before
         )
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
-        with closing(self._open_reference()) as reference:
-            grounds = self._grounds(self._posterior, data, reference)
-            self._doubted = self._doubting.once_sure(belief, grounds)
-            belief = self._doubting.left_of(belief, self._doubted, grounds)
-            self._count(reference)
+        grounds = self._grounds(self._posterior, data)
+        self._doubted = self._doubting.once_sure(belief, grounds)
+        belief = self._doubting.left_of(belief, self._doubted, grounds)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -153,15 +152,13 @@ class PosteriorMethod:
         """Bodies that depart, fitted by ``learn``, or now if the run was resumed."""
         if self._doubted is None:
             data = self._data(self._store.observations())
-            with (
-                closing(self._make_physics()) as physics,
-                closing(self._open_reference()) as reference,
-            ):  # apart, since what it costs was counted before
-                grounds = self._grounds(self._posterior, data, reference)
-                predictor = Predictor(self._predictor.unknowns, physics)
-                self._doubted = self._doubting.once_sure(
-                    belief, replace(grounds, predictor=predictor)
+            with closing(self._make_physics()) as physics:
+                apart = replace(  # what it costs was counted before
+                    self._grounds(self._posterior, data),
+                    predictor=Predictor(self._predictor.unknowns, physics),
+                    reference=self._make_reference(),
                 )
+                self._doubted = self._doubting.once_sure(belief, apart)
         return self._doubted
 
     def is_sure(self, number: int) -> bool:
@@ -204,29 +201,25 @@ class PosteriorMethod:
         if belief.simulated:
             return
         data = self._data(observations)
-        with closing(self._open_reference()) as reference:
-            checked = recheck(self._posterior, self._predictor, data, self._noise, reference)
-            posterior = with_left_out(
-                checked.posterior,
-                self._predictor,
-                data,
-                self._noise,
-                reference=reference,
-                like=self._like_first_of(checked.posterior, belief),
-                rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
-            )
-            final = believe(posterior, self._predictor, data, self._noise, self._alike)
-            grounds = self._grounds(checked.posterior, data, reference)
-            before = doubted = self._doubted_of(belief)
-            if not doubted or final.not_known is NotKnown.POOR_FIT:
-                doubted = self._doubting.in_the_end(final, grounds)
-            known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
-            poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
-            if before or known or poor:
-                final = self._doubting.left_of(
-                    final, doubted, replace(grounds, posterior=posterior)
-                )
-            self._count(reference)
+        checked = recheck(self._posterior, self._predictor, data, self._noise, self._reference)
+        posterior = with_left_out(
+            checked.posterior,
+            self._predictor,
+            data,
+            self._noise,
+            reference=self._reference,
+            like=self._like_first_of(checked.posterior, belief),
+            rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
+        )
+        final = believe(posterior, self._predictor, data, self._noise, self._alike)
+        grounds = self._grounds(checked.posterior, data)
+        before = doubted = self._doubted_of(belief)
+        if not doubted or final.not_known is NotKnown.POOR_FIT:
+            doubted = self._doubting.in_the_end(final, grounds)
+        known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
+        poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
+        if before or known or poor:
+            final = self._doubting.left_of(final, doubted, replace(grounds, posterior=posterior))
         final = final.model_copy(
             update={
                 "untested": self._doubting.untested(doubted, posterior),
@@ -264,28 +257,19 @@ class PosteriorMethod:
             observations, self._store.settings.modalities, self._store.world.clearance_cap
         )
 
-    def _grounds(self, posterior: Posterior, data: SensorData, reference: Physics) -> Grounds:
+    def _grounds(self, posterior: Posterior, data: SensorData) -> Grounds:
         return Grounds(
-            posterior=posterior, predictor=self._predictor, data=data, reference=reference
-        )
-
-    def _count(self, reference: Physics) -> None:
-        before = self._counters
-        self._counters = before.model_copy(
-            update={
-                "simulations_requested": before.simulations_requested + reference.simulations,
-                "simulations_run": before.simulations_run + reference.simulations,
-                "steps": before.steps + reference.steps,
-            }
+            posterior=posterior, predictor=self._predictor, data=data, reference=self._reference
         )
 
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""
-        before, sampler = self._counters, self._sampler
+        before, sampler, reference = self._counters, self._sampler, self._reference
+        requested = sampler.requested + reference.simulations
         return Counters(
-            simulations_requested=before.simulations_requested + sampler.requested,
-            simulations_run=before.simulations_run + sampler.simulations,
-            steps=before.steps + sampler.steps,
+            simulations_requested=before.simulations_requested + requested,
+            simulations_run=before.simulations_run + sampler.simulations + reference.simulations,
+            steps=before.steps + sampler.steps + reference.steps,
             wall_seconds=before.wall_seconds + time.monotonic() - self._started,
         )
 

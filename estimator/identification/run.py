@@ -26,6 +26,7 @@ from estimator.physics.backends import (
     REFERENCE,
     Computers,
     foresight_of,
+    in_workers,
     maker,
 )
 from estimator.physics.base import ArrayMarginPhysics, WorldSettings
@@ -244,13 +245,14 @@ def _work(
                 stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
                 for _ in range(2)
             )
+            workers = stack.enter_context(closing(computers.open_workers()))
             method = PosteriorMethod(
                 store,
                 listener,
                 make_physics=make_physics,
                 physics=physics,
-                workers=stack.enter_context(closing(computers.open_workers())),
-                open_reference=lambda: computers.open_physics(settings.reference, fine(world)),
+                workers=workers,
+                make_reference=partial(in_workers, settings.reference, fine(world), workers),
             )
         else:
             choosing = stack.enter_context(closing(StaticsPhysics(world)))

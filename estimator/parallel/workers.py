@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final, Protocol, TypeVar
 
+from estimator.errors import WorkerError
 from estimator.parallel.cluster import Cluster
 from estimator.parallel.worker_processes import Work, WorkerProcesses
 
@@ -18,6 +19,10 @@ _TASK: Final = "share"
 
 class Workers(Protocol):
     """Do tasks that depend on nothing but themselves, so it does not matter who does which."""
+
+    @property
+    def count(self) -> int:
+        """How many there are at present."""
 
     def prepare(self, load: Callable[[], object]) -> None:
         """Has each worker load what tasks will need, while this process goes on.
@@ -48,6 +53,8 @@ class Workers(Protocol):
 class ThisProcess:
     """No workers: tasks are done here, one after the other."""
 
+    count: Final = 1
+
     def prepare(self, load: Callable[[], object]) -> None:
         """Does nothing: what is needed is loaded when it is."""
 
@@ -67,19 +74,27 @@ class LocalWorkers:
     """Processes on this computer, which start when they are prepared, or with the first tasks.
 
     Args:
-        jobs: Maximum number of processes, at least 1.
+        jobs: Maximum number of processes.
+
+    Attributes:
+        count: The same.
+
+    Raises:
+        WorkerError: ``jobs`` is less than 1.
     """
 
     def __init__(self, jobs: int) -> None:
+        if jobs < 1:
+            raise WorkerError(f"there must be at least one worker process, not {jobs}")
+        self.count = jobs
         self._processes: WorkerProcesses[tuple[Callable[..., Any], Any], None, Any] = (
             WorkerProcesses(_start, jobs)
         )
-        self._jobs = jobs
 
     def prepare(self, load: Callable[[], object]) -> None:
         """See ``Workers``."""
         self._processes.close()
-        self._processes = WorkerProcesses(partial(_start, load), self._jobs)
+        self._processes = WorkerProcesses(partial(_start, load), self.count)
         self._processes.start()
 
     def map(self, function: Callable[[Task], Result], tasks: Sequence[Task]) -> list[Result]:
@@ -100,6 +115,11 @@ class DaskWorkers:
 
     def __init__(self, cluster: Cluster) -> None:
         self._cluster = cluster
+
+    @property
+    def count(self) -> int:
+        """See ``Workers``."""
+        return self._cluster.workers
 
     def prepare(self, load: Callable[[], object]) -> None:
         """Does nothing: the workers have other things to do, and come and go."""

@@ -11,8 +11,7 @@
 ``rest``                             when a simulated body rests
 ``statics.StaticsPhysics``           computes the resting pose, in threads of this process
 ``equivalence``                      whether two bodies can be told apart by what they feel
-``pool.PhysicsPool``                 runs a back-end in worker processes
-``dask.DaskPhysics``                 runs a back-end on the workers of a Dask cluster
+``pool.PhysicsPool``                 runs a back-end in worker processes, here or on a cluster
 ``kernel``                           the compiled part of ``StaticsPhysics``
 ==================================== ==========================================================
 """

@@ -17,7 +17,6 @@ from estimator.errors import EstimatorError
 from estimator.parallel.cluster import Cluster
 from estimator.parallel.workers import DaskWorkers, LocalWorkers, ThisProcess, Workers
 from estimator.physics.base import Abilities, ArrayPhysics, Physics, WorldSettings
-from estimator.physics.dask import DaskPhysics
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.statics import StaticsPhysics
 from estimator.plugins import Registry
@@ -95,20 +94,23 @@ def on_this_computer(jobs: int) -> Computers:
         make = maker(name, settings)
         if abilities_of(name).threads:
             return partial(make, jobs=jobs)()
-        return PhysicsPool(make, jobs, undecided=abilities_of(name).undecided)
+        return in_workers(name, settings, LocalWorkers(jobs))
 
-    workers = ThisProcess if jobs == 1 else partial(LocalWorkers, jobs)
-    return Computers(open_physics=opened, open_workers=workers, threads=jobs)
+    return Computers(open_physics=opened, open_workers=partial(LocalWorkers, jobs), threads=jobs)
 
 
 def on_cluster(cluster: Cluster) -> Computers:
     """Works on the workers of a cluster."""
+    open_workers = partial(DaskWorkers, cluster)
+    return Computers(
+        open_physics=lambda name, settings: in_workers(name, settings, open_workers()),
+        open_workers=open_workers,
+    )
 
-    def opened(name: str, settings: WorldSettings) -> Physics:
-        make = maker(name, settings)
-        return DaskPhysics(make, cluster, undecided=abilities_of(name).undecided)
 
-    return Computers(open_physics=opened, open_workers=partial(DaskWorkers, cluster))
+def in_workers(name: str, settings: WorldSettings, workers: Workers) -> Physics:
+    """Opens a back-end in workers, which may have other work, too."""
+    return PhysicsPool(maker(name, settings), workers, undecided=abilities_of(name).undecided)
 
 
 def in_this_process(name: str, settings: WorldSettings) -> Physics:

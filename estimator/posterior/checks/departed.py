@@ -20,9 +20,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.parallel.workers import Workers
 from estimator.physics.base import Physics
 from estimator.physics.equivalence import AGREEMENT, agree
-from estimator.posterior.checks.fitting import departing_starts, fitted
+from estimator.posterior.checks.fitting import departing_starts, fitted, fitted_departures
 from estimator.posterior.checks.recheck import simulated_fits
 from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Departure, Doubt, log_priors
@@ -55,6 +56,7 @@ def doubts(
     departures: Sequence[Departure],
     *,
     reference: Physics,
+    workers: Workers,
 ) -> tuple[Doubt, ...]:
     """Fits a body of each departure to the readings.
 
@@ -65,6 +67,7 @@ def doubts(
         noise: How far readings stray.
         departures: Which to look at.
         reference: The simulator, asked about what statics leaves unexplained.
+        workers: Fit the bodies.
     """
     if not departures:
         return ()
@@ -73,7 +76,7 @@ def doubts(
     starts = np.vstack([best, posterior.values[::every][:_STARTS]])
     departing = predictor.departing(departures)
     numbered = departing_starts(starts[:2], departures, departing, data, noise)
-    points, fits = fitted(numbered, departing, data, noise, each=True)
+    points, fits = fitted_departures(numbered, predictor, departures, data, noise, workers=workers)
     log_shares = _log_shares(points, departing, data, noise)
     # another of the problem's bodies may explain what the most probable one does not, and lengths
     # that a departure brings to light may suit it as well

@@ -8,16 +8,18 @@ a whole leg make up for a servo at its root.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import BASE, Array
+from estimator.parallel.workers import Workers
 from estimator.posterior.model.departures import Departure
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths, best_of_each
-from estimator.posterior.model.unknowns import Predictor, departing_points
+from estimator.posterior.model.unknowns import Cost, Predictor, departing_points
 
 _LESS, _MORE = 0.9, 1.25  # sizes to start from: weights change what bears the body, step by step
 _OWN_LENGTHS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the branch that departs: likewise
@@ -25,6 +27,7 @@ _MANY_LENGTHS: Final = 32  # points, where it has several
 _KEPT: Final = 4  # of the starts with these lengths
 _PROMISING: Final = 3  # starts of each departure, that fit best while the noise is wide,
 _FINISHED: Final = 8  # and of the best, fitted once more
+_GROUPS: Final = 2  # of departures, each fitted by one worker
 _ROOTED: Final = 40  # steps to a root: far more than needed
 
 
@@ -56,7 +59,7 @@ def departing_starts(
 
 
 def fitted(
-    starts: Array, predictor: Predictor, data: SensorData, noise: Noise, *, each: bool = False
+    starts: Array, predictor: Predictor, data: SensorData, noise: Noise
 ) -> tuple[Array, Array]:
     """The point that fits best, shape (1, size), and its log-likelihoods, shape (1, k).
 
@@ -65,20 +68,99 @@ def fitted(
         predictor: Of their readings.
         data: What the robot felt.
         noise: How far readings stray.
-        each: The same for each departure, of which their last column but one holds the index; best
-            first.
     """
-    likelihood = Likelihood(data, noise)
-    lengths = Lengths(predictor, data, likelihood, noise_known=True)
-    points, fits = starts, lengths.fits(starts)
-    for some, most in ((slice(None), _PROMISING if each else None), (slice(_FINISHED), None)):
-        groups = points[some, -2] if each else None
-        more, better = lengths.polished(points[some], most, groups)
+    fitting = _Fitting(predictor, data, noise)
+    points, fits = fitting.polished(starts, fitting.fits(starts))
+    points, _ = fitting.polished(points, fits)
+    return points[:1], fitting.by_interaction(points[:1])
+
+
+def fitted_departures(
+    starts: Array,
+    predictor: Predictor,
+    departures: Sequence[Departure],
+    data: SensorData,
+    noise: Noise,
+    *,
+    workers: Workers,
+) -> tuple[Array, Array]:
+    """Of each departure the point that fits best, and their log-likelihoods, shape (n, k).
+
+    Args:
+        starts: See ``departing_starts``.
+        predictor: Of readings of the problem's bodies; counts what the workers do.
+        departures: By number.
+        data: What the robot felt.
+        noise: How far readings stray.
+        workers: Fit the departures of one group each.
+    """
+    groups = [starts[starts[:, -2] % _GROUPS == number] for number in range(_GROUPS)]
+    task = partial(_fitted_in_part, predictor, departures, data, noise)
+    pieces = workers.map(task, [group for group in groups if len(group)])
+    for _, _, cost in pieces:
+        predictor.add_cost(cost)
+    points, fits = (np.concatenate(arrays) for arrays in list(zip(*pieces, strict=True))[:2])
+    order = np.argsort(-fits, kind="stable")
+    fitting = _Fitting(predictor.departing(departures), data, noise, each=True)
+    best, rest = np.split(points[order], [_FINISHED])
+    better, best_fits = fitting.polished(best, fits[order[:_FINISHED]])
+    points, fits = (
+        np.concatenate([better, rest]),
+        np.concatenate([best_fits, fits[order[_FINISHED:]]]),
+    )
+    points = points[np.argsort(-fits, kind="stable")]
+    return points, fitting.by_interaction(points)
+
+
+class _Fitting:
+    """Fits points to readings, all of them or those of each departure by themselves.
+
+    Args:
+        predictor: Of their readings.
+        data: What the robot felt.
+        noise: How far readings stray.
+        each: Whether the points are of departures, of which their last column but one holds the
+            number.
+    """
+
+    def __init__(
+        self, predictor: Predictor, data: SensorData, noise: Noise, *, each: bool = False
+    ) -> None:
+        self._predictor = predictor
+        self._likelihood = Likelihood(data, noise)
+        self._lengths = Lengths(predictor, data, self._likelihood, noise_known=True)
+        self._each = each
+
+    def fits(self, points: Array) -> Array:
+        """Log-likelihoods of n points, shape (n,)."""
+        return self._lengths.fits(points)
+
+    def polished(self, points: Array, fits: Array, most: int | None = None) -> tuple[Array, Array]:
+        """The best points by now, best first, and how well they fit; see ``Lengths.polished``."""
+        groups = points[:, -2] if self._each else np.zeros(len(points))
+        more, better = self._lengths.polished(points, most, groups)
         points, fits = np.vstack([points, more]), np.concatenate([fits, better])
-        which = [(value,) for value in points[:, -2].tolist()] if each else [()] * len(points)
+        which = [(value,) for value in points[:, -2].tolist()] if self._each else [()] * len(points)
         order = best_of_each(which, fits)
-        points, fits = points[order], fits[order]
-    return points, likelihood.of(likelihood.misfits_of(predictor, points))
+        return points[order], fits[order]
+
+    def by_interaction(self, points: Array) -> Array:
+        """Log-likelihoods of n points in each interaction, shape (n, k)."""
+        return self._likelihood.of(self._likelihood.misfits_of(self._predictor, points))
+
+
+def _fitted_in_part(
+    predictor: Predictor,
+    departures: Sequence[Departure],
+    data: SensorData,
+    noise: Noise,
+    starts: Array,
+) -> tuple[Array, Array, Cost]:
+    """Of some departures the points that fit best, their log-likelihoods, and what that cost."""
+    before = predictor.cost
+    fitting = _Fitting(predictor.departing(departures), data, noise, each=True)
+    points, fits = fitting.polished(starts, fitting.fits(starts), _PROMISING)
+    return points, fits, predictor.cost.since(before)
 
 
 def _of_other_lengths(

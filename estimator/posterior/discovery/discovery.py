@@ -311,20 +311,24 @@ def _never() -> bool:
     return False
 
 
-def chains_like(point: Array, searches: Sequence[Discovery], least: float) -> Array:
-    """Some of the coldest chains with a point's attachments, shape (n, size).
+def chains_like(points: Array, searches: Sequence[Discovery], least: float) -> list[Array]:
+    """For each of n points some of the coldest chains with its attachments, shape (m, size).
 
     Args:
-        point: Shape (size,).
+        points: Shape (n, size).
         searches: Whose chains.
         least: Log-likelihood that they must have.
     """
     unknowns = searches[0].predictor.unknowns
-    key = unknowns.attachments(point[None])
-    chains = []
-    for population in (search.population for search in searches):
-        cold = population.values[: 2 * population.width]
-        alike = np.all(unknowns.attachments(cold) == key, axis=1)
-        alike &= population.posterior_fits(2) > least
-        chains.append(cold[alike][:_ALIKE])
-    return np.concatenate(chains)
+    cold = [search.population.values[: 2 * search.population.width] for search in searches]
+    fit = [search.population.posterior_fits(2) > least for search in searches]
+    attachments = [unknowns.attachments(values) for values in cold]
+    return [
+        np.concatenate(
+            [
+                values[np.all(own == key, axis=1) & good][:_ALIKE]
+                for values, own, good in zip(cold, attachments, fit, strict=True)
+            ]
+        )
+        for key in unknowns.attachments(points)
+    ]

@@ -320,9 +320,10 @@ class Sampler:
         self, estimator: EvidenceEstimator, best: float, points: Array, share: float
     ) -> list[ModeEvidence]:
         seeds = self._rng.integers(2**32, size=len(points)).tolist()
+        alike = chains_like(points, self._searches, best - CONSIDERED)
         tasks = [
-            (point, chains_like(point, self._searches, best - CONSIDERED), share, seed)
-            for point, seed in zip(points, seeds, strict=True)
+            (point, others, share, seed)
+            for point, others, seed in zip(points, alike, seeds, strict=True)
         ]
         evidences = []
         for evidence, cost in self._workers.map(estimator.with_cost, tasks):

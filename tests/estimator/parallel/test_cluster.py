@@ -26,7 +26,7 @@ from estimator.errors import ClusterError, PhysicsError
 from estimator.parallel.cluster import Cluster
 from estimator.parallel.workers import DaskWorkers
 from estimator.physics.base import Pair, Readings, WorldSettings
-from estimator.physics.dask import DaskPhysics
+from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.posterior.model.unknowns import Predictor
 from estimator.storage.store import RunStore
@@ -68,7 +68,7 @@ def test_a_cluster_reads_what_this_process_reads(
     connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
 ) -> None:
     assert connected.workers == 2
-    with DaskPhysics(partial(PyBulletPhysics, SETTINGS), connected) as physics:
+    with PhysicsPool(partial(PyBulletPhysics, SETTINGS), DaskWorkers(connected)) as physics:
         assert_same(physics.read(pairs), expected[0])
         assert (physics.simulations, physics.steps) == (21, expected[1])
         with pytest.raises(PhysicsError, match="must be finite"):
@@ -80,7 +80,7 @@ def test_a_cluster_reads_what_this_process_reads(
     )  # the workers' engines are for the settings before
     with (
         PyBulletPhysics(other) as here,
-        DaskPhysics(partial(PyBulletPhysics, other), connected) as there,
+        PhysicsPool(partial(PyBulletPhysics, other), DaskWorkers(connected)) as there,
     ):
         assert_same(there.read(pairs), here.read(pairs))
 
@@ -130,11 +130,11 @@ def test_an_interrupt_cancels_what_is_outstanding(
         assert released.wait(120)
 
     with gate(asked) as address:
-        held = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        held = PhysicsPool(partial(HeldPhysics, address, SETTINGS), DaskWorkers(connected))
         with pytest.raises(KeyboardInterrupt):
             held.read(pairs)
         released.set()
-        physics = DaskPhysics(partial(PyBulletPhysics, SETTINGS), connected)
+        physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), DaskWorkers(connected))
         assert_same(physics.read(pairs), expected[0])
     assert len(begun) <= 4  # of 11 chunks: one on each worker, and one that it may have fetched
 
@@ -237,7 +237,7 @@ def test_who_is_not_like_us_does_not_work_for_us(
             many = cluster.start_worker(threads=2)
             old = cluster.start_worker(path=[tmp_path / "old"])
             cluster.have_workers(4)
-            physics = DaskPhysics(partial(PyBulletPhysics, SETTINGS), early)
+            physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), DaskWorkers(early))
             with pytest.raises(ClusterError, match=r"Worker tcp://.* (threads|not like this)"):
                 physics.read(pairs)
         with pytest.raises(ClusterError, match=r"pybullet is 3\.2\.6 there and .* here"):
@@ -266,7 +266,7 @@ def test_a_worker_killed_in_its_work_costs_time_not_results(
             victims.append(pid)
 
     with gate(asked) as address:
-        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), DaskWorkers(connected))
         assert_same(physics.read(pairs), expected[0])
     assert (physics.simulations, physics.steps) == (21, expected[1])
     assert len(victims) == 1
@@ -277,7 +277,7 @@ def test_a_cluster_that_loses_all_workers_is_a_sentence(
     cluster: Dask, connected: Cluster, pairs: list[Pair]
 ) -> None:
     with gate(lambda pid: os.kill(pid, signal.SIGKILL)) as address:
-        physics = DaskPhysics(partial(HeldPhysics, address, SETTINGS), connected)
+        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), DaskWorkers(connected))
         with pytest.raises(ClusterError, match="has no worker: start one with `dask worker tcp://"):
             physics.read(pairs)
     assert not cluster.workers

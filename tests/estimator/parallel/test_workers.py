@@ -33,3 +33,8 @@ def test_what_cannot_be_loaded_is_told_with_the_first_task() -> None:
         workers.prepare(partial(int, "no number"))
         with pytest.raises((ValueError, WorkerError), match="no number"):
             workers.map(math.sqrt, [1.0])
+
+
+def test_there_must_be_a_worker() -> None:
+    with pytest.raises(WorkerError, match="at least one worker process, not 0"):
+        LocalWorkers(0)

@@ -3,12 +3,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.body.morphology import Array, Base
+from estimator.parallel.workers import ThisProcess
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
@@ -70,6 +72,9 @@ LOOKED_AT = (
 )
 
 
+fit = partial(doubts, workers=ThisProcess())
+
+
 def around(point: np.ndarray) -> Posterior:
     values = np.tile(point, (12, 1))
     values[:, [2, 6]] = np.random.default_rng(1).uniform(0.3, 0.7, (12, 2))
@@ -77,7 +82,7 @@ def around(point: np.ndarray) -> Posterior:
 
 
 def doubted(predictor: Predictor, data: SensorData) -> tuple[Doubt, ...]:
-    return doubts(around(POINT), predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
+    return fit(around(POINT), predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
 
 
 def felt_by(predictor: Predictor) -> SensorData:
@@ -106,7 +111,7 @@ def test_a_departure_is_found_though_the_best_body_makes_up_for_it_by_a_length(
     wrong[LENGTH] = mistaken
     data = felt_by_one_with(ONE_FAR, predictor)
     posterior = equally_likely(np.tile(wrong, (12, 1)), wrong)
-    (doubt,) = doubts(posterior, predictor, data, NOISE, (ONE_FAR,), reference=StaticsPhysics())
+    (doubt,) = fit(posterior, predictor, data, NOISE, (ONE_FAR,), reference=StaticsPhysics())
     assert doubt.point[LENGTH] == pytest.approx(POINT[LENGTH], abs=0.05)
 
 
@@ -144,7 +149,7 @@ def test_what_bodies_of_the_problem_feel_in_the_simulator_is_no_departure(
     predictor: Predictor, said: Departure, named: bool
 ) -> None:
     data, reference = felt_by_one_with(OFF_ZERO, predictor), Engine(said, predictor)
-    one = doubts(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
+    one = fit(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
     assert (clearly_better(one) is not None) == named
 
 
@@ -157,7 +162,7 @@ def test_a_rival_that_explains_the_readings_is_no_departure(predictor: Predictor
     gains = [
         max(
             doubt.gains.sum()
-            for doubt in doubts(one, predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
+            for doubt in fit(one, predictor, data, NOISE, LOOKED_AT, reference=StaticsPhysics())
         )
         for one in (alone, both)
     ]
@@ -238,7 +243,7 @@ def test_what_no_body_explains_speaks_for_ways_that_are_not_looked_at(predictor:
 
 def test_nothing_is_doubted_where_no_departure_can_be_felt(predictor: Predictor) -> None:
     felt = felt_by(predictor)
-    assert doubts(around(POINT), predictor, felt, NOISE, (), reference=StaticsPhysics()) == ()
+    assert fit(around(POINT), predictor, felt, NOISE, (), reference=StaticsPhysics()) == ()
 
 
 def test_one_movement_that_only_a_departure_explains_is_no_accident(predictor: Predictor) -> None:
@@ -270,7 +275,7 @@ def test_a_departure_is_not_blamed_for_what_the_simulator_was_not_asked(
 ) -> None:
     data = one_ended_elsewhere(felt_by_one_with(OFF_ZERO, predictor), predictor)
     for reference in (StaticsPhysics(), Engine(THICK, predictor)):
-        (one,) = doubts(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
+        (one,) = fit(around(POINT), predictor, data, NOISE, [OFF_ZERO], reference=reference)
         assert one.gains[ELSEWHERE] == pytest.approx(0.0, abs=2.0)  # neither explains it
 
 
@@ -305,7 +310,7 @@ def test_a_single_unknown_length_can_be_doubted() -> None:
     predictor, point = Predictor(Unknowns(genome), StaticsPhysics()), np.array([0.5])
     data = draw(predictor, point, MOVED, np.random.default_rng(11), outlier=0.0)
     alone = equally_likely(np.full((12, 1), 0.5), point)
-    (doubt,) = doubts(alone, predictor, data, NOISE, [THICK], reference=StaticsPhysics())
+    (doubt,) = fit(alone, predictor, data, NOISE, [THICK], reference=StaticsPhysics())
     assert doubt.departure.text == THICK.text
     assert doubt.gain < 0
 
@@ -336,7 +341,7 @@ def test_lengths_of_a_whole_leg_that_make_up_for_a_departure_are_undone(
     data = draw(departing, departing_points(true[None], 0, 1.4)[0], moved, rng, outlier=0.0)
     posterior = equally_likely(np.tile(wrong, (12, 1)), wrong)
     noise = Noise(tilt=0.0063, clearance=0.0013)
-    (doubt,) = doubts(posterior, predictor, data, noise, (far,), reference=StaticsPhysics())
+    (doubt,) = fit(posterior, predictor, data, noise, (far,), reference=StaticsPhysics())
     assert doubt.point[leg].sum() == pytest.approx(true[leg].sum(), abs=0.1)
     assert doubt.departure.amount == pytest.approx(far.sized(1.4).amount, abs=0.05)
 
@@ -375,6 +380,6 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
         for axis in (0, 1)
         for amount in (-0.05, 0.05)
     ]
-    left = doubts(alone, predictor, data, NOISE, aside, reference=StaticsPhysics())
+    left = fit(alone, predictor, data, NOISE, aside, reference=StaticsPhysics())
     assert clearly_better(left) is None
     assert left[0].gain < 1
