@@ -96,7 +96,8 @@ def on_this_computer(jobs: int) -> Computers:
             return partial(make, jobs=jobs)()
         return in_workers(name, settings, LocalWorkers(jobs))
 
-    return Computers(open_physics=opened, open_workers=partial(LocalWorkers, jobs), threads=jobs)
+    workers = ThisProcess if jobs == 1 else partial(LocalWorkers, jobs)
+    return Computers(open_physics=opened, open_workers=workers, threads=jobs)
 
 
 def on_cluster(cluster: Cluster) -> Computers:

@@ -1,8 +1,8 @@
-"""A back-end in worker processes, so that all cores simulate and no engine enters this process.
+"""A back-end in workers, so that all cores simulate.
 
-Each batch is cut into chunks that idle workers fetch one by one. A reading depends on its own pair
-only, so neither the number of workers nor who did which chunk shows in the result, nor whether it
-was done twice because a worker was lost.
+Each batch is cut into chunks, which idle workers are given one by one. A reading depends on its
+own pair only, so neither the number of workers nor who did which chunk shows in the result, nor
+whether it was done twice because a worker was lost.
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 
@@ -10,7 +11,7 @@ import pytest
 
 from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
 from estimator.body.morphology import Array, Base
-from estimator.parallel.workers import ThisProcess
+from estimator.parallel.workers import LocalWorkers, ThisProcess
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
@@ -383,3 +384,24 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
     left = fit(alone, predictor, data, NOISE, aside, reference=StaticsPhysics())
     assert clearly_better(left) is None
     assert left[0].gain < 1
+
+
+def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None:
+    data = felt_by(predictor)
+    fitted, costs = [], []
+    with closing(LocalWorkers(2)) as two:
+        for workers in (ThisProcess(), two):
+            counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
+            posterior = around(POINT)
+            fitted.append(
+                doubts(
+                    *(posterior, counting, data, NOISE, LOOKED_AT),
+                    reference=reference,
+                    workers=workers,
+                )
+            )
+            costs.append(counting.simulations)
+    one, other = fitted
+    assert [doubt.departure for doubt in one] == [doubt.departure for doubt in other]
+    assert all(np.array_equal(a.gains, b.gains) for a, b in zip(one, other, strict=True))
+    assert costs[0] == costs[1] > 1000
