@@ -387,15 +387,14 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
 
 
 def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None:
-    data = felt_by(predictor)
+    data, few = felt_by(predictor), (THICK, ASKEW, DEAD, HEAVY)
     fitted, costs = [], []
-    with closing(LocalWorkers(2)) as two:
-        for workers in (ThisProcess(), two):
+    with closing(LocalWorkers(1)) as another:
+        for workers in (ThisProcess(), another):
             counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
-            posterior = around(POINT)
             fitted.append(
                 doubts(
-                    *(posterior, counting, data, NOISE, LOOKED_AT),
+                    *(around(POINT), counting, data, NOISE, few),
                     reference=reference,
                     workers=workers,
                 )
