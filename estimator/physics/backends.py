@@ -91,9 +91,8 @@ def on_this_computer(jobs: int) -> Computers:
     """Works on ``jobs`` cores: back-ends in threads if they can, all else in worker processes."""
 
     def opened(name: str, settings: WorldSettings) -> Physics:
-        make = maker(name, settings)
         if abilities_of(name).threads:
-            return partial(make, jobs=jobs)()
+            return partial(maker(name, settings), jobs=jobs)()
         return in_workers(name, settings, LocalWorkers(jobs))
 
     workers = ThisProcess if jobs == 1 else partial(LocalWorkers, jobs)

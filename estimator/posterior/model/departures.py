@@ -15,7 +15,15 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from estimator.body.arrays import BASE_YAW, CENTRE, PART_YAW, Bodies, Integers
+from estimator.body.arrays import (
+    BASE_YAW,
+    CENTRE,
+    DENSITY,
+    PART_YAW,
+    TILT_GAIN,
+    Bodies,
+    Integers,
+)
 from estimator.body.morphology import BASE, Array
 
 _STUB: Final = 0.02  # of a part's length
@@ -138,8 +146,7 @@ class ScaledFigure(Departure):
     """
 
     is_factor: ClassVar[bool] = True
-
-    column: int
+    column: ClassVar[int]
 
     def _built(self, bodies: Bodies, amounts: Array) -> Bodies:
         base = bodies.base.copy()
@@ -150,9 +157,13 @@ class ScaledFigure(Departure):
 class Density(ScaledFigure):
     """Parts that are heavier or lighter for their size."""
 
+    column = DENSITY
+
 
 class TiltGain(ScaledFigure):
     """An accelerometer that makes more or less of tilt."""
+
+    column = TILT_GAIN
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from itertools import product
 from typing import Final, TypedDict
 
-from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
+from estimator.body.arrays import ACCELEROMETER, TOO_HIGH
 from estimator.posterior.model.departures import (
     Askew,
     Density,
@@ -75,7 +75,7 @@ def _of_all_parts(left_open: NuisanceSection) -> Iterator[Departure]:
         yield Thickness(text="parts {} times as thick", amount=factor)
     for factor in _HEAVIER if left_open.density is None else ():
         text = "parts {} times as heavy for their size"
-        yield Density(text=text, column=DENSITY, amount=factor)
+        yield Density(text=text, amount=factor)
     for factor in _TRAVELS:
         yield Travel(text="all servos turning {} times as far as told", amount=factor)
 
@@ -91,7 +91,7 @@ def _of_the_main_body(left_open: NuisanceSection) -> Iterator[Departure]:
         yield Askew(text=text, column=ACCELEROMETER + about, **_angle(degrees))
     for factor in _GAINS:
         text = "an accelerometer that feels {} times the tilt"
-        yield TiltGain(text=text, column=TILT_GAIN, amount=factor)
+        yield TiltGain(text=text, amount=factor)
     for offset in _TOO_MUCH:
         text = f"a distance sensor that reads {{}} mm too {'much' if offset > 0 else 'little'}"
         yield TooHigh(text=text, column=TOO_HIGH, amount=offset / 1000, unit=1000)

@@ -7,7 +7,6 @@ from itertools import product
 import numpy as np
 import pytest
 
-from estimator.body.arrays import DENSITY
 from estimator.body.morphology import Base
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
@@ -98,7 +97,7 @@ def test_of_many_doubts_the_most_probable_is_tested(predictor: Predictor, seed: 
     points = np.tile(RIGHT, (60, 1))
     lengths = predictor.unknowns.continuous
     points[:, lengths] += rng.uniform(-0.02, 0.02, (60, lengths.size))  # of the range
-    heavy = Density(text="heavy parts", column=DENSITY, amount=2.0)
+    heavy = Density(text="heavy parts", amount=2.0)
     turned = [
         TurnedHinge(text="a turned hinge", part=part, about=about, amount=np.radians(degrees))
         for part, about, degrees in product((0, 1), (0, 1, 2), (-30, -15, 15, 30))

@@ -2,16 +2,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from contextlib import closing
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
-from estimator.body.arrays import ACCELEROMETER, DENSITY, TILT_GAIN, TOO_HIGH
+from estimator.body.arrays import ACCELEROMETER, TOO_HIGH
 from estimator.body.morphology import Array, Base
-from estimator.parallel.workers import LocalWorkers, ThisProcess
+from estimator.parallel.workers import ThisProcess
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
@@ -60,12 +59,12 @@ EXPLAINED = np.zeros(3)
 LENGTH = 2  # of the part that departs
 DEAD = Limp(text="a dead servo", part=0)
 OFF_ZERO = OffZero(text="a servo off its zero", part=0, amount=math.radians(12))
-HEAVY = Density(text="heavy parts", column=DENSITY, amount=4.0)
+HEAVY = Density(text="heavy parts", amount=4.0)
 OFF_CENTRE = OffCentre(text="a battery at one end", axis=0, amount=0.25)
 TURNED = Askew(text="an accelerometer askew", column=ACCELEROMETER, amount=math.radians(6))
 FAR = Travel(text="servos that turn too far", amount=1.1)
 ONE_FAR = Travel(text="a servo that turns too far", amount=1.25, part=0)
-STEEP = TiltGain(text="an accelerometer that feels too much", column=TILT_GAIN, amount=1.1)
+STEEP = TiltGain(text="an accelerometer that feels too much", amount=1.1)
 RAISED = TooHigh(text="a distance sensor that reads too much", column=TOO_HIGH, amount=0.005)
 LOOKED_AT = (
     *(THICK, THICKER, ONE_THICK, ASKEW, ASIDE, DEAD),
@@ -384,23 +383,3 @@ def test_to_which_side_a_body_falls_speaks_for_no_departure() -> None:
     left = fit(alone, predictor, data, NOISE, aside, reference=StaticsPhysics())
     assert clearly_better(left) is None
     assert left[0].gain < 1
-
-
-def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None:
-    data, few = felt_by(predictor), (THICK, ASKEW, DEAD, HEAVY)
-    fitted, costs = [], []
-    with closing(LocalWorkers(1)) as another:
-        for workers in (ThisProcess(), another):
-            counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
-            fitted.append(
-                doubts(
-                    *(around(POINT), counting, data, NOISE, few),
-                    reference=reference,
-                    workers=workers,
-                )
-            )
-            costs.append(counting.simulations)
-    one, other = fitted
-    assert [doubt.departure for doubt in one] == [doubt.departure for doubt in other]
-    assert all(np.array_equal(a.gains, b.gains) for a, b in zip(one, other, strict=True))
-    assert costs[0] == costs[1] > 1000

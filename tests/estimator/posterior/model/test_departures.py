@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies
+from estimator.body.arrays import TOO_HIGH, Bodies
 from estimator.posterior.model.departures import (
     Limp,
     Thickness,
@@ -65,7 +65,7 @@ def test_wrongly_calibrated_sensors_make_something_else_of_the_pose(predictor: P
     gain, higher, lower = (
         predictor.departing([departure]).read_all(departing_points(values, 0), moved)
         for departure in (
-            TiltGain(text="steeper", column=TILT_GAIN, amount=1.25),
+            TiltGain(text="steeper", amount=1.25),
             TooHigh(text="too high", column=TOO_HIGH, amount=0.01),
             TooHigh(text="too low", column=TOO_HIGH, amount=-1.0),
         )

@@ -1,0 +1,42 @@
+"""Bodies that depart from a problem are fitted alike, whoever does it."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import numpy as np
+
+from estimator.parallel.workers import LocalWorkers, ThisProcess
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.checks.departed import doubts
+from estimator.posterior.model.unknowns import Predictor
+from tests.estimator.posterior.checks.test_departed import (
+    ASKEW,
+    DEAD,
+    HEAVY,
+    POINT,
+    THICK,
+    around,
+    felt_by,
+)
+from tests.estimator.two_unknown_rows import NOISE
+
+
+def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None:
+    data, few = felt_by(predictor), (THICK, ASKEW, DEAD, HEAVY)
+    fitted, costs = [], []
+    with closing(LocalWorkers(1)) as another:
+        for workers in (ThisProcess(), another):
+            counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
+            fitted.append(
+                doubts(
+                    *(around(POINT), counting, data, NOISE, few),
+                    reference=reference,
+                    workers=workers,
+                )
+            )
+            costs.append(counting.simulations)
+    one, other = fitted
+    assert [doubt.departure for doubt in one] == [doubt.departure for doubt in other]
+    assert all(np.array_equal(a.gains, b.gains) for a, b in zip(one, other, strict=True))
+    assert costs[0] == costs[1] > 1000
