@@ -1,4 +1,4 @@
-"""A real browser for the pages that we make: Debian's Chromium, without a screen."""
+"""A real browser for the pages that we make: Debian's Chromium without windows, half as dear."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
-_PROGRAM: Final = Path("/usr/bin/chromium")
+_PROGRAM: Final = Path("/usr/bin/chromium-headless-shell")
 _ARGUMENTS: Final = (
     "--no-sandbox",
     "--disable-gpu",
@@ -28,7 +28,7 @@ def chromium() -> Iterator[Browser]:
     from playwright.sync_api import sync_playwright  # other tests need not wait for it
 
     if not _PROGRAM.exists():
-        raise RuntimeError(f"{_PROGRAM} is missing: apt-get install chromium")
+        raise RuntimeError(f"{_PROGRAM} is missing: apt-get install chromium-headless-shell")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=_PROGRAM, args=list(_ARGUMENTS))
         try:

@@ -101,13 +101,10 @@ class InformationGain:
         """
         noise, bits = self._noise, forecast.touch.shape[2]
         result = np.zeros(len(forecast.tilt))
+        bodies = (forecast.touch, forecast.doubtful, forecast.tilt, forecast.clearance)
+        bodies += (forecast.beyond, forecast.silent)
         arguments = (
-            forecast.touch,
-            forecast.doubtful,
-            forecast.tilt,
-            forecast.clearance,
-            forecast.beyond,
-            forecast.silent,
+            *map(np.ascontiguousarray, bodies),  # each layout would be compiled for
             noise.tilt * np.exp(scales[:, 0]),
             noise.clearance * np.exp(scales[:, 1]),
             noise.touch,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from estimator.body import accelerometer, part_shapes
 from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
@@ -18,6 +20,7 @@ from estimator.physics.kernel.links import (
     Trees,
     Work,
     assemble,
+    list_points,
     work_space,
 )
 from estimator.physics.kernel.path import gap, margin, right_itself, settle, undecided
@@ -97,7 +100,8 @@ def _make_rest(sources: int) -> Any:
             body = which[row]
             own = trees.base[body]
             program = programs[row if len(programs) > 1 else 0]
-            links, points = assemble(trees, body, program, slew, work)
+            links = assemble(trees, body, program, slew, work)
+            points = list_points(trees, body, links, work)
             several = _rows_together(work, row, end, which, programs, leans)
             settle(work, links, points, own, slew, several)
             for each in range(several):
@@ -151,9 +155,10 @@ def _make_margins(sources: int) -> Any:
             body = which[row]
             own = trees.base[body]
             program = programs[row if len(programs) > 1 else 0]
-            links, points = assemble(trees, body, program, slew, work)
+            links = assemble(trees, body, program, slew, work)
+            points = list_points(trees, body, links, work)
             work.lean[0, 0] = work.lean[0, 1] = 0.0
-            settle(work, links, points, own, slew, 1)
+            settle(work, links, points, own, slew, np.int64(1))  # a plain 1 is a type of its own
             path_margins[row] = margin(work, links, points, own, slew, most)
         return 0 * sources
 

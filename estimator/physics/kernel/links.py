@@ -150,7 +150,7 @@ def work_space(parts: int) -> Work:
 
 
 @compiled
-def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> tuple[int, int]:
+def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> int:
     """Joins parts to links.
 
     Args:
@@ -161,7 +161,7 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
         work: Receives the body.
 
     Returns:
-        Number of links and of points.
+        Number of links.
     """
     parent, mount, hinge = trees.parent[row], trees.mount[row], trees.hinge[row]
     motor, length, radius = trees.motor[row], trees.length[row], trees.radius[row]
@@ -218,11 +218,11 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
         joint[link, MOMENT_X] += mass * (x + middle * east)
         joint[link, MOMENT_Y] += mass * (y + middle * north)
         tree[link, END] += 1  # for now, how many parts
-    return links, _add_points(trees, row, links, work)
+    return links
 
 
 @compiled
-def _add_points(trees: Trees, row: int, links: int, work: Work) -> int:
+def list_points(trees: Trees, row: int, links: int, work: Work) -> int:
     """Lists the points of an assembled body, link by link.
 
     Returns:

@@ -13,6 +13,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
 from estimator.physics.kernel.compiling import compiled
@@ -171,7 +173,7 @@ def margin(work: Work, links: int, count: int, base: Array, slew: Slew, most: fl
         for way in range(4):
             lean[way, 0], lean[way, 1] = 0.0, 0.0
             lean[way, way % 2] = tried if way < 2 else -tried
-        settle(work, links, count, base, slew, 4)
+        settle(work, links, count, base, slew, np.int64(4))  # see batch.margins
         alike = True
         for way in range(4):
             away = max(abs(up[way, 0] - up_x), abs(up[way, 1] - up_y), abs(up[way, 2] - up_z))

@@ -185,6 +185,38 @@ def _make_mixture(sources: int) -> Any:
 mixture: Final = _make_mixture(_SOURCES)
 
 
+@compiled
+def _fill_noises(noise: float, beside: float, factors: Array, noises: Array) -> None:
+    """Fills rows: the noise under each factor, its logarithm, and both of what ends beside."""
+    for one in range(len(factors)):
+        narrow = noise * math.exp(factors[one])
+        wide = math.hypot(narrow, beside)
+        noises[0, one], noises[1, one] = narrow, math.log(narrow)
+        noises[2, one], noises[3, one] = wide, math.log(wide)
+
+
+# Loops, not arrays' own arithmetic: each expression of arrays takes Numba half a second.
+@compiled
+def _fill(table: Array, value: float) -> None:
+    for one in range(table.shape[0]):
+        for other in range(table.shape[1]):
+            table[one, other] = value
+
+
+@compiled
+def _add(table: Array, value: float) -> None:
+    for one in range(table.shape[0]):
+        for other in range(table.shape[1]):
+            table[one, other] += value
+
+
+@compiled
+def _add_logs(table: Array, product: Array) -> None:
+    for one in range(table.shape[0]):
+        for other in range(table.shape[1]):
+            table[one, other] += math.log(product[one, other])
+
+
 def _make_over_factors(sources: int) -> Any:
     @entrance
     def over_factors(
@@ -213,53 +245,51 @@ def _make_over_factors(sources: int) -> Any:
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
         log_wrong, log_right = math.log(spread.touch), math.log1p(-spread.touch)
-        tilts = spread.tilt * np.exp(tilt_factors)
-        clearances = spread.clearance * np.exp(clearance_factors)
-        tilts_wide = np.hypot(tilts, spread.tilt_beside)
-        clearances_wide = np.hypot(clearances, spread.clearance_beside)
-        log_tilts, log_tilts_wide = np.log(tilts), np.log(tilts_wide)
-        log_clearances, log_wide = np.log(clearances), np.log(clearances_wide)
-        by_tilt, by_tilt_beside = np.empty(len(tilts)), np.empty(len(tilts))
-        product = np.empty((len(tilts), len(clearances)))
+        tilts = np.empty((4, len(tilt_factors)))
+        clearances = np.empty((4, len(clearance_factors)))
+        _fill_noises(spread.tilt, spread.tilt_beside, tilt_factors, tilts)
+        _fill_noises(spread.clearance, spread.clearance_beside, clearance_factors, clearances)
+        by_tilt = np.empty((2, len(tilt_factors)))
+        product = np.empty((len(tilt_factors), len(clearance_factors)))
         for row in range(misfits.shape[0]):
-            terms[row] = 0.0
-            product[:] = 1.0
+            _fill(terms[row], 0.0)
+            _fill(product, 1.0)
             multiplied = 0
             for column in range(misfits.shape[1]):
                 anywhere = read.log_anywhere[column]
                 if misfits[row, column, _SILENT] > 0:
-                    terms[row] += anywhere
+                    _add(terms[row], anywhere)
                     continue
                 least = log_elsewhere + anywhere  # what remains where nothing is explained
-                terms[row] += least
+                _add(terms[row], least)
                 squares, angles = _tilt_squares(misfits, row, column), read.tilts[column]
                 wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
                 bits = (read.bits[column] - doubtful - wrong) * log_right
                 bits += wrong * log_wrong + doubtful * _LOG_EVEN - least
                 first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
                 beside = log_nearby + log_outlier + bits
-                for one in range(len(tilts)):
-                    alone = _log_tilt(squares, angles, tilts[one], log_tilts[one])
-                    wide = _log_tilt(squares, angles, tilts_wide[one], log_tilts_wide[one])
-                    by_tilt[one] = math.exp(first + alone)
-                    by_tilt_beside[one] = math.exp(beside + wide)
+                for one in range(len(tilt_factors)):
+                    alone = _log_tilt(squares, angles, tilts[0, one], tilts[1, one])
+                    wide = _log_tilt(squares, angles, tilts[2, one], tilts[3, one])
+                    by_tilt[0, one] = math.exp(first + alone)
+                    by_tilt[1, one] = math.exp(beside + wide)
                 away, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]
-                for other in range(len(clearances)):
+                for other in range(len(clearance_factors)):
                     near, nearby = 1.0, 1.0
                     if read.clear[column]:
-                        noise, log_noise = clearances[other], log_clearances[other]
+                        noise, log_noise = clearances[0, other], clearances[1, other]
                         near = math.exp(_log_clearance(away, beyond, noise, log_noise))
-                        noise, log_noise = clearances_wide[other], log_wide[other]
+                        noise, log_noise = clearances[2, other], clearances[3, other]
                         nearby = math.exp(_log_clearance(away, beyond, noise, log_noise))
-                    for one in range(len(tilts)):
+                    for one in range(len(tilt_factors)):
                         product[one, other] *= (
-                            1.0 + by_tilt[one] * near + by_tilt_beside[one] * nearby
+                            1.0 + by_tilt[0, one] * near + by_tilt[1, one] * nearby
                         )
                 multiplied += 1
                 if multiplied % _MULTIPLIED == 0:
-                    terms[row] += np.log(product)
-                    product[:] = 1.0
-            terms[row] += np.log(product)
+                    _add_logs(terms[row], product)
+                    _fill(product, 1.0)
+            _add_logs(terms[row], product)
         return 0 * sources
 
     return over_factors

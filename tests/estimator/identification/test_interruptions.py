@@ -58,10 +58,8 @@ for line in sys.stdin:
     print(child, flush=True)
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
 """
-SMALL = ("--population", "4", "--generations", "2")
 RUNS = {
-    "paper, statics": ("topological", "paper", "--physics", "statics", *SMALL),
-    "paper, PyBullet": ("topological", "paper", "--physics", "pybullet", *SMALL),
+    "paper": ("topological", "paper", "--population", "4", "--generations", "2"),
     "posterior": ("parametric", "posterior"),
 }
 INTERRUPTIONS = 3  # at least, of each kind of run

@@ -59,7 +59,11 @@ def test_it_shows_body_and_numbers_and_asks_nobody_else(
         live.show(views[0])
         page.goto(live.uri)
         page.get_by_text("Nothing is known of the legs yet.").wait_for()
-        page.locator(".mantine-Notification-closeButton").click()  # of viser, on software rendering
+        notice = page.locator(
+            ".mantine-Notification-closeButton"
+        )  # of viser's, on software rendering
+        notice.click()
+        notice.wait_for(state="detached")  # it fades
         assert not any(colours(page).values())
         live.show(view)
         page.get_by_text("and nobody works on it").wait_for()

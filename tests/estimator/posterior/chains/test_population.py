@@ -44,7 +44,7 @@ def test_the_joint_distribution_is_left_alone(short: Predictor) -> None:
     from the steps. Fits that grew or shrank show what marginals do not.
     """
     values, scales, gains = [], [], []
-    for seed in range(80):
+    for seed in range(50):
         rng = np.random.default_rng(seed)
         population = Population.of_prior(short, rng, levels=3, width=4)
         own = (population.values[0], programs(2, seed=8), rng)
@@ -98,7 +98,7 @@ def test_the_joint_distribution_is_left_alone_where_lengths_are_open(narrow: Pre
     Readings are so poor that draws from the prior, weighed, stand for every chain's target.
     """
     values, scales, gains = [], [], []
-    for seed in range(80):
+    for seed in range(50):
         rng = np.random.default_rng(seed)
         population = Population.of_prior(narrow, rng, levels=1, width=8)
         own = (population.values[0], programs(3, seed=8), rng)
