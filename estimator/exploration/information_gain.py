@@ -101,10 +101,10 @@ class InformationGain:
         """
         noise, bits = self._noise, forecast.touch.shape[2]
         result = np.zeros(len(forecast.tilt))
-        bodies = (forecast.touch, forecast.doubtful, forecast.tilt, forecast.clearance)
-        bodies += (forecast.beyond, forecast.silent)
-        arguments = (
-            *map(np.ascontiguousarray, bodies),  # each layout would be compiled for
+        arguments = (  # of one layout in memory: each would be compiled for
+            *map(np.ascontiguousarray, (forecast.touch, forecast.doubtful)),
+            *map(np.ascontiguousarray, (forecast.tilt, forecast.clearance)),
+            *map(np.ascontiguousarray, (forecast.beyond, forecast.silent)),
             noise.tilt * np.exp(scales[:, 0]),
             noise.clearance * np.exp(scales[:, 1]),
             noise.touch,

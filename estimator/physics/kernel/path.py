@@ -40,7 +40,9 @@ _QUICK: Final = 8.0  # paces by which the body may turn in one and still be foll
 
 
 @compiled
-def settle(work: Work, links: int, count: int, base: Array, slew: Slew, several: int) -> None:
+def settle(
+    work: Work, links: int, count: int, base: Array, slew: Slew, several: int | np.int64
+) -> None:
     """Takes an assembled body from the planar pose to its targets, at rest after each step.
 
     Under several inclinations of gravity at once: most of the time goes into turning the joints.
@@ -173,7 +175,7 @@ def margin(work: Work, links: int, count: int, base: Array, slew: Slew, most: fl
         for way in range(4):
             lean[way, 0], lean[way, 1] = 0.0, 0.0
             lean[way, way % 2] = tried if way < 2 else -tried
-        settle(work, links, count, base, slew, np.int64(4))  # see batch.margins
+        settle(work, links, count, base, slew, np.int64(4))  # a plain 4 is a type of its own
         alike = True
         for way in range(4):
             away = max(abs(up[way, 0] - up_x), abs(up[way, 1] - up_y), abs(up[way, 2] - up_z))
