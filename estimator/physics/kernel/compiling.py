@@ -17,7 +17,7 @@ from numba.core import event
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _PAUSE: Final = (
-    "Compiling the statics kernel for this machine: a few seconds, once; later runs load it.\n"
+    "Compiling the statics kernel for this machine: up to half a minute, once; later runs load it.\n"
 )
 
 
