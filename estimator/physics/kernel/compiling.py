@@ -16,7 +16,9 @@ from numba.core import event
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-_PAUSE: Final = "Compiling the statics kernel for this machine: up to half a minute, once; later runs load it.\n"
+_PAUSE: Final = (
+    "Compiling the statics kernel for this machine: half a minute, once; later runs load it.\n"
+)
 
 
 _njit: Final[Callable[..., Any]] = numba.njit  # its types do not know all of its options
