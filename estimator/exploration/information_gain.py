@@ -101,10 +101,14 @@ class InformationGain:
         """
         noise, bits = self._noise, forecast.touch.shape[2]
         result = np.zeros(len(forecast.tilt))
-        arguments = (  # of one layout in memory: each would be compiled for
-            *map(np.ascontiguousarray, (forecast.touch, forecast.doubtful)),
-            *map(np.ascontiguousarray, (forecast.tilt, forecast.clearance)),
-            *map(np.ascontiguousarray, (forecast.beyond, forecast.silent)),
+        laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
+        arguments = (
+            laid_out(forecast.touch),
+            laid_out(forecast.doubtful),
+            laid_out(forecast.tilt),
+            laid_out(forecast.clearance),
+            laid_out(forecast.beyond),
+            laid_out(forecast.silent),
             noise.tilt * np.exp(scales[:, 0]),
             noise.clearance * np.exp(scales[:, 1]),
             noise.touch,

@@ -225,6 +225,12 @@ def assemble(trees: Trees, row: int, program: Array, slew: Slew, work: Work) -> 
 def list_points(trees: Trees, row: int, links: int, work: Work) -> int:
     """Lists the points of an assembled body, link by link.
 
+    Args:
+        trees: Where the body is.
+        row: Its row there.
+        links: How many ``assemble`` made of it.
+        work: Holds the links, and receives the points.
+
     Returns:
         How many there are.
     """

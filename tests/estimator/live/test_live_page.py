@@ -59,11 +59,10 @@ def test_it_shows_body_and_numbers_and_asks_nobody_else(
         live.show(views[0])
         page.goto(live.uri)
         page.get_by_text("Nothing is known of the legs yet.").wait_for()
-        notice = page.locator(
-            ".mantine-Notification-closeButton"
-        )  # of viser's, on software rendering
+        # Viser's notice on software rendering fades once it is closed.
+        notice = page.locator(".mantine-Notification-closeButton")
         notice.click()
-        notice.wait_for(state="detached")  # it fades
+        notice.wait_for(state="detached")
         assert not any(colours(page).values())
         live.show(view)
         page.get_by_text("and nobody works on it").wait_for()
