@@ -25,7 +25,7 @@ def legs_down(*options: str) -> ObservationReply:
 
 
 def test_a_wrongly_wired_robot_stands_level_once_it_is_calibrated(tmp_path: Path) -> None:
-    wrong = "--miscalibrated", "12", "--noise", "none"
+    wrong = "--electronics", "pi", "--miscalibrated", "12", "--noise", "none"
     file = tmp_path / "calibration.toml"
     calibrate = [sys.executable, "-m", "sim_robot", *wrong, "--calibrate", "--calibration"]
     done = subprocess.run(

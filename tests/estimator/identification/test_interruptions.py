@@ -38,7 +38,8 @@ StaticsPhysics().read_bodies(Bodies.of([]), numpy.zeros(0))
 PyBulletPhysics().close()
 for draw in (as_png, as_svg):
     draw(new_axes()[0])
-little_effort().__enter__()
+effort = little_effort()  # which holds as long as this name is there
+effort.__enter__()
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 for line in sys.stdin:
     order = json.loads(line)
