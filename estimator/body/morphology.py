@@ -217,8 +217,8 @@ class Morphology:
 
     def turn(self, index: int, angle: float) -> Array:
         """How a part is turned in its parent's frame where its hinge has an angle (rad), (3, 3)."""
-        turned: Array = direction(self.mount(index)) @ rotation(self.hinge(index).axis, angle)
-        return turned
+        straight = direction(self.mount(index))
+        return straight @ rotation(self.hinge(index).axis, angle) if angle else straight
 
     @cached_property
     def masses(self) -> Array:
