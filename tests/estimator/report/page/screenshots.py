@@ -31,9 +31,7 @@ def take_screenshots(browser: Browser, page_file: Path, folder: Path) -> None:
             page.goto(page_file.as_uri())
             if look == "paper":
                 page.emulate_media(media="print")
-            page.evaluate(
-                "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-            )
+            page.evaluate(_DRAWN)
             widths = page.evaluate("[document.documentElement.scrollWidth, innerWidth]")
             assert widths[0] <= widths[1], (look, widths)
             page.screenshot(path=folder / f"report-{look}.png")

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 SHIPPED = ("parametric", "topological", "topological-20", "topological-24")
 OWN = ("file:", "data:")
+COARSE = 0.25  # pixels of the screen for each of a page, along either side: drawn in less time
 HOSTILE = "</script><img src=x onerror='window.owned=1'>&amp;$\\frac{\u202e\""
 LARGEST = 5_000_000  # bytes
 
@@ -76,7 +77,7 @@ def test_the_page_poses_bodies_as_our_own_kinematics_do(run: Path, browser: Brow
         modes = store.beliefs()[-1][0].modes
         performed = store.observations()[1].angles
     angles = [-25.0, 30.0, 12.5, -7.5, 22.0, -18.0, 3.0, 28.5]
-    with watched_page(browser, *OWN) as page:
+    with watched_page(browser, *OWN, device_scale_factor=COARSE) as page:
         page.goto((run / "report.html").as_uri())
         page.locator("summary", has_text="ends of the parts").click()
         for chosen, mode in ((0, modes[0]), (3, modes[3])):
@@ -93,12 +94,11 @@ def test_the_page_poses_bodies_as_our_own_kinematics_do(run: Path, browser: Brow
 
 
 def wait_until_seen_otherwise(page: Page, was: str) -> None:
-    seen = "document.getElementById('seen-from').value"
-    page.wait_for_function(f"was => {seen} !== was", arg=was)
+    page.wait_for_function("was => document.getElementById('seen-from').value !== was", arg=was)
 
 
 def test_the_body_is_turned_by_mouse_and_by_keys(run: Path, browser: Browser) -> None:
-    with watched_page(browser, *OWN) as page:
+    with watched_page(browser, *OWN, device_scale_factor=COARSE) as page:
         page.goto((run / "report.html").as_uri())
         canvas = page.locator("#views canvas").first
         canvas.scroll_into_view_if_needed()
@@ -110,22 +110,18 @@ def test_the_body_is_turned_by_mouse_and_by_keys(run: Path, browser: Browser) ->
         page.mouse.down()
         page.mouse.move(box["x"] + 60, box["y"] + 120, steps=3)
         page.mouse.up()
-        page.wait_for_function(
-            "was => document.getElementById('seen-from').value !== was", arg=sights[0]
-        )
+        wait_until_seen_otherwise(page, was=sights[0])
         pictures.append(canvas.screenshot())
         sights.append(seen.inner_text())
         canvas.press("ArrowUp")
-        page.wait_for_function(
-            "was => document.getElementById('seen-from').value !== was", arg=sights[1]
-        )
+        wait_until_seen_otherwise(page, was=sights[1])
         pictures.append(canvas.screenshot())
     assert len(set(pictures)) == 3  # what is told is what is drawn
     assert sights[0] == "32° to the right of ahead, 26° up"
 
 
 def test_it_shows_rivals_side_by_side_and_hides_uncertainty(run: Path, browser: Browser) -> None:
-    with watched_page(browser, *OWN) as page:
+    with watched_page(browser, *OWN, device_scale_factor=COARSE) as page:
         page.goto((run / "report.html").as_uri())
         titles = page.locator("#views figcaption b").all_inner_texts()
         assert titles == ["Best body", "Rival 1", "Rival 2", "Rival 3"]
@@ -155,7 +151,7 @@ def test_names_and_problems_from_others_stay_text(tmp_path: Path, browser: Brows
         )
         file = report(directory)
         assert file.stat().st_size < LARGEST
-        with watched_page(browser, *OWN) as page:
+        with watched_page(browser, *OWN, device_scale_factor=COARSE) as page:
             page.goto(file.as_uri())
             assert page.evaluate("window.owned") is None
             assert "window.owned" in page.locator(".kicker").inner_text()
@@ -167,7 +163,7 @@ def test_the_page_runs_no_script_but_its_own(run: Path, browser: Browser, tmp_pa
     page_file = tmp_path / "report.html"
     text = (run / "report.html").read_text("utf-8")
     page_file.write_text(text.replace("</main>", "<script>window.owned = 1</script></main>"))
-    page = browser.new_page()
+    page = browser.new_page(device_scale_factor=COARSE)
     refusals: list[str] = []
     page.on("console", lambda message: refusals.append(message.text))
     page.goto(page_file.as_uri())
