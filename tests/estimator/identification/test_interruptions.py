@@ -63,7 +63,7 @@ RUNS = {
     "paper": ("topological", "paper", "--population", "4", "--generations", "2"),
     "posterior": ("parametric", "posterior"),
 }
-INTERRUPTIONS = 3  # at least, of each kind of run
+INTERRUPTIONS = 2  # at least, of each kind of run
 SIGNALS = itertools.cycle((signal.SIGKILL, signal.SIGINT))
 OF_ONE_RUN = 3  # then it is let be: on a machine that has become busy it would get nowhere
 
