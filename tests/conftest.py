@@ -24,7 +24,11 @@ settings.load_profile("untimed")
 
 
 # Their tests wait for runs that are made one after the other: begun last, they end last, and alone.
-_FIRST = ("test_reproduce.py", "test_readme.py", "test_interruptions.py", "test_soak.py")
+# What is begun first no other worker takes over, which would start a cluster of its own.
+_FIRST = (
+    *("test_reproduce.py", "test_readme.py", "test_interruptions.py", "test_soak.py"),
+    *("test_cluster.py", "test_runs_on_cluster.py"),
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
