@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from estimator.live.live_page import LivePage
 
 SMALL = {"width": 760, "height": 340}
+COARSE = 0.5  # pixels of the screen for each of the page, along either side: drawn in less time
 
 
 @pytest.fixture
@@ -40,7 +41,8 @@ def live() -> Iterator[LivePage]:
 def colours(page: Page) -> dict[str, int]:
     """What is to be seen of each leg, by its hue, in pixels."""
     picture = Image.open(io.BytesIO(page.screenshot(timeout=60_000))).convert("HSV")
-    picture = picture.crop((20, 20, SMALL["width"] - 330, SMALL["height"]))
+    edge, right, bottom = (COARSE * place for place in (20, SMALL["width"] - 330, SMALL["height"]))
+    picture = picture.crop((edge, edge, right, bottom))
     hue, strength, _ = np.moveaxis(np.asarray(picture), 2, 0)
     hues = {"blue": (140, 156), "orange": (10, 26), "green": (107, 125), "pink": (212, 238)}
     return {
@@ -55,7 +57,7 @@ def test_it_shows_body_and_numbers_and_asks_nobody_else(
     _, views = followed
     view = replace(views[-1], state=RunState.INTERRUPTED)
     own = (live.uri, live.uri.replace("http", "ws"), "data:", "blob:")
-    with watched_page(browser, *own, viewport=SMALL) as page:
+    with watched_page(browser, *own, viewport=SMALL, device_scale_factor=COARSE) as page:
         live.show(views[0])
         page.goto(live.uri)
         page.get_by_text("Nothing is known of the legs yet.").wait_for()
@@ -75,7 +77,7 @@ def test_it_shows_body_and_numbers_and_asks_nobody_else(
             assert leg.joint in row
             assert told == pytest.approx(expected, abs=0.5)
         seen = [colours(page) for _ in range(3)][-1]  # the picture catches up with the text
-        assert min(seen["orange"], seen["green"]) > 100, seen  # the legs that face the camera
+        assert min(seen["orange"], seen["green"]) > 25, seen  # the legs that face the camera
         assert min(seen["blue"], seen["pink"]) > 0, seen
         live.say("run.sqlite is not a run.")
         page.get_by_text("run.sqlite is not a run.").wait_for()
