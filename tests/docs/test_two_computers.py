@@ -18,7 +18,7 @@ from tests.free_ports import free_address
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "two-computers.md").read_text(encoding="utf-8")
 COMMANDS = re.findall(r"^(robot|workstation)\$ (.+)$", PAGE, re.MULTILINE)
-SHORT = " --method paper --population 8 --generations 1 --interactions 1"
+SHORT = " --method paper --population 8 --generations 1 --interactions 1 --jobs 1"
 SCP = """#!/bin/bash -e
 there() { [[ $1 == robot:* ]] && echo "../robot/${1#robot:}" || echo "$1"; }
 cp "$(there "$1")" "$(there "$2")"

@@ -206,7 +206,8 @@ def start(*arguments: str) -> subprocess.Popen[str]:
 def start_identify(folder: Path, uri: str) -> subprocess.Popen[str]:
     order = make_order(folder, uri)
     arguments = ["--robot", uri, "--problem", order.problem, "--seed", str(order.seed)]
-    return start("identify", "--method", "paper", *arguments, "--out", str(folder / "run"))
+    little = ("--method", "paper", "--jobs", "1")
+    return start("identify", *little, *arguments, "--out", str(folder / "run"))
 
 
 def kill(process: subprocess.Popen[str]) -> None:
