@@ -311,7 +311,7 @@ def test_noise_that_is_not_announced_is_no_other_body(
 
     monkeypatch.setattr(doubting, "doubts", doubts)
     with serving(ModelRobot(noise=3 * MODEL_TILT)) as uri:
-        asked = replace(order(tmp_path, uri), interactions=4)
+        asked = replace(order(tmp_path, uri), interactions=3)
         path = tmp_path / "legs.toml"
         path.write_text(PROBLEM.replace('hinge = "up"', 'hinge = "unknown"', 1))
         result = identify(
