@@ -22,11 +22,12 @@
     return new THREE.Quaternion().setFromRotationMatrix(matrix);
   }
 
-  function geometryOf({ kind, size }) {
+  // Around an axis there are so many sides; twice as many on a body as on its ghosts.
+  function geometryOf({ kind, size }, sides) {
     if (kind === "box") return new THREE.BoxGeometry(...size);
-    if (kind === "sphere") return new THREE.SphereGeometry(size[0], 24, 16);
-    if (kind === "capsule") return new THREE.CapsuleGeometry(size[0], size[1], 8, 20).rotateZ(-Math.PI / 2);
-    return new THREE.CylinderGeometry(size[0], size[0], size[1], 24).rotateX(Math.PI / 2);
+    if (kind === "sphere") return new THREE.SphereGeometry(size[0], sides, (2 * sides) / 3);
+    if (kind === "capsule") return new THREE.CapsuleGeometry(size[0], size[1], sides / 3, sides).rotateZ(-Math.PI / 2);
+    return new THREE.CylinderGeometry(size[0], size[0], size[1], sides).rotateX(Math.PI / 2);
   }
 
   function materialOf(link, opacity) {
@@ -40,7 +41,7 @@
     });
   }
 
-  function build(links, opacityOf) {
+  function build(links, opacityOf, sides = 24) {
     const hinges = [];
     links.forEach((link) => {
       const frame = new THREE.Group();
@@ -49,7 +50,7 @@
       frame.quaternion.copy(turnOf(link.turn));
       frame.add(hinge);
       for (const shape of link.shapes) {
-        const mesh = new THREE.Mesh(geometryOf(shape), materialOf(link, opacityOf(link)));
+        const mesh = new THREE.Mesh(geometryOf(shape, sides), materialOf(link, opacityOf(link)));
         mesh.position.set(...shape.place);
         mesh.quaternion.copy(turnOf(shape.turn));
         mesh.castShadow = !mesh.material.transparent;
@@ -71,7 +72,7 @@
     const scene = new THREE.Scene();
     const stand = new THREE.Group();
     const body = build(shown.links, (link) => 0.3 + 0.7 * link.certainty);
-    const samples = shown.samples.map((links) => build(links, (link) => (link.limb < 0 ? 0 : GHOST)));
+    const samples = shown.samples.map((links) => build(links, (link) => (link.limb < 0 ? 0 : GHOST), 12));
     stand.add(body.root);
     const haze = new THREE.Group();
     samples.forEach((sample) => haze.add(sample.root));
