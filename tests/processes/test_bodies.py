@@ -60,7 +60,6 @@ class Case:
 
 
 CASES = (
-    Case("unequal_legs", "parametric", (0.22, 0.18, 0.25, 0.155), 12),
     Case("damaged_leg", "topological-20", (0.22, 0.22, 0.13, 0.22), 20),
     Case("three_legs", "topological", (0.2,) * 3, 9),
     Case("leg_on_leg", "topological", (0.2, 0.18, 0.2, 0.2, 0.12), 15),

@@ -243,22 +243,22 @@ def test_a_larger_robot_rests_like_a_small_one(
 def agreement(
     statics: StaticsPhysics, random_quadruped: MakeBody, random_tree: MakeBody
 ) -> dict[str, tuple[Readings, Readings, Array]]:
-    """Readings of 50 bodies of a kind by both back-ends, and the path margins."""
+    """Readings of 30 bodies of a kind by both back-ends, and the path margins."""
     by_kind = {}
     with PyBulletPhysics(WorldSettings(steps=1200, step=1 / 240, full_steps=True)) as engine:
         for kind, make, motors in (("quadrupeds", random_quadruped, 4), ("trees", random_tree, 8)):
-            pairs = random_pairs(make, 50, seed=12, motors=motors)
+            pairs = random_pairs(make, 30, seed=12, motors=motors)
             by_kind[kind] = (statics.read(pairs), engine.read(pairs), statics.path_margins(pairs))
     return by_kind
 
 
-@pytest.mark.parametrize(("kind", "share"), [("quadrupeds", 0.88), ("trees", 0.93)])
+@pytest.mark.parametrize(("kind", "share"), [("quadrupeds", 0.86), ("trees", 0.93)])
 def test_poses_are_those_of_a_simulation(
     agreement: dict[str, tuple[Readings, Readings, Array]],
     kind: str,
     share: float,
 ) -> None:
-    """Quadrupeds 94 % and trees 98 %, of a thousand; here less whatever chance may do to 50.
+    """Quadrupeds 94 % and trees 98 %, of a thousand; here less whatever chance may do to 30.
 
     What differs is where a body's momentum decides; those poses have a small path margin.
     """
