@@ -216,7 +216,10 @@ class Morphology:
         return (mount.fraction * self.parts[self.parts[index].parent].length, 0.0, 0.0)
 
     def turn(self, index: int, angle: float) -> Array:
-        """How a part is turned in its parent's frame where its hinge has an angle (rad), (3, 3)."""
+        """How a part is turned in its parent's frame where its hinge has an angle (rad), (3, 3).
+
+        Read-only where that is 0.
+        """
         straight = direction(self.mount(index))
         return straight @ rotation(self.hinge(index).axis, angle) if angle else straight
 

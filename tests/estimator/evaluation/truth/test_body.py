@@ -120,3 +120,10 @@ def test_a_wide_box_is_as_long_as_it_reaches_away_from_the_body(tmp_path: Path) 
 def test_another_robots_body_is_refused() -> None:
     with pytest.raises(TruthError, match="no revolute joint named tail: give"):
         true_limbs(Path("sim_robot/bodies/quadruped.urdf"), {"hip_left": 0, "tail": 1})
+
+
+def test_legs_that_differ_have_their_own_lengths() -> None:
+    path = Path(__file__).parents[4] / "sim_robot" / "bodies" / "unequal_legs.urdf"
+    hips = {f"hip_{side}": motor for motor, side in enumerate(("left", "front", "right", "back"))}
+    lengths = [leg.limb.length for leg in true_limbs(path, hips)]
+    assert lengths == pytest.approx([0.22, 0.18, 0.25, 0.155], abs=1e-6)
