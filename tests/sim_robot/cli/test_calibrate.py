@@ -33,7 +33,7 @@ from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 
 LOG = logging.getLogger("test")
 SEEDS = range(1000, 1010)
-AT_EACH_CHANGE = {"pc104": (1000,), "pi": ()}  # of which tests/processes has one
+AT_EACH_CHANGE = {"pc104": (1000,), "pi": ()}  # tests/processes calibrates a pi
 BODY = load_body(default_body_path())
 BELIEVED = {
     "pc104": pc104_set.configure(BODY, port="nowhere", levels=NoiseLevels()),

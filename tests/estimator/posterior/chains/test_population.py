@@ -87,18 +87,16 @@ def test_chains_fit_as_well_as_every_body_weighed(short: Predictor) -> None:
     assert np.abs((np.mean(means, axis=0) - expected) / spread).max() < 3
 
 
-def gain(
-    population: Population, predictor: Predictor, data: SensorData, noise: Noise, *, surely: bool
-) -> float:
+def gain(population: Population, predictor: Predictor, data: SensorData) -> float:
     """Takes 20 steps; by how much the coldest level's log-likelihoods grow in the mean."""
-    likelihood, cold = Likelihood(data, noise), slice(0, population.width)
+    likelihood, cold = Likelihood(data, POOR), slice(0, population.width)
 
     def fits() -> Array:
-        misfits = likelihood.misfits_of(predictor, population.values[cold], surely=surely)
+        misfits = likelihood.misfits_of(predictor, population.values[cold])
         each: Array = likelihood.of(misfits, scales=population.scales[cold]).sum(axis=1)
         return each
 
-    population.observe(data, noise, surely=surely)
+    population.observe(data, POOR, surely=False)
     before = fits()
     for _ in range(20):
         population.step()
@@ -137,7 +135,7 @@ def test_the_joint_distribution_is_left_alone(narrow: Predictor) -> None:
         own = (population.values[0], programs(3, seed=8), rng)
         data = draw(narrow, *own, scales=population.scales[0], outlier=0.3, noise=POOR)
         weigh_prior(population, narrow, data, rng)
-        gains.append(gain(population, narrow, data, POOR, surely=False))
+        gains.append(gain(population, narrow, data))
         values.append(population.values[0])
         scales.append(population.scales[0])
     still_the_prior(narrow, values, scales, gains)
