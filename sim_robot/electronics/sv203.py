@@ -11,6 +11,7 @@ import os
 import select
 import shutil
 import tempfile
+import termios
 import threading
 import tty
 from collections.abc import Callable, Mapping, Sequence
@@ -251,6 +252,8 @@ class _Link:
             ready = poll.poll()
             if any(fd == self._wake_read for fd, _ in ready):
                 return
+            # Held open here, the line would stay exclusive after a daemon that was killed.
+            fcntl.ioctl(self._slave, termios.TIOCNXCL)
             with suppress(BlockingIOError):
                 reply = self._consume(os.read(self._master, _CHUNK))
                 if reply:

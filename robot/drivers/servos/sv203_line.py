@@ -18,6 +18,7 @@ from typing import Final
 
 import serial
 
+from robot.drivers.links.serial_line import readers
 from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 
@@ -121,14 +122,16 @@ class SV203Line:
             raise DeviceTimeoutError(
                 f"The {board} did not answer {query} within {self._reply_timeout:g} s"
                 f"{f' (only {reply!r})' if reply else ''}.",
-                "Check its power, the cable, the baud rate and the board number.",
+                "Check its power, the cable, the baud rate and the board number, and "
+                + readers(str(self._port.port)),
             )
         self._clock.charge(len(reply) * self._byte_time)
         digits = reply.strip(b"\r\n ")
         if not (digits.isdigit() and int(digits) <= 255):
             raise DeviceDataError(
                 f"The {board} answered {reply!r} to {query} instead of a number 0 to 255.",
-                "Check the cable, the ground and the baud rate.",
+                "Check the cable, the ground and the baud rate, and "
+                + readers(str(self._port.port)),
             )
         return int(digits)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import fcntl
+import os
 import termios
 import time
 from pathlib import Path
@@ -19,6 +21,8 @@ from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, Devic
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock
 from tests.robot.drivers.servos.lines import Line, Wire, on_line
+
+TIOCGEXCL = 0x80045440  # of asm-generic/ioctls.h; Python has no name for it
 
 
 def test_one_damaged_answer_is_asked_again(servos: SV203, servo_board: SV203Emulator) -> None:
@@ -66,6 +70,40 @@ def test_a_silent_board_is_an_error_in_time(
         servos.read_counts()
     assert time.monotonic() - start < 5.0
     assert clock.now() >= 0.6  # three attempts, charged to the robot's clock
+
+
+def is_exclusive(file: int) -> bool:
+    flag = bytearray(4)
+    fcntl.ioctl(file, TIOCGEXCL, flag)
+    return any(flag)
+
+
+def test_nobody_else_can_open_a_line_until_it_is_closed(wire: Wire) -> None:
+    line = open_serial(wire.name, 9600)
+    assert is_exclusive(wire.slave)
+    line.close()
+    assert not is_exclusive(wire.slave)  # whoever reads it already does not keep us out
+    open_serial(wire.name, 9600).close()
+
+
+def test_a_daemon_that_was_killed_leaves_no_emulated_line_shut(
+    servos: SV203, servo_board: SV203Emulator
+) -> None:
+    servos.read_counts([1])
+    line = os.open(servo_board.port, os.O_RDWR | os.O_NOCTTY)
+    assert not is_exclusive(line)
+    os.close(line)
+
+
+@pytest.mark.parametrize("reply", [b"", b"8~\r"])
+def test_a_second_reader_of_the_line_is_thought_of(reply: bytes) -> None:
+    driver = on_line(Line(lambda: reply), InstantClock())
+    with pytest.raises(DeviceError) as caught:
+        driver.read_counts([1])
+    assert (
+        "and that no other program reads the line (fuser -v /dev/ttyS0; systemctl stop "
+        "serial-getty@ttyS0)." in str(caught.value)
+    )
 
 
 def test_another_board_number_gets_no_answer(
