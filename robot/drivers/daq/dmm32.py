@@ -11,14 +11,14 @@ driver do; the manual's prose says bit 2. Codes are signed in every range, also 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.portio import PortIO
+from robot.drivers.links.portio import ClosedPorts, PortIO
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -119,9 +119,8 @@ class DMM32Settings:
         )
 
     def open(self, buses: Buses) -> DMM32:
-        """Opens the board's ports."""
-        ports = buses.open_ports(self.base)
-        return DMM32(ports, base=self.base, clock=buses.clock, range_=self.input_range)
+        """The board; ``probe`` opens its ports."""
+        return DMM32(buses.open_ports, base=self.base, clock=buses.clock, range_=self.input_range)
 
     def __str__(self) -> str:
         return f"0x{self.base:x}, {self.input_range}"
@@ -131,7 +130,7 @@ class DMM32:
     """One board; call ``probe`` before the first conversion.
 
     Args:
-        port_io: Access to the I/O ports; the driver closes it.
+        open_ports: Opens the I/O ports from a base address on; the driver closes them.
         base: Base address as jumpered, one of ``BASES``; factory setting 0x300.
         clock: Measures deadlines.
         range_: Input range of all channels, a key of ``RANGES``.
@@ -139,26 +138,37 @@ class DMM32:
 
     def __init__(
         self,
-        port_io: PortIO,
+        open_ports: Callable[[int], PortIO],
         *,
         base: int = 0x300,
         clock: Clock,
         range_: str = "±5V",
     ):
         self.range = RANGES[range_]
-        self._io = port_io
+        self._open_ports = open_ports
+        self._io: PortIO = ClosedPorts()
         self._base = base
         self._clock = clock
         self._range_code = _SCAN_20_US | self.range.code
 
-    def probe(self) -> None:
-        """Resets the analogue side and makes sure that the board is there.
+    def open(self) -> None:
+        """Opens the ports, anew if they are open.
 
         Raises:
-            DeviceMissingError: Nothing, or something else, answers at the base address.
+            DeviceMissingError: They cannot be opened; the sentence says why.
+        """
+        self.close()
+        self._io = self._open_ports(self._base)
+
+    def probe(self) -> None:
+        """Opens the ports, anew if need be, resets the analogue side, looks whether it is there.
+
+        Raises:
+            DeviceMissingError: The ports cannot be opened; nothing, or something else, answers.
             DeviceTimeoutError: The board is there, and busy without end.
             DeviceDataError: The board's inputs are jumpered differential.
         """
+        self.open()
         with self._ports():
             self._write(_CONTROL, _RESET_ANALOGUE)
             self._clock.sleep(1e-3)
@@ -227,7 +237,8 @@ class DMM32:
 
     def close(self) -> None:
         """Gives the ports back."""
-        self._io.close()
+        ports, self._io = self._io, ClosedPorts()
+        ports.close()
 
     def _samples(self, count: int) -> list[float]:
         base, read, volts = self._base + _DATA, self._io.read, self.range.volts

@@ -26,13 +26,13 @@ _SAME_MOMENT: Final = 0.5e-3  # s; half the shortest period at which sensors are
 
 
 class AnalogueBoard(Protocol):
-    """A data acquisition board."""
+    """A data acquisition board; it may have ``link``, as a ``SensorDriver``."""
 
     def probe(self) -> None:
-        """Makes sure that it is there, and as it should be; also after a fault.
+        """Opens the link, anew after a fault; makes sure that it is there, and as it should be.
 
         Raises:
-            DeviceError: It is not.
+            DeviceError: It is not, or cannot be opened.
         """
 
     def scan(self, low: int, high: int) -> list[float]:
@@ -43,7 +43,7 @@ class AnalogueBoard(Protocol):
         """
 
     def close(self) -> None:
-        """Gives it back."""
+        """Gives it back, if it is open; ``probe`` may follow."""
 
 
 class AnalogueInputs:

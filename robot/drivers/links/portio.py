@@ -23,6 +23,21 @@ class PortIO(Protocol):
         """Gives the ports back."""
 
 
+class ClosedPorts:
+    """Ports that are not open: nothing can be read or written."""
+
+    def read(self, port: int, n: int = 1) -> bytes:
+        """Fails."""
+        raise OSError(errno.EBADF, "they are not open")
+
+    def write(self, port: int, value: int) -> None:
+        """Fails."""
+        raise OSError(errno.EBADF, "they are not open")
+
+    def close(self) -> None:
+        """Does nothing."""
+
+
 class DevPort:
     """The ports of this machine through ``/dev/port``.
 

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot.drivers.daq.dmm32 import BASES, DMM32, RANGES
+from robot.drivers.links.portio import PortIO
 from robot.errors import (
     CommandError,
     DeviceDataError,
@@ -30,9 +31,16 @@ def board(clock: InstantClock) -> DMM32Emulator:
 
 @pytest.fixture
 def driver(board: DMM32Emulator, clock: InstantClock) -> DMM32:
-    probed = DMM32(board, clock=clock)
+    probed = on(board, clock)
     probed.probe()
     return probed
+
+
+def on(board: PortIO, clock: InstantClock, *, base: int = 0x300, range_: str = "±5V") -> DMM32:
+    """A driver with its ports open."""
+    driver = DMM32(lambda address: board, base=base, clock=clock, range_=range_)
+    driver.open()
+    return driver
 
 
 class Glitch:
@@ -92,14 +100,14 @@ def test_every_range_reads_back_what_is_there(range_: str, share: float) -> None
     kind = RANGES[range_]
     volts = kind.low + share * (kind.high - kind.low)
     clock = InstantClock()
-    driver = DMM32(DMM32Emulator(lambda channel: volts, clock), clock=clock, range_=range_)
+    driver = on(DMM32Emulator(lambda channel: volts, clock), clock, range_=range_)
     step = (kind.high - kind.low) / 65536
     assert driver.scan(5, 5) == [pytest.approx(volts, abs=step)]
     assert driver.scan(3, 4) == [pytest.approx(volts, abs=step)] * 2
 
 
 def test_a_voltage_beyond_the_range_reads_the_end(clock: InstantClock) -> None:
-    driver = DMM32(DMM32Emulator(lambda channel: 7.0, clock), clock=clock, range_="±2.5V")
+    driver = on(DMM32Emulator(lambda channel: 7.0, clock), clock, range_="±2.5V")
     assert driver.scan(0, 0) == [pytest.approx(2.5, abs=1e-4)]
 
 
@@ -108,7 +116,7 @@ def test_scans_and_single_readings_keep_their_channels_apart(
     spans: list[tuple[int, int]],
 ) -> None:
     clock = InstantClock()
-    driver = DMM32(DMM32Emulator(staircase, clock), clock=clock)
+    driver = on(DMM32Emulator(staircase, clock), clock)
     driver.probe()
     for one, other in spans:
         low, high = min(one, other), max(one, other)
@@ -119,13 +127,13 @@ def test_scans_and_single_readings_keep_their_channels_apart(
 
 @pytest.mark.parametrize("base", BASES)
 def test_any_base_address_of_the_board(base: int, clock: InstantClock) -> None:
-    driver = DMM32(DMM32Emulator(staircase, clock, base=base), base=base, clock=clock)
+    driver = on(DMM32Emulator(staircase, clock, base=base), clock, base=base)
     driver.probe()
     assert driver.scan(9, 9) == [pytest.approx(staircase(9), abs=1e-4)]
 
 
 def test_a_scan_takes_its_interval_per_channel(clock: InstantClock) -> None:
-    driver = DMM32(DMM32Emulator(staircase, clock), clock=clock)
+    driver = on(DMM32Emulator(staircase, clock), clock)
     start = clock.now()
     driver.scan(0, 6)
     assert 7 * 20 <= (clock.now() - start) * 1e6 < 7 * 20 + 60
@@ -138,7 +146,7 @@ def test_channels_out_of_range_are_refused(driver: DMM32, low: int, high: int) -
 
 
 def test_no_board_at_the_base_address(clock: InstantClock) -> None:
-    driver = DMM32(DMM32Emulator(staircase, clock, base=0x280), clock=clock)
+    driver = on(DMM32Emulator(staircase, clock, base=0x280), clock)
     with pytest.raises(DeviceMissingError, match=r"No DMM-32 answers at 0x300.*0xFF.*jumper J7"):
         driver.probe()
     with pytest.raises(DeviceMissingError, match="0xFF"):
@@ -157,7 +165,7 @@ def test_something_else_at_the_base_address(clock: InstantClock) -> None:
             pass
 
     with pytest.raises(DeviceMissingError, match="00 00 00 00 00 00 instead of 00 1f 80 60 00 0c"):
-        DMM32(Memory(), clock=clock).probe()
+        on(Memory(), clock).probe()
 
 
 def test_differential_jumpers_are_named(board: DMM32Emulator, clock: InstantClock) -> None:
@@ -167,7 +175,7 @@ def test_differential_jumpers_are_named(board: DMM32Emulator, clock: InstantCloc
             return bytes((data[0] & ~0x40,)) if port == 0x308 else data
 
     with pytest.raises(DeviceDataError, match=r"differential.*J5"):
-        DMM32(Differential(board, 0, 0), clock=clock).probe()
+        on(Differential(board, 0, 0), clock).probe()
 
 
 @pytest.mark.parametrize(("fault", "flag"), [("stuck_wait", "WAIT"), ("stuck_busy", "STS")])
@@ -210,7 +218,7 @@ def test_a_stuck_flag_ends_even_on_a_clock_that_stands_still(clock: InstantClock
     board = DMM32Emulator(staircase, clock)
     board.inject("stuck_wait")
     with pytest.raises(DeviceTimeoutError):
-        DMM32(board, clock=Frozen()).scan(0, 0)
+        on(board, Frozen()).scan(0, 0)
 
 
 @pytest.mark.parametrize(("low", "high"), [(12, 12), (8, 14)])
@@ -222,8 +230,8 @@ def test_a_board_that_drops_off_the_bus_never_yields_a_wrong_voltage(
     for first in range(60):
         clock = InstantClock()
         board = DMM32Emulator(staircase, clock)
-        DMM32(board, clock=clock, range_="±10V").scan(0, 6)
-        driver = DMM32(Glitch(board, first, count), clock=clock)
+        on(board, clock, range_="±10V").scan(0, 6)
+        driver = on(Glitch(board, first, count), clock)
         try:
             volts = driver.scan(low, high)
         except DeviceError as error:
@@ -245,7 +253,7 @@ def test_ports_that_fail_are_a_sentence(clock: InstantClock) -> None:
         def close(self) -> None:
             pass
 
-    driver = DMM32(Refusing(), clock=clock)
+    driver = on(Refusing(), clock)
     for act in (driver.probe, lambda: driver.scan(0, 3)):
         with pytest.raises(DeviceMissingError, match="CAP_SYS_RAWIO"):
             act()
