@@ -33,6 +33,7 @@ class StillPi(OnElectronics):
 
     servos: ServoBus
     pwm: PCA9685Emulator
+    bus: I2CBus
 
 
 def pi_config() -> RobotConfig:
@@ -77,10 +78,16 @@ def still_pi(clock: Clock, *, housekeeping: float | None, log: logging.Logger) -
     bus = I2CBus([pwm, adc, accelerometer, distance], clock)
     with on_electronics(
         config,
-        {"pwm": pwm, "adc": adc, "accelerometer": accelerometer},
-        Buses(clock=clock, open_i2c=lambda path: bus),
+        {
+            "pwm": pwm,
+            "adc": adc,
+            "accelerometer": accelerometer,
+            "distance": distance,
+            "i2c": bus,
+        },
+        Buses(clock=clock, open_i2c=bus.open),
         stand=True,
         housekeeping=housekeeping,
         log=log,
     ) as robot:
-        yield StillPi(**vars(robot), servos=robot.devices.servos, pwm=pwm)
+        yield StillPi(**vars(robot), servos=robot.devices.servos, pwm=pwm, bus=bus)

@@ -24,6 +24,7 @@ from robot.service.devices import Devices, open_devices
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.faults.fault_panel import FaultPanel
@@ -80,6 +81,7 @@ class StillRobot(OnElectronics):
     servo_board: SV203Emulator
     daq: DMM32Emulator
     distance: VL6180XEmulator
+    bus: I2CBus
 
 
 class Bystander:
@@ -184,10 +186,11 @@ def still_robot(
         world = StillWorld.around(config)
         daq = DMM32Emulator(world.input, clock)
         distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+        bus = I2CBus([distance], clock)
         with on_electronics(
             config,
-            {"servo_board": board, "daq": daq, "distance": distance},
-            Buses(clock=clock, open_ports=lambda base: daq, open_i2c=lambda path: distance),
+            {"servo_board": board, "daq": daq, "distance": distance, "i2c": bus},
+            Buses(clock=clock, open_ports=lambda base: daq, open_i2c=bus.open),
             housekeeping=housekeeping,
             log=log,
             manager=manager,
@@ -200,4 +203,5 @@ def still_robot(
                 servo_board=board,
                 daq=daq,
                 distance=distance,
+                bus=bus,
             )

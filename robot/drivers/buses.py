@@ -13,7 +13,7 @@ import serial
 
 from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.drivers.links.gpio_line import GPIOLine, OutputLine
-from robot.drivers.links.i2c import I2CBus, open_i2c
+from robot.drivers.links.i2c import I2CBus, I2CLink, open_i2c
 from robot.drivers.links.portio import PortIO, open_dev_port
 from robot.drivers.links.serial_line import open_serial
 from robot.host.clock import Clock
@@ -38,3 +38,7 @@ class Buses:
     open_i2c: Callable[[str], I2CBus] = open_i2c
     open_line: Callable[[str, int, bool], OutputLine] = GPIOLine
     analogue: AnalogueInputs | None = None
+
+    def i2c(self, number: int) -> I2CLink:
+        """An I²C bus by its number, not open yet."""
+        return I2CLink(self.open_i2c, f"/dev/i2c-{number}")

@@ -108,11 +108,16 @@ def revive(config: RobotConfig, devices: Devices) -> None:
     """Makes devices that failed work again, as far as that takes no person.
 
     The link to servos that do not answer, or cannot, is opened anew, under the name in the
-    configuration.
+    configuration; that to every sensor in any case, after all of them were closed: one that is open
+    keeps an adapter that was plugged in again from its number.
 
     Raises:
         DeviceError: One of them still fails.
     """
+    for sensor in devices.sensors:
+        sensor.close()
+    if devices.inputs is not None:
+        devices.inputs.board.close()
     try:
         devices.servos.read_counts([config.joints[0].output])
     except DeviceError:

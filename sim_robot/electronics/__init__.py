@@ -7,12 +7,13 @@ emulator                       behaves as                        does not model
                                                                  EEPROM programs, infra-red
 ``dmm32.DMM32Emulator``        register file on I/O ports        DACs, digital I/O, counters,
                                                                  interrupts, differential inputs
-``vl6180x.VL6180XEmulator``    registers on an I²C bus           light sensor, continuous ranging,
-                                                                 history buffer, interrupt pin
+``vl6180x.VL6180XEmulator``    registers on an I²C bus           light sensor, history buffer,
+                                                                 interrupt pin, ambient light
 ``pca9685.PCA9685Emulator``    registers on an I²C bus           open-drain outputs, test mode
 ``mpu6050.MPU6050Emulator``    registers on an I²C bus           gyroscope, FIFO, filters
 ``ads1115.ADS1115Emulator``    registers on an I²C bus           comparator
-``i2c_bus.I2CBus``             the bus that they are on          clock stretching, several masters
+``i2c_bus.I2CBus``             the bus that they are on, and     clock stretching, several masters,
+                               its adapter                       transfers cut off half-way
 =============================  ================================  ==================================
 
 They are told what there is to feel by plain callables, know nothing of bodies, and charge the

@@ -1,6 +1,7 @@
 """An emulated ADS1115: four analogue inputs on an I²C bus.
 
-Source: TI ADS1113/4/5 data sheet, SBAS444. The comparator and its pin are not modelled.
+Source: TI ADS1113/4/5 data sheet, SBAS444. The comparator and its pin are not modelled, its
+registers are.
 """
 
 from __future__ import annotations
@@ -44,7 +45,10 @@ class ADS1115Emulator(I2CDevice):
         {**I2CDevice.NUMBERS, "stuck_channel": range(4), "railed_channel": range(4)}
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {"reset": "the supply dips: the chip forgets its settings, and a conversion under way"}
+        {
+            "reset": "the supply dips: the chip forgets its settings, and a conversion under way",
+            "comparing": "another program uses the comparator and converts input 0 on and on",
+        }
     )
 
     def __init__(self, volts: Callable[[int], float], clock: Clock, *, address: int = 0x48):
@@ -59,6 +63,7 @@ class ADS1115Emulator(I2CDevice):
         self._pointer = _CONVERSION
         self._registers = [0x0000, _RESET_CONFIG, 0x8000, 0x7FFF]
         self._done_at: float | None = None
+        self._converting = _RESET_CONFIG  # the settings of the conversion under way
 
     def mend(self, fault: str | None = None) -> None:
         """Switches a fault off, or all of them; a stuck input moves again."""
@@ -92,7 +97,11 @@ class ADS1115Emulator(I2CDevice):
         return (word * (count // 2 + 1))[:count]
 
     def _happen(self, event: str, value: int) -> None:
-        self.power_cycle()
+        if event == "reset":
+            self.power_cycle()
+        else:
+            self._registers[2:] = [0x0000, 0x8000]  # its pin tells when a conversion has ended
+            self._store(_CONFIG, 0x4280)
 
     def _store(self, register: int, value: int) -> None:
         self._finish()
@@ -102,7 +111,8 @@ class ADS1115Emulator(I2CDevice):
             self._begin()
 
     def _begin(self) -> None:
-        rate = _RATES[self._registers[_CONFIG] >> 5 & 0x07]
+        self._converting = self._registers[_CONFIG]
+        rate = _RATES[self._converting >> 5 & 0x07]
         self._done_at = self._clock.now() + _WAKING + 1.0 / rate
 
     def _finish(self) -> None:
@@ -114,7 +124,7 @@ class ADS1115Emulator(I2CDevice):
             self._begin()
 
     def _convert(self) -> int:
-        config = self._registers[_CONFIG]
+        config = self._converting
         plus, minus = _PAIRS[config >> 12 & 0x07]
         full_scale = _FULL_SCALES[config >> 9 & 0x07]
         if self._faults.get("railed_channel") == plus:

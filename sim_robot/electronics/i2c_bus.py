@@ -18,6 +18,7 @@ from typing import ClassVar, Final
 
 from smbus2 import i2c_msg
 
+from robot.drivers.links.i2c import no_such_bus
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
 
@@ -37,10 +38,13 @@ class I2CDevice(FaultSwitch, ABC):
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "nak": "the device acknowledges nothing; with n, not every n-th transfer",
+            "unheard": "every n-th transfer is carried out, and its acknowledge lost",
             "hang": "the device holds the bus low until the kernel gives up",
         }
     )
-    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType({"nak": EVERY_NTH})
+    NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
+        dict.fromkeys(("nak", "unheard"), EVERY_NTH)
+    )
 
     def __init__(self, clock: Clock):
         super().__init__()
@@ -59,8 +63,11 @@ class I2CDevice(FaultSwitch, ABC):
     def begin(self) -> bool:
         """Called at the beginning of a transfer; whether the device takes part in it."""
         self._begun += 1
-        number = self._faults.get("nak")
-        return number is None or (number > 0 and self._begun % number != 0)
+        return not self._fails("nak")
+
+    def heard(self) -> bool:
+        """Called at the end of a transfer; whether its acknowledges reached the host."""
+        return not self._fails("unheard")
 
     def hears(self, address: int) -> bool:
         """Called at the beginning of a message; whether the device takes part in it."""
@@ -82,18 +89,55 @@ class I2CDevice(FaultSwitch, ABC):
     def stop(self) -> None:
         """Called at the end of a transfer."""
 
+    def _fails(self, fault: str) -> bool:
+        """Whether a fault of every n-th transfer hits this one."""
+        number = self._faults.get(fault)
+        return number is not None and self._begun % max(number, 1) == 0
 
-class I2CBus:
-    """A bus with devices on it, to give to a driver in the place of ``smbus2.SMBus``.
+
+class I2CBus(FaultSwitch):
+    """A bus with devices on it; itself, it is a handle that never dies.
+
+    The devices keep their supply while the adapter is unplugged.
 
     Args:
         devices: What is on it.
         clock: Is charged 100 µs per transfer.
+
+    Attributes:
+        handles: Those that are open.
     """
 
+    FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
+        {
+            "unplugged": "the bus's adapter is out of the host: what was open stays dead, and "
+            "nothing can be opened"
+        }
+    )
+
     def __init__(self, devices: Iterable[I2CDevice], clock: Clock):
+        super().__init__()
+        self.handles: set[Handle] = set()
         self._devices = tuple(devices)
         self._clock = clock
+
+    def open(self, path: str) -> Handle:
+        """Opens the bus, whatever it is called.
+
+        Raises:
+            DeviceMissingError: It is unplugged.
+        """
+        if "unplugged" in self._faults:
+            raise no_such_bus(path, _error(errno.ENOENT))
+        handle = Handle(self)
+        self.handles.add(handle)
+        return handle
+
+    def inject(self, fault: str, value: int = 0) -> None:
+        """Switches a fault on; may be called from any thread."""
+        super().inject(fault, value)
+        for handle in list(self.handles):
+            handle.alive = False
 
     def i2c_rdwr(self, *messages: i2c_msg) -> None:
         """Carries out messages as one transfer; reads are filled in place."""
@@ -112,6 +156,8 @@ class I2CBus:
         finally:
             for device in present:
                 device.stop()
+        if not all(device.heard() for device in present):
+            raise _error(errno.EREMOTEIO)
 
     def close(self) -> None:
         """Does nothing."""
@@ -125,6 +171,28 @@ class I2CBus:
             ctypes.memmove(message.buf, data, len(data))
         elif True not in [device.receive(bytes(message)) for device in devices]:
             raise _error(errno.EREMOTEIO)
+
+
+class Handle:
+    """An open bus, to give to a driver in the place of ``smbus2.SMBus``.
+
+    Attributes:
+        alive: Whether the adapter has not been unplugged since.
+    """
+
+    def __init__(self, bus: I2CBus):
+        self.alive = True
+        self._bus = bus
+
+    def i2c_rdwr(self, *messages: i2c_msg) -> None:
+        """Carries out messages as one transfer; reads are filled in place."""
+        if not self.alive:
+            raise _error(errno.ENODEV)
+        self._bus.i2c_rdwr(*messages)
+
+    def close(self) -> None:
+        """Closes it; that of a dead one, too, is due."""
+        self._bus.handles.remove(self)
 
 
 def _error(number: int) -> OSError:

@@ -1,7 +1,8 @@
 """An emulated MPU-6050: accelerometer and thermometer on an I²C bus; its gyroscope feels nothing.
 
-Source: InvenSense MPU-6000/6050 register map 4.2. FIFO, interrupts, filters, the auxiliary bus and
-the sample rate divider are not modelled: there is a new sample every millisecond.
+Source: InvenSense MPU-6000/6050 register map 4.2, and application note *MPU Hardware Offset
+Registers* (the accelerometer's, in codes of ±8 g, which a reset loads from the factory's). FIFO,
+interrupts, filters and the auxiliary bus are not modelled.
 """
 
 from __future__ import annotations
@@ -15,12 +16,16 @@ from sim_robot.electronics.i2c_bus import I2CDevice
 
 SAMPLE_PERIOD: Final = 1e-3
 
+_OFFSETS: Final = 0x06
+_FACTORY_OFFSETS: Final = (-1210, 344, 1502)
 _SELF_TEST: Final = 0x0D
 _TRIM_CODES: Final = (14, 17, 11)
+_SAMPLE_RATE: Final = 0x19
 _ACCELEROMETER_CONFIG: Final = 0x1C
 _SAMPLE: Final = 0x3B
 _SAMPLE_SIZE: Final = 14
 _POWER: Final = 0x6B
+_STANDBY: Final = 0x6C
 _WHO_AM_I: Final = 0x75
 _SIZE: Final = 0x76
 _DEVICE_RESET: Final = 0x80
@@ -49,6 +54,7 @@ class MPU6050Emulator(I2CDevice):
             "railed_axis": "axis n is at the end of its range",
             "weak": "axis n moves by 70 % of what it should in the self-test",
             "other": "another chip is there, which calls itself n",
+            "untrimmed": "a copy of the chip is there, without factory trim",
         }
     )
     NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
@@ -62,6 +68,7 @@ class MPU6050Emulator(I2CDevice):
         {
             "reset": "the supply dips: the chip sleeps and has lost its settings",
             "sleep": "something puts the chip to sleep: it repeats its last sample",
+            "reranged": "another program sets the range of ±8 g",
         }
     )
 
@@ -83,6 +90,8 @@ class MPU6050Emulator(I2CDevice):
         self._registers[_SELF_TEST : _SELF_TEST + 4] = bytes(
             (x >> 2 << 5, y >> 2 << 5, z >> 2 << 5, (x & 3) << 4 | (y & 3) << 2 | z & 3)
         )
+        for axis, offset in enumerate(_FACTORY_OFFSETS):
+            self._registers[_OFFSETS + 2 * axis : _OFFSETS + 2 * axis + 2] = _bytes(offset)
         self._registers[_POWER] = _ASLEEP
         self._registers[_WHO_AM_I] = 0x68
         self._pointer = 0
@@ -119,6 +128,8 @@ class MPU6050Emulator(I2CDevice):
             value = self._registers[self._pointer]
             if self._pointer == _WHO_AM_I:
                 value = self._faults.get("other", value) & 0xFF
+            if "untrimmed" in self._faults and _SELF_TEST <= self._pointer < _SELF_TEST + 4:
+                value = 0
             data.append(value)
             self._pointer = (self._pointer + 1) % _SIZE
         return bytes(data)
@@ -126,8 +137,10 @@ class MPU6050Emulator(I2CDevice):
     def _happen(self, event: str, value: int) -> None:
         if event == "reset":
             self.power_cycle()
-        else:
+        elif event == "sleep":
             self._registers[_POWER] |= _ASLEEP
+        else:
+            self._registers[_ACCELEROMETER_CONFIG] = 0x10
 
     def _store(self, register: int, value: int) -> None:
         if register == _POWER and value & _DEVICE_RESET:
@@ -137,7 +150,8 @@ class MPU6050Emulator(I2CDevice):
 
     def _sample(self) -> None:
         now = self._clock.now()
-        if self._registers[_POWER] & _ASLEEP or now - self._sampled < SAMPLE_PERIOD:
+        period = SAMPLE_PERIOD * (1 + self._registers[_SAMPLE_RATE])
+        if self._registers[_POWER] & _ASLEEP or now - self._sampled < period:
             return
         self._sampled = now
         self._samples += 1
@@ -147,13 +161,19 @@ class MPU6050Emulator(I2CDevice):
             self._stuck = codes[stuck] if self._stuck is None else self._stuck
             codes[stuck] = self._stuck
         words = [*codes, _word((self.celsius - 36.53) * 340), 0, 0, 0]
-        self._registers[_SAMPLE : _SAMPLE + _SAMPLE_SIZE] = b"".join(
-            word.to_bytes(2, "big", signed=True) for word in words
-        )
+        for axis in range(3):
+            if self._registers[_STANDBY] & 0x20 >> axis:
+                words[axis] = int.from_bytes(
+                    self._registers[_SAMPLE + 2 * axis : _SAMPLE + 2 * axis + 2], "big", signed=True
+                )
+        self._registers[_SAMPLE : _SAMPLE + _SAMPLE_SIZE] = b"".join(_bytes(word) for word in words)
 
     def _code(self, axis: int, value: float) -> int:
         config = self._registers[_ACCELEROMETER_CONFIG]
         scale = _CODES_PER_G[config >> 3 & 0x03]
+        start = _OFFSETS + 2 * axis
+        offset = int.from_bytes(self._registers[start : start + 2], "big", signed=True)
+        value += (offset - _FACTORY_OFFSETS[axis]) / _CODES_PER_G[2]
         code = value * scale + _DITHER[self._samples % 4][axis]
         if config & 0x80 >> axis:
             share = 0.7 if self._faults.get("weak") == axis else 1.02
@@ -162,6 +182,10 @@ class MPU6050Emulator(I2CDevice):
         if self._faults.get("railed_axis") == axis:
             return 32767
         return _word(code)
+
+
+def _bytes(word: int) -> bytes:
+    return word.to_bytes(2, "big", signed=True)
 
 
 def _word(value: float) -> int:

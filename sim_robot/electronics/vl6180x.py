@@ -1,8 +1,9 @@
 """An emulated VL6180X distance sensor on an I²C bus.
 
 Source: ST application note AN4545 and the VL6180X data sheet. Assumed, for want of figures: how
-long convergence takes, how photon counts scatter, and that a chip without its mandatory settings
-fails with error 4 (the real one measures wrongly, which would pass unnoticed).
+long convergence takes, how photon counts scatter, how the return rate falls with the distance, and
+how wrongly a chip measures without the settings that it should have: as the real one it gives no
+error then, and here reads a fifth too little.
 """
 
 from __future__ import annotations
@@ -18,22 +19,39 @@ from sim_robot.electronics.i2c_bus import I2CDevice
 _SIZE: Final = 0x300
 _OVERHEAD_TIME: Final = 7.5e-3  # preparation and read-out
 _NEAR_TIME: Final = 1e-3  # convergence at no distance
-_LONGEST_CONVERGENCE: Final = 49e-3  # as the chip leaves reset
+_SLOWEST: Final = 49e-3  # convergence of what is out of sight, as the chip leaves its reset
+_RATE: Final = 20.0  # Mcps returned at no distance
 
 _COUNTS: Final = 0x06C
 _COUNTS_SIZE: Final = 24
 _READ_ONLY: Final = frozenset({0x000, 0x04D, 0x04F, 0x062, *range(_COUNTS, _COUNTS + _COUNTS_SIZE)})
 
+_EARLY: Final = 6
 _NO_CONVERGENCE: Final = 7
+_IGNORED: Final = 8
 _UNDERFLOW: Final = 12
-_UNSETTLED: Final = 4
+
+_START: Final = 0x018
+_OFFSET: Final = 0x024
+_LIGHT_START: Final = 0x038
+_SCALER: Final = 0x096
+_NO_SCALING: Final = 253
+_IN_TURN: Final = 0x2A3
+
+_AT_RESET: Final = {
+    0x000: 0xB4, 0x016: 0x01, 0x01B: 0xFF, 0x01C: 0x31, 0x021: 0x14, 0x02C: 0xA0, 0x02D: 0x11,
+    0x03A: 0xFF, 0x03B: 0xFF, 0x04D: 0x01, 0x119: 0x01,
+}  # fmt: skip
+
+# Registers whose settings spoil a measurement: crosstalk compensation, result scaler, alternation.
+_NEUTRAL: Final = {0x01E: 0x00, 0x01F: 0x00, 0x119: 0x01, _IN_TURN: 0x00}
 
 # The private registers that the application note demands, address and value in hexadecimal.
 _MANDATORY: Final = {
     int(register, 16): int(value, 16)
     for register, value in re.findall(
         r"(\w+)=(\w+)",
-        "0207=01 0208=01 0096=00 0097=fd 00e3=01 00e4=03 00e5=02 00e6=01 00e7=03 00f5=02 "
+        "0207=01 0208=01 00e3=01 00e4=03 00e5=02 00e6=01 00e7=03 00f5=02 "
         "00d9=05 00db=ce 00dc=03 00dd=f8 009f=00 00a3=3c 00b7=00 00bb=3c 00b2=09 00ca=09 "
         "0198=01 01b0=17 01ad=00 00ff=05 0100=05 0199=05 01a6=1b 01ac=3e 01a7=1f 0030=00",
     )
@@ -48,6 +66,7 @@ class VL6180XEmulator(I2CDevice):
             measurement.
         clock: Is charged 100 µs per transfer and times the measurements.
         reach_mm: Farthest target that is still seen; at most 255.
+        offset_mm: What the factory found the chip to read too little, and stored in it.
 
     Attributes:
         address: Address on the bus; 0x29 after every reset.
@@ -65,7 +84,10 @@ class VL6180XEmulator(I2CDevice):
         {**I2CDevice.NUMBERS, "error": range(16)}
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
-        {"reset": "the supply dips: the sensor forgets its settings"}
+        {
+            "reset": "the supply dips: the sensor forgets its settings",
+            "rescaled": "another program scales the range: the sensor reads a third",
+        }
     )
 
     def __init__(
@@ -74,9 +96,11 @@ class VL6180XEmulator(I2CDevice):
         clock: Clock,
         *,
         reach_mm: float = 200.0,
+        offset_mm: int = 9,
     ):
         super().__init__(clock)
         self._reach = reach_mm
+        self._factory_offset = offset_mm
         self._distance = distance_mm
         self._frozen: tuple[int, int, bytes] | None = None
         self._measurements = 0
@@ -86,9 +110,11 @@ class VL6180XEmulator(I2CDevice):
         """A reset: every setting is lost."""
         self.address = 0x29
         self._registers = bytearray(_SIZE)
-        self._registers[0x000] = 0xB4
-        self._registers[0x016] = 0x01
-        self._registers[0x04D] = 0x01
+        for register, value in _AT_RESET.items():
+            self._registers[register] = value
+        self._registers[_OFFSET] = self._factory_offset & 0xFF
+        self._used = bytes(self._registers)  # those of the measurement under way
+        self._endless = False
         self._index = 0
         self._done_at: float | None = None
         self._result = (0, 0, bytes(_COUNTS_SIZE))
@@ -109,7 +135,11 @@ class VL6180XEmulator(I2CDevice):
         return bytes(self._read() for _ in range(count))
 
     def _happen(self, event: str, value: int) -> None:
-        self.power_cycle()
+        if event == "reset":
+            self.power_cycle()
+        else:
+            self._registers[_SCALER : _SCALER + 2] = (84).to_bytes(2, "big")
+            self._registers[_OFFSET] = self._factory_offset // 3 & 0xFF
 
     def _read(self) -> int:
         value = self._registers[self._index]
@@ -129,8 +159,12 @@ class VL6180XEmulator(I2CDevice):
         if register == 0x015:
             if value & 0x01:
                 self._registers[0x04F] &= ~0x07
-        elif register == 0x018:
-            if value & 0x01:
+        elif register == _START or (register == _LIGHT_START and self._registers[_IN_TURN]):
+            self._finish()
+            if value & 0x01 and self._endless:
+                self._endless = False
+            elif value & 0x01 and self._done_at is None:
+                self._endless = bool(value & 0x02)
                 self._start()
         elif register == 0x212:
             self.address = value & 0x7F
@@ -138,16 +172,19 @@ class VL6180XEmulator(I2CDevice):
             self._registers[register] = value
 
     def _start(self) -> None:
-        if self._done_at is not None:
-            return
+        if not self._registers[0x017]:  # else settings are held back
+            self._used = bytes(self._registers)
         distance = self._distance()
-        reached = distance is not None and distance <= self._reach
-        convergence = _LONGEST_CONVERGENCE
-        if distance is not None and reached:
-            convergence = _NEAR_TIME + max(distance, 0.0) / self._reach * _LONGEST_CONVERGENCE / 2
+        longest = self._used[0x01C] / 1000
+        convergence = min(longest, self._convergence(distance))
         self._done_at = self._clock.now() + _OVERHEAD_TIME + convergence
         self._result = self._measure(distance)
         self._registers[0x04D] = 0x00
+
+    def _convergence(self, distance: float | None) -> float:
+        if distance is None or distance > self._reach:
+            return _SLOWEST
+        return _NEAR_TIME + max(distance, 0.0) / self._reach * _SLOWEST / 2
 
     def _measure(self, distance: float | None) -> tuple[int, int, bytes]:
         """Error code, value and photon counts of a measurement."""
@@ -162,13 +199,26 @@ class VL6180XEmulator(I2CDevice):
     def _see(self, distance: float | None) -> tuple[int, int]:
         if "error" in self._faults:
             return self._faults["error"] & 0x0F, 255
-        if any(self._registers[register] != value for register, value in _MANDATORY.items()):
-            return _UNSETTLED, 255
-        if distance is None or distance > self._reach:
-            return _NO_CONVERGENCE, 255
-        if distance < -0.5:
-            return _UNDERFLOW, 0
-        return 0, round(distance)
+        if distance is None or (error := self._obstacle(distance)):
+            return (_NO_CONVERGENCE if distance is None else error), 255
+        used = self._used
+        scaler = int.from_bytes(used[_SCALER : _SCALER + 2], "big") or _NO_SCALING
+        offset = int.from_bytes(used[_OFFSET : _OFFSET + 1], "big", signed=True)
+        value = (distance - self._factory_offset) * scaler / _NO_SCALING + offset
+        if any(used[register] != wanted for register, wanted in {**_MANDATORY, **_NEUTRAL}.items()):
+            value *= 0.8
+        return (_UNDERFLOW, 0) if value < -0.5 else (0, min(255, round(value)))
+
+    def _obstacle(self, distance: float) -> int:
+        """Why a target at a distance cannot be measured, an error code, or 0."""
+        used = self._used
+        rate = _RATE * (1 - max(distance, 0.0) / 255)
+        checks, estimate, threshold = used[0x02D], _mcps(used[0x022:]), _mcps(used[0x026:])
+        if checks & 0x01 and rate < estimate:
+            return _EARLY
+        if distance > self._reach or self._convergence(distance) > used[0x01C] / 1000:
+            return _NO_CONVERGENCE
+        return _IGNORED if checks & 0x02 and rate < threshold else 0
 
     def _count(self) -> bytes:
         """Photons, which never come in the same number twice; only that they differ is modelled."""
@@ -185,3 +235,10 @@ class VL6180XEmulator(I2CDevice):
         self._registers[0x062] = value
         self._registers[0x04D] = error << 4 | 0x01
         self._registers[0x04F] = self._registers[0x04F] & ~0x07 | 0x04
+        if self._endless:
+            self._start()
+
+
+def _mcps(register: bytes) -> float:
+    """A rate out of two registers, 9.7 bits."""
+    return int.from_bytes(register[:2], "big") / 128

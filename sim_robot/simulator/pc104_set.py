@@ -16,6 +16,7 @@ from robot.host.clock import Clock
 from sim_robot.electronics.clock import Follower
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
+from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.simulator.electronics_set import REACH_MM, configuration
@@ -63,8 +64,13 @@ class PC104Set:
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
-        """Servo board, analogue inputs and distance sensor."""
-        return {"servo_board": self.servo_board, "daq": self.daq, "distance": self.distance}
+        """Servo board, analogue inputs, distance sensor and its bus."""
+        return {
+            "servo_board": self.servo_board,
+            "daq": self.daq,
+            "distance": self.distance,
+            "i2c": self.bus,
+        }
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
         """As ``configure``, on the emulated port."""
@@ -74,12 +80,11 @@ class PC104Set:
         """Makes the emulators of the sensors."""
         self.daq = DMM32Emulator(wiring.volts, clock)
         self.distance = VL6180XEmulator(wiring.distance_mm, clock, reach_mm=REACH_MM)
+        self.bus = I2CBus([self.distance], clock)
 
     def buses(self, clock: Clock) -> Buses:
         """A real serial line; emulated I/O ports and I²C bus."""
-        return Buses(
-            clock=clock, open_ports=lambda base: self.daq, open_i2c=lambda path: self.distance
-        )
+        return Buses(clock=clock, open_ports=lambda base: self.daq, open_i2c=self.bus.open)
 
     def pulses(self) -> Sequence[int]:
         """The board's counts."""

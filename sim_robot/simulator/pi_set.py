@@ -62,11 +62,12 @@ class PiSet:
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
-        """Every chip; of several of a kind, the first."""
+        """Every chip, of several of a kind the first; and the bus."""
         switches: dict[str, FaultSwitch] = {
             "pwm": self.pwm[0],
             "accelerometer": self.accelerometer,
             "distance": self.distance,
+            "i2c": self.bus,
         }
         return switches | ({"adc": self.adc[0]} if self.adc else {})
 
@@ -91,11 +92,11 @@ class PiSet:
         ]
         self.accelerometer = MPU6050Emulator(wiring.acceleration, clock)
         self.distance = VL6180XEmulator(wiring.distance_mm, clock, reach_mm=REACH_MM)
-        self._bus = I2CBus([*self.pwm, *self.adc, self.accelerometer, self.distance], clock)
+        self.bus = I2CBus([*self.pwm, *self.adc, self.accelerometer, self.distance], clock)
 
     def buses(self, clock: Clock) -> Buses:
         """One I²C bus, whatever its number."""
-        return Buses(clock=clock, open_i2c=lambda path: self._bus)
+        return Buses(clock=clock, open_i2c=self.bus.open)
 
     def pulses(self) -> Sequence[int]:
         """Widths in ticks of the configured length; a board that was reset has others."""

@@ -47,6 +47,30 @@ def unnoticed(
     return device(fault, spec, does, told, back, code=None, after=after)
 
 
+def lost_acknowledges(chip: str) -> tuple[DeviceRow, ...]:
+    """What a chip on an I²C bus loses now and then is done again, unless it was done."""
+    return (
+        device(
+            "one transfer in 20 is not acknowledged",
+            f"{chip}.nak=20",
+            "makes it again: nothing is lost. `robotd doctor` counts them",
+            "(an observation)",
+            "By itself.",
+            code=None,
+        ),
+        device(
+            "one transfer in 20 is carried out and its acknowledge lost",
+            f"{chip}.unheard=20",
+            "makes it again, unless it started something that must not be started twice",
+            "(an observation)",
+            "By itself.",
+            code=None,
+        ),
+    )
+
+
+SET_AGAIN: Final = "`clear` loads its settings again."
+ADAPTER: Final = "Adapter of the I²C bus"
 DISTANCE: Final = "Distance sensor (VL6180X)"
 FREEZES: Final = "freezes at the last commanded counts"
 NO_READING: Final = "ends the motion without a reading; the servos hold"
@@ -214,7 +238,13 @@ DEVICES: Final = {
         ),
     ),
     DISTANCE: (
-        device("no acknowledge", "distance.nak", NO_READING, "Nothing acknowledges"),
+        device(
+            "no acknowledge",
+            "distance.nak",
+            "makes each transfer three times, then " + NO_READING,
+            "Nothing acknowledges",
+        ),
+        *lost_acknowledges("distance"),
         device("bus hangs", "distance.hang", NO_READING, "The I²C bus hangs"),
         device("measurement never ends", "distance.busy", NO_READING, "within 0.1 s"),
         device("it reports a laser failure", "distance.error=3", NO_READING, "(error 3)"),
@@ -234,6 +264,27 @@ DEVICES: Final = {
             "`clear` identifies it again and loads its settings.",
             after=0.4,
             lasts=False,
+        ),
+        device(
+            "another program sets the range to a third while moving",
+            "distance.rescaled",
+            "reads scale and limits back before each measurement, and gives no observation. What "
+            "was left before the start is set anew by every start",
+            "does not measure as it was set up",
+            SET_AGAIN,
+            after=0.4,
+            lasts=False,
+        ),
+    ),
+    ADAPTER: (
+        device(
+            "unplugged while moving",
+            "i2c.unplugged",
+            "fails at the first chip on it: a servo board goes on with its pulses",
+            "is gone",
+            "Plug it in and `clear`, which opens the bus named in the configuration anew; what was "
+            "open stays dead.",
+            after=0.4,
         ),
     ),
     "Robot clock": (

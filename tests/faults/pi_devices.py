@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
-from tests.faults.devices import CLEAR, FREEZES, NO_READING, device, unnoticed
+from tests.faults.devices import (
+    CLEAR,
+    FREEZES,
+    NO_READING,
+    SET_AGAIN,
+    device,
+    lost_acknowledges,
+    unnoticed,
+)
 from tests.faults.matrix import AT_ONCE
 
 SWITCHED_ON: Final = (
@@ -30,6 +38,14 @@ PI_DEVICES: Final = {
             "every third transfer is not acknowledged",
             "pwm.nak=3",
             "makes it again: nothing is lost",
+            "(an observation)",
+            "By itself.",
+            code=None,
+        ),
+        device(
+            "every third transfer is carried out and its acknowledge lost",
+            "pwm.unheard=3",
+            "makes it again: a pulse that is commanded twice is the same pulse",
             "(an observation)",
             "By itself.",
             code=None,
@@ -77,7 +93,13 @@ PI_DEVICES: Final = {
         ),
     ),
     "Analogue inputs on I²C (ADS1115)": (
-        device("no acknowledge", "adc.nak", NO_READING, "Nothing acknowledges"),
+        device(
+            "no acknowledge",
+            "adc.nak",
+            "makes each transfer three times, then " + NO_READING,
+            "Nothing acknowledges",
+        ),
+        *lost_acknowledges("adc"),
         device("bus hangs", "adc.hang", NO_READING, "The I²C bus hangs"),
         device("a conversion never ends", "adc.busy", NO_READING, "did not end a conversion"),
         device(
@@ -101,9 +123,23 @@ PI_DEVICES: Final = {
             "By itself.",
             after=0.4,
         ),
+        unnoticed(
+            "another program uses its comparator, and converts on and on, while moving",
+            "adc.comparing",
+            "likewise; the thresholds, by which the chip is known, are set anew by every start",
+            "(an observation)",
+            "By itself.",
+            after=0.4,
+        ),
     ),
     "Accelerometer on I²C (MPU-6050)": (
-        device("no acknowledge", "accelerometer.nak", NO_READING, "Nothing acknowledges"),
+        device(
+            "no acknowledge",
+            "accelerometer.nak",
+            "makes each transfer three times, then " + NO_READING,
+            "Nothing acknowledges",
+        ),
+        *lost_acknowledges("accelerometer"),
         device("bus hangs", "accelerometer.hang", NO_READING, "The I²C bus hangs"),
         device(
             "an axis is stuck",
@@ -136,6 +172,16 @@ PI_DEVICES: Final = {
             after=0.4,
             lasts=False,
         ),
+        device(
+            "another program sets its range to ±8 g while moving",
+            "accelerometer.reranged",
+            "reads range, filter, rate and offsets back with every sample, and gives no "
+            "observation. What was left before the start ends with the reset of every start",
+            "does not measure as it was set up",
+            SET_AGAIN,
+            after=0.4,
+            lasts=False,
+        ),
         unnoticed(
             "an axis is worn: it moves by 70 % of what it should in the self-test",
             "accelerometer.weak=1",
@@ -146,6 +192,13 @@ PI_DEVICES: Final = {
         unnoticed(
             "another chip is in its place",
             "accelerometer.other=152",
+            AT_START,
+            "(an observation)",
+            CLEAR,
+        ),
+        unnoticed(
+            "a copy of the chip, without factory trim, is in its place",
+            "accelerometer.untrimmed",
             AT_START,
             "(an observation)",
             CLEAR,

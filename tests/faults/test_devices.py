@@ -15,7 +15,7 @@ from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from tests.faults.devices import DEVICES, DISTANCE
+from tests.faults.devices import ADAPTER, DEVICES, DISTANCE
 from tests.faults.matrix import DeviceRow
 from tests.faults.pi_devices import PI_DEVICES
 
@@ -49,7 +49,7 @@ class Patient:
 
 MATRIX = {
     "pc104": DEVICES,
-    "pi": PI_DEVICES | {DISTANCE: DEVICES[DISTANCE]},
+    "pi": PI_DEVICES | {section: DEVICES[section] for section in (DISTANCE, ADAPTER)},
 }
 
 

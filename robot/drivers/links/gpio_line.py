@@ -5,11 +5,13 @@ Source: Linux' GPIO character device, uAPI version 2 (``linux/gpio.h``).
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import struct
 from typing import Final, Protocol
 
+from robot.drivers.links.device_files import group_of, others_like
 from robot.errors import DeviceMissingError
 
 _GET_LINE: Final = 0xC250B407
@@ -68,8 +70,7 @@ class GPIOLine:
                 os.close(device)
         except OSError as error:
             raise DeviceMissingError(
-                f"{self._name} cannot be opened: {error.strerror}.",
-                "Look what gpioinfo says of it, and add the user to the group gpio.",
+                f"{self._name} cannot be opened: {error.strerror}.", _why_closed(chip, error)
             ) from error
         self._line: int = _REQUEST.unpack(request)[-1]
 
@@ -79,9 +80,23 @@ class GPIOLine:
             fcntl.ioctl(self._line, _SET_VALUES, struct.pack("=QQ", int(high), 1))
         except OSError as error:
             raise DeviceMissingError(
-                f"{self._name} cannot be driven: {error.strerror}.", "Start the daemon anew."
+                f"{self._name} cannot be driven: {error.strerror}.",
+                "If its chip is on an adapter, plug that in again.",
             ) from error
 
     def close(self) -> None:
         """Gives it back."""
         os.close(self._line)
+
+
+def _why_closed(chip: str, error: OSError) -> str:
+    match error.errno:
+        case errno.ENOENT | errno.ENXIO | errno.ENODEV:
+            found = ", ".join(others_like(chip))
+            return f"There are {found}." if found else "There is no GPIO chip at all."
+        case errno.EACCES | errno.EPERM:
+            return f"Add the user to the group {group_of(chip, 'gpio')}, then log in again."
+        case errno.EBUSY:
+            return "Look with gpioinfo which program has it, and end that."
+        case _:
+            return "Look with gpioinfo whether it is a line of a GPIO chip."

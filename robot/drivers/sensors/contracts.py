@@ -14,7 +14,10 @@ from robot.toml_sections import Section
 
 
 class SensorDriver(Protocol):
-    """An open sensor; it may have ``details()``, what the doctor tells beside its readings.
+    """A sensor; call ``start`` first.
+
+    It may have ``details()``, what the doctor tells beside its readings, and ``link``, its
+    ``I2CLink``, of which the doctor tells how many transfers had to be repeated.
 
     Attributes:
         name: As ``SensorSettings.name``.
@@ -23,10 +26,13 @@ class SensorDriver(Protocol):
     name: str
 
     def start(self) -> None:
-        """Finds, identifies and sets up the device; also after a fault.
+        """Opens the link, anew after a fault; finds and identifies the device, and sets it up.
+
+        Behind the configured name there may be another adapter than before, and in the device what
+        another program left: all settings are written, or read back.
 
         Raises:
-            DeviceError: It is not what it should be.
+            DeviceError: It cannot be opened, or the device is not what it should be.
         """
 
     def check(self) -> None:
@@ -37,7 +43,7 @@ class SensorDriver(Protocol):
         """
 
     def close(self) -> None:
-        """Closes the link."""
+        """Closes the link, if it is open; ``start`` may follow."""
 
 
 class Accelerometer(SensorDriver, Protocol):
@@ -102,7 +108,7 @@ class SensorSettings(Protocol):
         """
 
     def open(self, buses: Buses, called: str) -> Any:
-        """Opens the link: to an accelerometer, a touch or a distance sensor, by its table.
+        """The driver of an accelerometer, a touch or a distance sensor, by its table.
 
         Args:
             buses: What leads there. Where ``channels`` names any, it has analogue inputs.
@@ -147,10 +153,10 @@ class BoardSettings(Protocol):
         """
 
     def open(self, buses: Buses) -> AnalogueBoard:
-        """Opens the link to the board.
+        """The board's driver, whose ``probe`` opens the link.
 
         Raises:
-            DeviceMissingError: It cannot be opened; the sentence says why.
+            DeviceMissingError: It cannot be used; the sentence says why.
         """
 
 

@@ -5,20 +5,23 @@ It reads g, and is wrong by up to 0.05 g, which is 3° of tilt: ``robotd calibra
 board points where.
 
 A chip that was reset sleeps, and one that sleeps repeats its last sample for ever: so its power
-register is read with every sample.
+registers are read with every sample. What another program left in it ends with the reset at every
+start; what it changes later shows in the settings, which are read back with every sample of an
+observation.
 
 Source: InvenSense MPU-6000/6050 product specification 3.4 (sensitivity, self-test limits of ±14 %)
-and register map 4.2 (factory trim of 4.4, temperature of 4.18).
+and register map 4.2 (reset values of 3, factory trim of 4.4, temperature of 4.18); the identities
+of related chips from Linux' driver ``inv_mpu6050``.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.i2c import I2CBus, I2CRegisters
+from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
 from robot.drivers.sensors.axes import AXIS_KEYS, CalibratedAxes, read_axes
 from robot.errors import DeviceDataError, DeviceMissingError
 from robot.host.clock import Clock
@@ -27,14 +30,32 @@ from robot.toml_sections import Section
 ADDRESSES: Final = (0x68, 0x69)
 DIRECTIONS: Final = ("x", "y", "z", "-x", "-y", "-z")
 
+_OFFSETS: Final = 0x06  # of three axes, 16 bits each, which the chip loads at its reset
+_OFFSETS_SIZE: Final = 6
 _SELF_TEST: Final = 0x0D  # x, y, z: three bits of the accelerometer at the top; then two bits each
+_SAMPLE_RATE: Final = 0x19  # then the filter, the gyroscope's range, the accelerometer's
 _CONFIG: Final = 0x1A
 _ACCELEROMETER_CONFIG: Final = 0x1C
 _SAMPLE: Final = 0x3B  # three axes and the temperature, 16 bits each
-_POWER: Final = 0x6B
+_POWER: Final = 0x6B  # then a register with the axes that stand by
 _WHO_AM_I: Final = 0x75
 
 _IDENTITY: Final = 0x68
+_RELATIVES: Final = MappingProxyType(
+    {
+        0x11: "ICM-20600",
+        0x12: "ICM-20602",
+        0x19: "MPU-6886",
+        0x20: "ICM-20690",
+        0x70: "MPU-6500",
+        0x71: "MPU-9250",
+        0x73: "MPU-9255",
+        0x74: "MPU-6515",
+        0x78: "MPU-6880",
+        0x98: "ICM-20689",
+        0xAF: "ICM-20608-G",
+    }
+)
 _RESET: Final = 0x80
 _AWAKE: Final = 0x01  # on the gyroscope's clock
 _ASLEEP: Final = 0x40  # as it leaves its reset
@@ -95,9 +116,9 @@ class MPU6050Settings(CalibratedAxes):
         )
 
     def open(self, buses: Buses, called: str) -> MPU6050:
-        """Opens the bus."""
+        """The chip; its ``start`` opens the bus."""
         del called
-        return MPU6050(buses.open_i2c(f"/dev/i2c-{self.bus}"), settings=self, clock=buses.clock)
+        return MPU6050(buses.i2c(self.bus), settings=self, clock=buses.clock)
 
     def axis(self, index: int) -> str:
         """What an axis is called: of the chip."""
@@ -116,42 +137,50 @@ class MPU6050:
     """One chip; call ``start`` before the first sample.
 
     Args:
-        bus: The I²C bus; the driver closes it.
+        bus: The I²C bus, which the driver opens and closes; or one that is open.
         settings: Where it is, and its calibration.
         clock: Paces the self-test.
     """
 
     name = MPU6050Settings.name
 
-    def __init__(self, bus: I2CBus, *, settings: MPU6050Settings, clock: Clock):
+    def __init__(self, bus: I2CBus | I2CLink, *, settings: MPU6050Settings, clock: Clock):
+        self.link = I2CLink.to(bus)
         self._settings = settings
-        self._chip = I2CRegisters(bus, settings.address, self.name)
+        self._chip = I2CRegisters(self.link, settings.address, self.name)
         self._clock = clock
         self._deviations: tuple[float, ...] = ()
+        self._offsets = b""
         self._last: tuple[int, ...] = (0, 0, 0)
         self._repeats = [0, 0, 0]
         self.celsius = 25.0
 
     def start(self) -> None:
-        """Identifies, resets, sets up and tests the chip, which must lie still: 0.3 s.
+        """Opens the bus, anew if need be; identifies, resets, sets up and tests the chip: 0.3 s.
+
+        The chip must lie still.
 
         Raises:
-            DeviceError: Nothing, or something else, answers, or it fails its self-test.
+            DeviceError: Nothing, or something else, answers, it takes no reset, or fails its
+                self-test.
         """
-        (identity,) = self._chip.read(_WHO_AM_I)
-        if identity != _IDENTITY:
-            raise DeviceMissingError(
-                f"The device at I²C address 0x{self._settings.address:x} is no MPU-6050: it calls "
-                f"itself 0x{identity:02x} instead of 0x{_IDENTITY:02x}.",
-                "Check which sensor is fitted, and the address in the configuration.",
-            )
+        self.link.open()
+        self._identify()
         self._chip.write(_POWER, _RESET)
         self._clock.sleep(_RESETTING)
+        (power,) = self._chip.read(_POWER)
+        if power != _ASLEEP:
+            raise DeviceDataError(
+                f"The MPU-6050 was told to reset and did not (power register 0x{power:02x}).",
+                "Switch it off and on; if that does not help, replace it.",
+            )
+        self._offsets = self._chip.read(_OFFSETS, _OFFSETS_SIZE)
         self._chip.write(_POWER, _AWAKE)
         self._chip.write(_CONFIG, _FILTER_44_HZ)
         self._test()
         self._chip.write(_ACCELEROMETER_CONFIG, _TWO_G)
         self._clock.sleep(_SETTLING)
+        self._check_settings()
         self._last, self._repeats = (0, 0, 0), [0, 0, 0]
 
     def raw(self) -> tuple[float, float, float]:
@@ -185,11 +214,13 @@ class MPU6050:
         return self._settings.acceleration(self.raw())
 
     def check(self) -> None:
-        """Whether all axes are alive.
+        """Whether all axes are alive, and measure as they were set up.
 
         Raises:
-            DeviceDataError: One gave exactly the same again and again.
+            DeviceDataError: One gave exactly the same again and again, or another program changed
+                the range, the filter, the rate or the offsets.
         """
+        self._check_settings()
         for axis, count in zip("xyz", self._repeats, strict=True):
             if count >= _FROZEN_AFTER:
                 raise DeviceDataError(
@@ -208,17 +239,46 @@ class MPU6050:
 
     def close(self) -> None:
         """Closes the bus."""
-        self._chip.close()
+        self.link.close()
+
+    def _identify(self) -> None:
+        (identity,) = self._chip.read(_WHO_AM_I)
+        if identity == _IDENTITY:
+            return
+        relative = _RELATIVES.get(identity)
+        raise DeviceMissingError(
+            f"The device at I²C address 0x{self._settings.address:x} is no MPU-6050: it calls "
+            f"itself 0x{identity:02x} instead of 0x{_IDENTITY:02x}"
+            + (f", as an {relative} does." if relative else "."),
+            f"Many boards sold as GY-521 have an {relative} now. It will not do, for its self-test "
+            "is another: fit a board with a genuine MPU-6050."
+            if relative
+            else "Check which sensor is fitted, and the address in the configuration; boards sold "
+            "as MPU-6050 may have a copy of it, which will not do.",
+        )
+
+    def _check_settings(self) -> None:
+        held = self._chip.read(_SAMPLE_RATE, 4)
+        wanted = bytes((0, _FILTER_44_HZ, 0, _TWO_G))
+        offsets = self._chip.read(_OFFSETS, _OFFSETS_SIZE)
+        if (held, offsets) != (wanted, self._offsets):
+            raise DeviceDataError(
+                "The MPU-6050 does not measure as it was set up: its registers 19 to 1c hold "
+                f"{held.hex(' ')} instead of {wanted.hex(' ')}, its offsets {offsets.hex(' ')} "
+                f"instead of {self._offsets.hex(' ')}.",
+                "End the other program that uses the chip.",
+            )
 
     def _check_awake(self) -> None:
-        (power,) = self._chip.read(_POWER)
+        power, standing_by = self._chip.read(_POWER, 2)
         if power == _ASLEEP:
             raise DeviceDataError(
                 "The MPU-6050 was reset: it sleeps and has lost its settings.", "Check its supply."
             )
-        if power != _AWAKE:
+        if power != _AWAKE or standing_by:
             raise DeviceDataError(
-                f"The MPU-6050 sleeps, or lost its clock (power register 0x{power:02x}).",
+                "The MPU-6050 sleeps, or lost its clock (power registers "
+                f"0x{power:02x} 0x{standing_by:02x}).",
                 "Check that no other program uses the bus.",
             )
 
@@ -230,14 +290,20 @@ class MPU6050:
 
     def _test(self) -> None:
         trims = self._chip.read(_SELF_TEST, 4)
+        codes = [trims[axis] >> 5 << 2 | trims[3] >> (4 - 2 * axis) & 0x03 for axis in range(3)]
+        if not all(codes):
+            raise DeviceMissingError(
+                f"The chip at I²C address 0x{self._settings.address:x} has no factory trim: it is "
+                "no genuine MPU-6050, and nothing tells whether it measures rightly.",
+                "Fit a board with a genuine MPU-6050.",
+            )
         rest, moved = self._mean(_EIGHT_G), self._mean(_EIGHT_G | _ALL_AXES_TESTED)
         self._check_awake()
         deviations = []
         for index, axis in enumerate("xyz"):
-            code = trims[index] >> 5 << 2 | trims[3] >> (4 - 2 * index) & 0x03
-            trim = 4096 * 0.34 * (0.92 / 0.34) ** ((code - 1) / 30) if code else 0.0
+            trim = 4096 * 0.34 * (0.92 / 0.34) ** ((codes[index] - 1) / 30)
             response = moved[index] - rest[index]
-            deviations.append(response / trim - 1 if trim else math.inf)
+            deviations.append(response / trim - 1)
             if not abs(deviations[-1]) <= _TOLERANCE:
                 raise DeviceDataError(
                     f"The MPU-6050 failed its self-test: its {axis} axis moved by {response:.0f} "

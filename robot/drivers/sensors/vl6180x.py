@@ -3,10 +3,15 @@
 Registers have 16-bit addresses, so each access is a combined transfer; of one read only, which is
 all that the controller of a Raspberry Pi can do.
 
+The chip keeps its supply, and so what another program left in it, when the computer starts again.
+All that a range depends on is therefore written at every start, and the scale and limits of a
+measurement are read back before each. One thing cannot be: the part-to-part offset, which the chip
+loads from its own memory at a reset and which programs divide when they scale the range. So it is
+copied, when it is known to be right, into a register of the light sensor, which is not used.
+
 Source: ST application note AN4545 (mandatory and recommended settings, single-shot sequence) and
-the VL6180X data sheet (status and error codes, result registers). How long a measurement takes
-depends on the target; the deadline below covers the longest convergence time that the chip is left
-with.
+the VL6180X data sheet (status and error codes, result registers, reset values). How long a
+measurement takes depends on the target; the deadline below covers the longest convergence time.
 """
 
 from __future__ import annotations
@@ -16,7 +21,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.i2c import I2CBus, I2CRegisters
+from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
 from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -25,11 +30,16 @@ _MODEL_ID: Final = 0x000
 _INTERRUPT_CLEAR: Final = 0x015
 _FRESH_OUT_OF_RESET: Final = 0x016
 _RANGE_START: Final = 0x018
+_OFFSET: Final = 0x024
+_LIGHT_START: Final = 0x038
+_OFFSET_COPY: Final = 0x03A  # the light sensor's upper threshold: the offset, and its complement
 _RANGE_STATUS: Final = 0x04D
 _INTERRUPT_STATUS: Final = 0x04F
 _RANGE_VALUE: Final = 0x062
 _COUNTS: Final = 0x06C  # photons and convergence times of the last measurement, six of 32 bits
 _COUNTS_SIZE: Final = 24
+_SCALER: Final = 0x096
+_IN_TURN: Final = 0x2A3  # ranges and light are measured alternately
 
 _MODEL: Final = 0xB4
 _READY: Final = 0x01  # range status: idle, a measurement can be started
@@ -37,6 +47,8 @@ _SAMPLE_READY: Final = 4  # interrupt status, low three bits
 _FIRST_LOOK: Final = 6e-3  # no measurement is faster
 _LOOK_INTERVAL: Final = 2e-3
 _DEADLINE: Final = 0.1
+_LAST_LIGHT: Final = 0.3  # s; a measurement of light takes 0.1 s and may have just begun
+_NO_SCALING: Final = 0x00FD
 _FROZEN_AFTER: Final = 10  # measurements that count exactly the same photons; no live one does
 
 # Private registers; the note gives the values and no meanings.
@@ -58,6 +70,25 @@ _RECOMMENDED: Final = (
     (0x01B, 0x09),  # interval of continuous ranging, unused
     (0x03E, 0x31),  # interval of continuous light measurement, unused
     (0x014, 0x24),  # tell when a new sample is ready
+)
+
+# Register and value, as a reset leaves them: in one block, which is read back.
+_MEASURING: Final = (
+    (0x01C, 0x31),  # longest convergence, ms
+    (0x01E, 0x00), (0x01F, 0x00),  # crosstalk compensation: none
+    (0x021, 0x14),  # and from how many mm on
+    (0x022, 0x00), (0x023, 0x00),  # early convergence estimate
+    (0x025, 0x00), (0x026, 0x00), (0x027, 0x00),  # range ignore: height and threshold
+    (0x02C, 0xA0),  # ambient level multiplier
+    (0x02D, 0x11),  # checks: early convergence, signal to noise
+)  # fmt: skip
+_BLOCK: Final = range(_MEASURING[0][0], _MEASURING[-1][0] + 1)
+
+_OTHERS: Final = (
+    (0x017, 0x00),  # or the chip would not take what is written
+    (0x012, 0x00),  # no history of measurements
+    (0x119, 0x01),  # scale of the results
+    (_IN_TURN, 0x00),
 )
 
 _NO_TARGET: Final = frozenset({6, 7, 8, 13, 15})  # no convergence, ignored, or beyond the range
@@ -97,10 +128,9 @@ class VL6180XSettings:
         return (f"0x{self.address:x} on I²C bus {self.bus}",)
 
     def open(self, buses: Buses, called: str) -> VL6180X:
-        """Opens the bus."""
+        """The sensor; its ``start`` opens the bus."""
         del called
-        bus = buses.open_i2c(f"/dev/i2c-{self.bus}")
-        return VL6180X(bus, address=self.address, clock=buses.clock)
+        return VL6180X(buses.i2c(self.bus), address=self.address, clock=buses.clock)
 
     def __str__(self) -> str:
         return f"0x{self.address:x} on I²C bus {self.bus}"
@@ -110,26 +140,30 @@ class VL6180X:
     """One sensor; call ``start`` before the first measurement.
 
     Args:
-        bus: The I²C bus; the driver closes it.
+        bus: The I²C bus, which the driver opens and closes; or one that is open.
         address: 0x29 after every power-up.
         clock: Paces the polls.
     """
 
     name = VL6180XSettings.name
 
-    def __init__(self, bus: I2CBus, *, address: int = 0x29, clock: Clock):
-        self._registers = I2CRegisters(bus, address, self.name, wide=True)
+    def __init__(self, bus: I2CBus | I2CLink, *, address: int = 0x29, clock: Clock):
+        self.link = I2CLink.to(bus)
+        self._registers = I2CRegisters(self.link, address, self.name, wide=True)
         self._address = address
         self._clock = clock
         self._counts = b""
         self._repeats = 0
+        self._wanted = dict(_MEASURING)
 
     def start(self) -> None:
-        """Identifies the sensor and loads its settings.
+        """Opens the bus, anew if need be, identifies the sensor and loads its settings.
 
         Raises:
-            DeviceError: Nothing, or something else, answers, or the sensor is never ready.
+            DeviceError: Nothing, or something else, answers, the sensor is never ready, or another
+                program changed it so that only a reset helps.
         """
+        self.link.open()
         (model,) = self._registers.read(_MODEL_ID)
         if model != _MODEL:
             raise DeviceMissingError(
@@ -137,14 +171,16 @@ class VL6180X:
                 f"0x{model:02x} instead of 0x{_MODEL:02x}.",
                 "Check which sensor is fitted, and the address in the configuration.",
             )
-        (fresh,) = self._registers.read(_FRESH_OUT_OF_RESET)
-        if fresh == 1:
-            for register, value in _MANDATORY:
-                self._registers.write(register, value)
-            self._registers.write(_FRESH_OUT_OF_RESET, 0)
-        for register, value in _RECOMMENDED:
+        self._stop()
+        offset = self._factory_offset()
+        for register, value in (*_OTHERS, *_MANDATORY, *_RECOMMENDED, *_MEASURING):
             self._registers.write(register, value)
+        self._registers.write(_OFFSET, offset)
+        self._registers.write(_OFFSET_COPY, offset, offset ^ 0xFF)
+        self._registers.write(_FRESH_OUT_OF_RESET, 0)  # last: until then it counts as reset
+        self._wanted = {**dict(_MEASURING), _OFFSET: offset}
         self._counts, self._repeats = b"", 0
+        self._check_settings()
 
     def range_mm(self) -> int | None:
         """Measures once; takes about 10 ms, and up to 0.1 s without a target.
@@ -154,13 +190,14 @@ class VL6180X:
             target within reach.
 
         Raises:
-            DeviceError: The sensor is gone, was reset, hangs, repeats itself or reports an error
-                of its own.
+            DeviceError: The sensor is gone, was reset or set otherwise, hangs, repeats itself or
+                reports an error of its own.
         """
         self._await_ready()
+        self._check_settings()
         # Of the last measurement, maybe an abandoned one.
         self._registers.write(_INTERRUPT_CLEAR, 0x07)
-        self._registers.write(_RANGE_START, 0x01)
+        self._registers.write(_RANGE_START, 0x01, done=lambda: not self._ready())
         self._clock.sleep(_FIRST_LOOK)
         self._await_sample()
         (status,) = self._registers.read(_RANGE_STATUS)
@@ -190,7 +227,7 @@ class VL6180X:
 
     def close(self) -> None:
         """Closes the bus."""
-        self._registers.close()
+        self.link.close()
 
     def _look_for_life(self, counts: bytes) -> None:
         same = counts == self._counts and any(counts)
@@ -203,19 +240,71 @@ class VL6180X:
                 "Switch it off and on.",
             )
 
+    def _stop(self) -> None:
+        """Ends what another program left running: settings are taken only at rest."""
+        if self._rests(_DEADLINE):
+            return
+        (in_turn,) = self._registers.read(_IN_TURN)
+        # Where measurements go on and on, a second start is their end.
+        self._registers.write(_LIGHT_START if in_turn else _RANGE_START, 0x01)
+        if not self._rests(_LAST_LIGHT):
+            raise self._late("ready for its settings")
+
+    def _factory_offset(self) -> int:
+        """The offset that the chip loaded at its reset."""
+        (offset,) = self._registers.read(_OFFSET)
+        (fresh,) = self._registers.read(_FRESH_OUT_OF_RESET)
+        if fresh == 1:
+            return offset
+        copy, complement = self._registers.read(_OFFSET_COPY, 2)
+        if copy ^ complement == 0xFF:
+            return copy
+        scaler = int.from_bytes(self._registers.read(_SCALER, 2), "big")
+        if scaler != _NO_SCALING:
+            raise DeviceDataError(
+                f"Another program set the VL6180X to another scale (0x{scaler:04x} instead of "
+                f"0x{_NO_SCALING:04x}), and its factory offset is lost.",
+                "Switch the sensor's supply off and on.",
+            )
+        return offset
+
+    def _check_settings(self) -> None:
+        """Whether the scale and the limits of a measurement are still those of ``start``."""
+        scaler = int.from_bytes(self._registers.read(_SCALER, 2), "big")
+        block = dict(zip(_BLOCK, self._registers.read(_BLOCK[0], len(_BLOCK)), strict=True))
+        wrong = [register for register, value in self._wanted.items() if block[register] != value]
+        if scaler == _NO_SCALING and not wrong:
+            return
+        what = f"register 0x{wrong[0]:03x}" if wrong else f"its range is scaled (0x{scaler:04x})"
+        raise DeviceDataError(
+            f"The VL6180X does not measure as it was set up: {what}.",
+            "End the other program that uses the sensor.",
+        )
+
     def _await_ready(self) -> None:
         for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):
             (fresh,) = self._registers.read(_FRESH_OUT_OF_RESET)
-            (status,) = self._registers.read(_RANGE_STATUS)
+            ready = self._ready()
             if fresh != 0:
                 raise DeviceDataError(
                     "The VL6180X has been reset and lost its settings.",
                     "Check its supply.",
                 )
-            if status & _READY:
+            if ready:
                 return
             self._clock.sleep(_LOOK_INTERVAL)
         raise self._late("ready for a measurement")
+
+    def _rests(self, within: float) -> bool:
+        for _ in range(round(within / _LOOK_INTERVAL)):
+            if self._ready():
+                return True
+            self._clock.sleep(_LOOK_INTERVAL)
+        return False
+
+    def _ready(self) -> bool:
+        (status,) = self._registers.read(_RANGE_STATUS)
+        return bool(status & _READY)
 
     def _await_sample(self) -> None:
         for _ in range(round(_DEADLINE / _LOOK_INTERVAL)):

@@ -22,11 +22,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, ClassVar, Final, TypeVar
+from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.gpio_line import GPIOLine, OutputLine
-from robot.drivers.links.i2c import I2CBus, keep_others_out
+from robot.drivers.links.i2c import I2CLink
 from robot.drivers.servos.pca9685_board import (
     ALL_CALL,
     NAME,
@@ -37,11 +37,9 @@ from robot.drivers.servos.pca9685_board import (
     by_board,
 )
 from robot.drivers.servos.servo_bus import check_counts, check_outputs
-from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceMissingError
+from robot.errors import CommandError, DeviceDataError, DeviceError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
-
-T = TypeVar("T")
 
 ADDRESSES: Final = range(0x40, 0x80)
 WIDTHS_US: Final = (500, 2500)
@@ -50,7 +48,6 @@ WIDTHS_US: Final = (500, 2500)
 RATES_HZ: Final = (40.0, 333.0)
 ANALOGUE_RATES_HZ: Final = (40.0, 60.0)
 
-_ATTEMPTS: Final = 3
 _SECONDS_PER_BYTE: Final = 9 / 100e3  # on a bus in standard mode
 _BYTES_PER_OUTPUT: Final = 6
 
@@ -142,7 +139,7 @@ class PCA9685Settings:
     def open(self, buses: Buses) -> PCA9685:
         """Opens the bus and identifies the boards; outputs stay as they are."""
         return PCA9685(
-            lambda: buses.open_i2c(f"/dev/i2c-{self.bus}"),
+            buses.i2c(self.bus),
             settings=self,
             clock=buses.clock,
             open_line=buses.open_line,
@@ -160,14 +157,13 @@ class PCA9685:
     """The boards of one robot. It is not thread-safe.
 
     Args:
-        open_bus: Opens the bus, which the driver closes.
+        link: The bus, which the driver opens and closes.
         settings: Where the boards are.
         clock: Paces the updates: one a pulse.
         open_line: Opens the line to the pin OE, given its chip, number and first level.
 
     Attributes:
         name: What it is called in sentences.
-        repeats: Transfers that had to be made again, because nobody acknowledged.
 
     Raises:
         DeviceError: A board does not answer, or is something else.
@@ -177,21 +173,26 @@ class PCA9685:
 
     def __init__(
         self,
-        open_bus: Callable[[], I2CBus],
+        link: I2CLink,
         *,
         settings: PCA9685Settings,
         clock: Clock,
         open_line: Callable[[str, int, bool], OutputLine] = GPIOLine,
     ):
-        self.repeats = 0
-        self._open_bus = open_bus
+        self._link = link
         self._open_line = open_line
         self._line: OutputLine | None = None
+        self._on = False
         self._settings = settings
         self._clock = clock
         self._driven: set[int] = set()
         self._ready = False
         self._open()
+
+    @property
+    def repeats(self) -> int:
+        """Transfers that had to be made again, because nobody acknowledged."""
+        return self._link.repeats
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Commands outputs to counts, and waits for a pulse of that width.
@@ -210,7 +211,7 @@ class PCA9685:
         self._driven |= counts.keys()
         for board, outputs in by_board(counts).items():
             moves = {output % OUTPUTS: counts[output] for output in outputs}
-            if not self._insist(self._boards[board].move, moves):
+            if not self._boards[board].move(moves):
                 raise self._reset(board)
         self._switch(on=True)
         self._clock.sleep(self._settings.period)
@@ -231,12 +232,12 @@ class PCA9685:
         if not self._driven:
             self._switch(on=False)
             with suppress(DeviceError):  # each is told once more, and its answer awaited
-                self._insist(self._board(ALL_CALL).all_off)
+                self._board(ALL_CALL).all_off()
         failure: DeviceError | None = None
         for board, group in by_board(released).items():
             for output in group:
                 try:
-                    self._insist(self._boards[board].off, output % OUTPUTS)
+                    self._boards[board].off(output % OUTPUTS)
                 except DeviceError as error:
                     failure = error
         if failure is not None:
@@ -255,13 +256,14 @@ class PCA9685:
         check_outputs(outputs, self._settings.outputs)
         if not self._ready:
             for one in self._boards:
-                self._insist(one.set_up, self._clock.sleep)
+                one.set_up(self._clock.sleep)
+            self._switch(on=self._on)  # nothing that the bus answers tells of this line
             self._ready = True
         counts: dict[int, int] = {}
         for board, group in by_board(outputs).items():
             for output in group:
-                counts[output] = self._insist(self._boards[board].count, output % OUTPUTS)
-            if not self._insist(self._boards[board].awake):
+                counts[output] = self._boards[board].count(output % OUTPUTS)
+            if not self._boards[board].awake():
                 raise self._reset(board)
         self._driven |= {output for output, count in counts.items() if count}
         return counts
@@ -303,33 +305,34 @@ class PCA9685:
 
     def close(self) -> None:
         """Closes the bus; the boards keep the servos where they are."""
-        self._bus.close()
+        self._link.close()
         if self._line is not None:
             self._line.close()
             self._line = None
 
     def _open(self) -> None:
-        self._bus = self._open_bus()
+        self._link.open()
         try:
-            keep_others_out(self._bus, self.name)
+            self._link.keep_others_out(self.name)
             self._boards = [self._board(address) for address in self._settings.boards]
             for board in self._boards:
-                self._insist(board.identify)
+                board.identify()
             if self._settings.enable is not None:
-                pulsing = any(self._insist(board.pulses) for board in self._boards)
-                self._line = self._open_line(*self._settings.enable, not pulsing)
+                self._on = any(board.pulses() for board in self._boards)
+                self._line = self._open_line(*self._settings.enable, not self._on)
         except BaseException:
-            self._bus.close()
+            self._link.close()
             raise
 
     def _switch(self, *, on: bool) -> None:
         """Lets the pulses of all boards out, or cuts them: the pin is active low."""
+        self._on = on
         if self._line is not None:
             self._line.set(not on)
 
     def _board(self, address: int) -> PCA9685Board:
         held = self._settings
-        return PCA9685Board(self._bus, address, prescale=held.prescale, counts=held.counts)
+        return PCA9685Board(self._link, address, prescale=held.prescale, counts=held.counts)
 
     def _reset(self, board: int) -> DeviceDataError:
         self.forget()
@@ -338,11 +341,3 @@ class PCA9685:
             "was set up: it was reset, its outputs are off and the joints limp.",
             "Check its supply. Then keep clear: once held, they go back to where they were.",
         )
-
-    def _insist(self, transfer: Callable[..., T], *arguments: Any) -> T:
-        """Makes a transfer that may be made twice, again where nobody acknowledged."""
-        for _ in range(_ATTEMPTS - 1):
-            with suppress(DeviceMissingError):
-                return transfer(*arguments)
-            self.repeats += 1
-        return transfer(*arguments)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from typing import Final
 
-from robot.drivers.links.i2c import I2CBus, I2CRegisters
+from robot.drivers.links.i2c import I2CLink, I2CRegisters
 from robot.errors import DeviceDataError, DeviceMissingError
 
 NAME: Final = "PCA9685"
@@ -46,15 +46,15 @@ class PCA9685Board:
     """A chip, or all of them at ``ALL_CALL``. Outputs are numbered as on the chip, from 0.
 
     Args:
-        bus: The bus.
+        link: The bus.
         address: The chip's.
         prescale: How it divides its oscillator, once it is set up.
         counts: The widths that it may have been commanded to, in ticks.
     """
 
-    def __init__(self, bus: I2CBus, address: int, *, prescale: int, counts: range):
+    def __init__(self, link: I2CLink, address: int, *, prescale: int, counts: range):
         self._address = address
-        self._registers = I2CRegisters(bus, address, NAME)
+        self._registers = I2CRegisters(link, address, NAME)
         self._prescale = prescale
         self._counts = counts
 

@@ -19,11 +19,13 @@ class ServoBus(Protocol):
 
     Attributes:
         name: What the device is called in sentences, such as ``SV203``.
-        repeats: Queries that had to be asked again, because the answer was damaged or did not come.
     """
 
     name: str
-    repeats: int
+
+    @property
+    def repeats(self) -> int:
+        """Queries that had to be asked again, because the answer was damaged or did not come."""
 
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Commands outputs to counts, and returns when they are sent.

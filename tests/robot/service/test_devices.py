@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 
 import pytest
 
-from bench.still_robot import example_config
+from bench.still_pi import StillPi, still_pi
+from bench.still_robot import StillRobot, example_config, still_robot
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus
@@ -74,3 +78,50 @@ def test_what_was_opened_is_closed_when_a_later_device_fails() -> None:
         buses.open_serial(board.port, 9600).close()  # exclusive: nobody else has it open
     finally:
         board.close()
+
+
+@pytest.mark.parametrize("build", [still_robot, still_pi])
+def test_an_adapter_that_was_plugged_in_again_is_opened_anew(
+    build: Callable[..., AbstractContextManager[StillRobot | StillPi]],
+) -> None:
+    """Of each driver on its bus, once, under the same name; nothing is left open."""
+    with build(InstantClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
+        bus, opened = robot.bus, len(robot.bus.handles)
+        bus.inject("unplugged")
+        assert robot.devices.distance is not None
+        with pytest.raises(DeviceMissingError, match="is gone"):
+            robot.devices.distance.distance()
+        for _ in range(3):
+            robot.devices.servos.forget()
+            with pytest.raises(DeviceMissingError, match="cannot be opened"):
+                revive(robot.config, robot.devices)
+            assert not bus.handles  # one that is open would keep its number
+        bus.mend()
+        for _ in range(3):
+            robot.devices.servos.forget()
+            revive(robot.config, robot.devices)
+        assert robot.devices.distance.distance() is not None
+        robot.devices.servos.read_counts([joint.output for joint in robot.config.joints])
+        assert len(bus.handles) == opened
+    assert not bus.handles
+
+
+def test_ports_are_opened_anew_too() -> None:
+    """Meanwhile a kernel driver may have claimed them, or given them back."""
+    with still_robot(InstantClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
+        opened: list[int] = []
+
+        def open_ports(base: int) -> DMM32Emulator:
+            opened.append(base)
+            if len(opened) == 2:
+                raise DeviceMissingError("The ports belong to a driver.", "Unload it.")
+            return robot.daq
+
+        buses = replace(robot.buses, open_ports=open_ports)
+        robot.servos.close()
+        devices = open_devices(robot.config, buses)
+        with pytest.raises(DeviceMissingError, match="Unload it"):
+            revive(robot.config, devices)
+        revive(robot.config, devices)
+        assert opened == [0x300] * 3
+        devices.close()

@@ -7,6 +7,7 @@ import errno
 import pytest
 from smbus2 import i2c_msg
 
+from robot.errors import DeviceMissingError
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
@@ -77,6 +78,28 @@ def test_every_nth_transfer_is_not_acknowledged(bench: Bench) -> None:
     assert answered == [True, True, False] * 2
 
 
+def test_a_transfer_can_be_carried_out_and_not_be_heard_of(bench: Bench) -> None:
+    bench.imu.inject("unheard", 2)
+    assert bench.read(0x68, 0x75, 1) == b"\x68"
+    with pytest.raises(OSError, match="Remote I/O"):
+        bench.write(0x68, 0x19, 7)
+    assert bench.read(0x68, 0x19, 1) == b"\x07"
+
+
+def test_what_was_open_when_the_adapter_was_pulled_out_is_dead(bench: Bench) -> None:
+    handle = bench.bus.open("/dev/i2c-1")
+    bench.bus.inject("unplugged")
+    with pytest.raises(DeviceMissingError, match="/dev/i2c-1 cannot be opened: No such file"):
+        bench.bus.open("/dev/i2c-1")
+    bench.bus.mend()
+    with pytest.raises(OSError, match="No such device") as caught:
+        handle.i2c_rdwr(i2c_msg.write(0x68, [0x75]))
+    assert caught.value.errno == errno.ENODEV
+    handle.close()
+    bench.bus.open("/dev/i2c-1").i2c_rdwr(i2c_msg.write(0x68, [0x75]))
+    assert len(bench.bus.handles) == 1
+
+
 # --- MPU-6050
 
 
@@ -126,6 +149,36 @@ def test_the_self_test_moves_each_axis_by_its_factory_trim(bench: Bench) -> None
         assert (seen[1] - seen[0]) / trim == pytest.approx(1, abs=0.14)
 
 
+def test_an_offset_shifts_an_axis_by_codes_of_8_g_and_a_reset_brings_back_its_own(
+    bench: Bench,
+) -> None:
+    bench.write(0x68, 0x6B, 0)
+    factory = bench.word(0x68, 0x08)
+    bench.write(0x68, 0x08, *(factory + 1024).to_bytes(2, "big"))  # y, by 0.25 g
+    bench.clock.sleep(0.01)
+    assert bench.word(0x68, 0x3D) == pytest.approx(0.0, abs=2)
+    bench.write(0x68, 0x6B, 0x80)
+    assert bench.word(0x68, 0x08) == factory
+
+
+def test_the_sample_rate_is_divided(bench: Bench) -> None:
+    bench.write(0x68, 0x6B, 0)
+    bench.write(0x68, 0x19, 99)
+    bench.clock.sleep(0.1)
+    first = bench.read(0x68, 0x3B, 6)
+    bench.felt = (0.0, 0.0, 0.0)
+    bench.clock.sleep(0.09)
+    assert bench.read(0x68, 0x3B, 6) == first
+    bench.clock.sleep(0.01)
+    assert bench.read(0x68, 0x3B, 6) != first
+
+
+def test_an_axis_that_stands_by_keeps_its_sample(bench: Bench) -> None:
+    bench.write(0x68, 0x6B, 0, 0x10)  # y
+    bench.clock.sleep(0.01)
+    assert [bench.word(0x68, at) for at in (0x3B, 0x3D)] == pytest.approx([8192, 0], abs=1)
+
+
 # --- ADS1115
 
 
@@ -169,6 +222,17 @@ def test_ranges(bench: Bench, gain: int, full_scale: float) -> None:
     bench.write(0x48, 1, 0xC1 | gain << 1, 0xE3)
     bench.clock.sleep(0.002)
     assert bench.word(0x48, 0) == 32767
+
+
+def test_a_conversion_ends_with_the_settings_that_it_began_with(bench: Bench) -> None:
+    bench.write(0x48, 1, 0xC2, 0x83)  # input 0, on and on
+    bench.clock.sleep(0.001)
+    bench.write(0x48, 1, 0xF3, 0x83)  # input 3, once: the start comes to nothing
+    bench.clock.sleep(0.02)
+    assert bench.word(0x48, 0) == round(0.5 / 4.096 * 32768)
+    bench.write(0x48, 1, 0xF3, 0x83)
+    bench.clock.sleep(0.02)
+    assert bench.word(0x48, 0) == round(3.0 / 4.096 * 32768)
 
 
 def test_continuous_conversions(bench: Bench) -> None:

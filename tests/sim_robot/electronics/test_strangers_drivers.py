@@ -118,6 +118,7 @@ def test_ads1x15_adc_measures_each_input(chips: Chips) -> None:
     for gain, scale in ((adc.PGA_4_096V, 4.096), (adc.PGA_6_144V, 6.144)):
         adc.setGain(gain)
         assert adc.getMaxVoltage() == pytest.approx(scale)
+        chips.clock.sleep(0.02)  # what each setting started ends with the settings before
         volts = [adc.toVoltage(adc.readADC(channel)) for channel in range(4)]
         assert volts == pytest.approx(chips.volts, abs=2e-4)
     assert adc.toVoltage(adc.readADC_Differential_0_1()) == pytest.approx(-0.5, abs=2e-4)

@@ -25,6 +25,12 @@ class Bench:
         self.chip.i2c_rdwr(i2c_msg.write(ADDRESS, [register >> 8, register & 0xFF]), data)
         return bytes(data)
 
+    def measure(self) -> tuple[int, int]:
+        """Error and value."""
+        self.write(0x018, 0x01)
+        self.clock.sleep(0.1)
+        return self.read(0x04D)[0] >> 4, self.read(0x062)[0]
+
     def write(self, register: int, *values: int) -> None:
         self.chip.i2c_rdwr(i2c_msg.write(ADDRESS, [register >> 8, register & 0xFF, *values]))
 
@@ -74,17 +80,74 @@ def test_no_target(tuned: Bench) -> None:
     assert tuned.read(0x04D)[0] >> 4 == 7
 
 
-def test_without_its_settings_it_does_not_measure(bench: Bench) -> None:
-    bench.write(0x018, 0x01)
-    bench.clock.sleep(0.1)
-    assert bench.read(0x04D)[0] >> 4 in range(1, 6)
+def test_without_its_settings_it_measures_wrongly_and_says_nothing(bench: Bench) -> None:
+    assert bench.measure() == (0, 34)
 
 
 def test_one_wrong_setting_is_enough(tuned: Bench) -> None:
     tuned.write(0x0DB, 0xCD)
+    assert tuned.measure() == (0, 34)
+
+
+@pytest.mark.parametrize(("scaler", "reading"), [(253, 99), (127, 54), (84, 39)])
+def test_the_range_is_scaled_and_the_offset_is_not(tuned: Bench, scaler: int, reading: int) -> None:
+    """As libraries know it, which divide the offset themselves: 9 mm of offset, 90 mm before it."""
+    tuned.distance = 99.0
+    tuned.write(0x096, *scaler.to_bytes(2, "big"))
+    assert tuned.measure() == (0, reading)
+
+
+@pytest.mark.parametrize(
+    ("register", "values", "distance", "outcome"),
+    [
+        (0x01C, (5,), 42.0, (7, 255)),  # ms
+        (0x01C, (5,), 10.0, (0, 10)),
+        (0x022, (0x09, 0x00), 42.0, (6, 255)),  # 18 Mcps
+        (0x022, (0x09, 0x00), 10.0, (0, 10)),
+        (0x024, (0xFF,), 42.0, (0, 32)),  # an offset of -1 instead of 9
+    ],
+)
+def test_settings_of_a_measurement(
+    tuned: Bench,
+    register: int,
+    values: tuple[int, ...],
+    distance: float,
+    outcome: tuple[int, int],
+) -> None:
+    tuned.distance = distance
+    tuned.write(register, *values)
+    assert tuned.measure() == outcome
+
+
+def test_a_weak_return_is_ignored_where_that_is_switched_on(tuned: Bench) -> None:
+    tuned.write(0x026, 0x09, 0x00)
+    assert tuned.measure() == (0, 42)
+    tuned.write(0x02D, 0x13)
+    assert tuned.measure() == (8, 255)
+
+
+def test_settings_are_held_back_while_they_are_written(tuned: Bench) -> None:
+    assert tuned.measure() == (0, 42)
+    tuned.write(0x017, 0x01)
+    tuned.write(0x024, 0x00)
+    assert tuned.measure() == (0, 42)
+    tuned.write(0x017, 0x00)
+    assert tuned.measure() == (0, 33)
+
+
+def test_measurements_go_on_and_on_until_they_are_started_again(tuned: Bench) -> None:
+    tuned.write(0x018, 0x03)
+    for distance in (30.0, 60.0):
+        tuned.distance = distance
+        for _ in range(2):  # the one under way, and the next
+            tuned.clock.sleep(0.1)
+            assert tuned.read(0x04D)[0] & 1 == 0
+        assert tuned.read(0x062)[0] == distance
     tuned.write(0x018, 0x01)
     tuned.clock.sleep(0.1)
-    assert tuned.read(0x04D)[0] >> 4 in range(1, 6)
+    assert tuned.read(0x04D) == b"\x01"
+    tuned.distance = 42.0
+    assert tuned.measure() == (0, 42)
 
 
 def test_results_cannot_be_written(tuned: Bench) -> None:
@@ -116,6 +179,7 @@ def test_a_transfer_takes_100_microseconds(bench: Bench) -> None:
 
 def test_a_frozen_distance_thaws(tuned: Bench) -> None:
     sensor = VL6180X(tuned.chip, clock=tuned.clock)
+    sensor.start()
     tuned.chip.inject("frozen")
     assert sensor.range_mm() == 42
     tuned.distance = 10.0

@@ -65,10 +65,11 @@ def test_the_range_is_the_one_of_the_configuration() -> None:
     buses = Buses(clock=clock, open_i2c=lambda path: chip)
     narrow = settings('input_range = "±1.024V"')
     assert narrow.rails == (-1.024, 1.024)
-    assert narrow.open(buses).scan(0, 0) == pytest.approx([1.024], abs=1e-4)  # at its end
-    assert settings('input_range = "±6.144V"').open(buses).scan(0, 0) == pytest.approx(
-        [1.5], abs=2e-4
-    )
+    wide = settings('input_range = "±6.144V"')
+    for found, volts in ((narrow, 1.024), (wide, 1.5)):  # the first is at its end
+        board = found.open(buses)
+        board.probe()
+        assert board.scan(0, 0) == pytest.approx([volts], abs=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -106,10 +107,46 @@ def test_a_reset_in_mid_conversion_is_noticed_and_one_in_between_costs_nothing(
         bench.inputs.scan(0, 0)
 
 
-def test_another_chip_at_the_address_is_named(bench: Bench) -> None:
-    bench.chips[1].receive(bytes((2, 0x4B, 0x00)))
-    with pytest.raises(DeviceMissingError, match=r"0x49 is no ADS1115.* hold 4b00 and 7fff"):
-        bench.inputs.probe()
+class Thermometer(ADS1115Emulator):
+    """An LM75: of the two limits in its registers 2 and 3 there are 9 bits each."""
+
+    def receive(self, data: bytes) -> bool:
+        if len(data) == 3 and data[0] in (2, 3):
+            data = bytes((*data[:2], data[2] & 0x80))
+        return super().receive(data)
+
+
+def test_another_chip_at_the_address_is_named() -> None:
+    clock = InstantClock()
+    chip = Thermometer(lambda channel: 0.0, clock)
+    for limit in ((2, 0x4B, 0x00), (3, 0x50, 0x00)):
+        chip.receive(bytes(limit))
+    board = settings().open(Buses(clock=clock, open_i2c=lambda path: chip))
+    with pytest.raises(
+        DeviceMissingError,
+        match=r"0x48 is no ADS1115.* hold 4b00 and 5000, and when told .* hold 8000 and 7f80",
+    ):
+        board.probe()
+
+
+@pytest.mark.parametrize("rate", range(8))
+def test_what_another_program_left_is_ended(bench: Bench, rate: int) -> None:
+    """The comparator's pin tells of each of its conversions, which go on and on."""
+    bench.chips[1].inject("comparing")
+    bench.chips[1].receive(bytes((1, 0x42, rate << 5)))
+    bench.inputs.probe()
+    assert bench.inputs.scan(5, 7) == pytest.approx(bench.volts[5:], abs=1e-4)
+
+
+@pytest.mark.parametrize("fault", ["nak", "unheard"])
+@pytest.mark.parametrize("every", [2, 3, 7, 40])
+def test_lost_acknowledges_cost_no_conversion(bench: Bench, fault: str, every: int) -> None:
+    for chip in bench.chips:
+        chip.inject(fault, every)
+    bench.inputs.probe()
+    for _ in range(5):
+        assert bench.inputs.scan(0, 7) == pytest.approx(bench.volts, abs=1e-4)
+    assert bench.inputs.link.repeats > 0
 
 
 def test_inputs_that_the_chips_do_not_have(bench: Bench) -> None:

@@ -70,6 +70,7 @@ class Wired:
         self.clock = InstantClock()
         self.board = PCA9685Emulator(self.clock)
         self.levels: list[bool] = []
+        self.gone = False
         table = toml_section("[servos]\nenable_line = 17", "robot.toml").table("servos")
         self.settings = PCA9685Settings.read(table)
         self.servos = self.open()
@@ -81,10 +82,13 @@ class Wired:
 
     def _line(self, chip: str, line: int, high: bool) -> Wired:
         assert (chip, line) == ("/dev/gpiochip0", 17)
+        self.gone = False
         self.set(high)
         return self
 
     def set(self, high: bool) -> None:
+        if self.gone:
+            raise DeviceMissingError("The GPIO line cannot be driven.", "Plug it in.")
         self.levels.append(high)
         self.board.drive_enable(high)
 
@@ -95,13 +99,14 @@ class Wired:
 def test_outputs_are_cut_until_the_first_command_and_by_the_last_release() -> None:
     wired = Wired()
     wired.servos.read_counts([0])
-    assert wired.levels == [True]
+    assert set(wired.levels) == {True}
+    wired.levels.clear()
     wired.servos.set_counts({0: MIDDLE, 1: MIDDLE})
     assert wired.board.pulses()[:2] == (MIDDLE, MIDDLE)
     wired.servos.release([0])
-    assert wired.levels == [True, False]
+    assert wired.levels == [False]
     wired.servos.release([1])
-    assert wired.levels == [True, False, True]
+    assert wired.levels == [False, True]
 
 
 def test_all_pulses_are_cut_though_the_bus_hangs() -> None:
@@ -121,5 +126,27 @@ def test_a_board_that_outlived_its_daemon_is_not_cut() -> None:
     wired.servos.close()
     wired.levels.clear()
     assert wired.open().read_counts([0]) == {0: MIDDLE}
-    assert wired.levels == [False]
+    assert set(wired.levels) == {False}
     assert wired.board.pulses()[0] == MIDDLE
+
+
+def test_a_line_whose_chip_was_plugged_in_again_is_opened_anew() -> None:
+    wired = Wired()
+    wired.servos.read_counts([0])
+    wired.servos.set_counts({0: MIDDLE})
+    wired.gone = True
+    with pytest.raises(DeviceMissingError):
+        wired.servos.set_counts({0: MIDDLE + 1})
+    wired.servos.forget()
+    with pytest.raises(DeviceMissingError):  # though the bus answers
+        wired.servos.read_counts([0])
+    wired.servos.reopen()
+    assert wired.servos.read_counts([0]) == {0: MIDDLE + 1}
+    wired.servos.release([0])
+    assert wired.board.pulses()[0] == 0
+
+
+def test_a_chip_that_is_not_there_names_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "gpiochip4").touch()
+    with pytest.raises(DeviceMissingError, match=f"There are {tmp_path}/gpiochip4"):
+        GPIOLine(str(tmp_path / "gpiochip0"), 3, True)

@@ -3,10 +3,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from smbus2 import I2cFunc, SMBus
 
-from robot.drivers.links.i2c import open_i2c
-from robot.drivers.links.portio import DevPort, claimed_by, open_dev_port
+from robot.drivers.links.portio import ClosedPorts, DevPort, claimed_by, open_dev_port
 from robot.errors import DeviceMissingError
 
 IOPORTS = """\
@@ -61,24 +59,9 @@ def test_ports_that_cannot_be_opened_say_why(tmp_path: Path, claims: str) -> Non
     assert claimed_by(0x280, 16, str(tmp_path / "none")) is None
 
 
-@pytest.mark.parametrize("functions", [I2cFunc.I2C | I2cFunc.SMBUS_QUICK, I2cFunc.SMBUS_QUICK])
-def test_a_bus_must_do_combined_transfers(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, functions: I2cFunc
-) -> None:
-    plain = tmp_path / "i2c-0"
-    plain.touch()
-    monkeypatch.setattr(SMBus, "_get_funcs", lambda self: functions)
-    monkeypatch.setattr("fcntl.ioctl", lambda *_: 0)
-    if I2cFunc.I2C in functions:
-        open_i2c(str(plain)).close()
-    else:
-        with pytest.raises(DeviceMissingError, match="speaks only SMBus"):
-            open_i2c(str(plain))
-
-
-def test_a_bus_that_cannot_be_opened_says_why(tmp_path: Path) -> None:
-    plain = tmp_path / "i2c-0"
-    plain.touch()
-    for path in (str(tmp_path / "none"), str(plain)):
-        with pytest.raises(DeviceMissingError, match="modprobe i2c-dev"):
-            open_i2c(path)
+def test_ports_that_are_not_open_cannot_be_used() -> None:
+    ports = ClosedPorts()
+    for access in (lambda: ports.read(0x300), lambda: ports.write(0x300, 1)):
+        with pytest.raises(OSError, match="not open"):
+            access()
+    ports.close()

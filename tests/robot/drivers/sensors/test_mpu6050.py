@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from smbus2 import i2c_msg
 
 from robot.drivers.buses import Buses
 from robot.drivers.sensors.mpu6050 import MPU6050, MPU6050Settings
@@ -107,10 +108,87 @@ def test_an_axis_that_fails_its_self_test_is_named(bench: Bench, axis: int) -> N
         bench.sensor.start()
 
 
-def test_another_chip_at_the_address_is_named(bench: Bench) -> None:
-    bench.chip.inject("other", 0x98)
-    with pytest.raises(DeviceMissingError, match=r"0x68 is no MPU-6050: it calls itself 0x98"):
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (0x70, "itself 0x70 instead of 0x68, as an MPU-6500 does. Many boards sold as GY-521"),
+        (0x98, "itself 0x98 instead of 0x68, as an ICM-20689 does. Many boards sold as GY-521"),
+        (0x72, "itself 0x72 instead of 0x68. Check which sensor is fitted"),
+    ],
+)
+def test_another_chip_at_the_address_is_named(bench: Bench, number: int, words: str) -> None:
+    bench.chip.inject("other", number)
+    with pytest.raises(DeviceMissingError, match="0x68 is no MPU-6050: it calls ") as caught:
         bench.sensor.start()
+    assert words in str(caught.value)
+    assert "will not do" in str(caught.value)
+
+
+def test_a_copy_without_factory_trim_is_named(bench: Bench) -> None:
+    bench.chip.inject("untrimmed")
+    with pytest.raises(DeviceMissingError, match="no factory trim: it is no genuine MPU-6050"):
+        bench.sensor.start()
+
+
+LEFT = {  # register and what another program leaves there
+    "an offset": (0x06, [0x00, 0x00]),
+    "sample rate": (0x19, [255]),
+    "filter": (0x1A, [0x06]),
+    "range": (0x1C, [0x18]),
+    "self-test": (0x1C, [0xE0]),
+    "sleep": (0x6B, [0x40]),
+    "cycles": (0x6B, [0x28]),
+    "clock": (0x6B, [0x07]),
+    "an axis that stands by": (0x6C, [0x20]),
+}
+
+
+@pytest.mark.parametrize("setting", LEFT)
+def test_what_another_program_left_ends_with_the_reset_of_a_start(setting: str) -> None:
+    bench = Bench()
+    bench.chip.i2c_rdwr(i2c_msg.write(0x68, [0x6B, 0x00]))
+    register, values = LEFT[setting]
+    bench.chip.i2c_rdwr(i2c_msg.write(0x68, [register, *values]))
+    bench.sensor.start()
+    assert bench.next() == pytest.approx(bench.felt, abs=1e-3)
+
+
+@pytest.mark.parametrize("setting", LEFT)
+def test_what_another_program_changes_meanwhile_is_noticed(bench: Bench, setting: str) -> None:
+    bench.next()
+    register, values = LEFT[setting]
+    bench.chip.i2c_rdwr(i2c_msg.write(0x68, [register, *values]))
+    with pytest.raises(DeviceDataError, match=r"as it was set up|sleeps"):
+        bench.next()
+    bench.sensor.start()
+    assert bench.next() == pytest.approx(bench.felt, abs=1e-3)
+
+
+class Stubborn(MPU6050Emulator):
+    """A copy that takes no reset."""
+
+    def receive(self, data: bytes) -> bool:
+        return data == b"\x6b\x80" or super().receive(data)
+
+
+def test_a_chip_that_takes_no_reset_is_not_believed() -> None:
+    bench = Bench()
+    chip = Stubborn(lambda: bench.felt, bench.clock)
+    chip.i2c_rdwr(i2c_msg.write(0x68, [0x6B, 0x01]))
+    sensor = settings().open(Buses(clock=bench.clock, open_i2c=lambda path: chip), "accelerometer")
+    with pytest.raises(DeviceDataError, match="told to reset and did not"):
+        sensor.start()
+
+
+@pytest.mark.parametrize("fault", ["nak", "unheard"])
+@pytest.mark.parametrize("every", [2, 3, 7, 40])
+def test_lost_acknowledges_cost_no_sample(fault: str, every: int) -> None:
+    bench = Bench()
+    bench.chip.inject(fault, every)
+    bench.sensor.start()
+    for _ in range(20):
+        assert bench.next() == pytest.approx(bench.felt, abs=1e-3)
+    assert bench.sensor.link.repeats > 0
 
 
 @pytest.mark.parametrize("celsius", [-55.0, 120.0])
