@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any, Final
 
 from robot.configuration.robot_config import RobotConfig
-from robot.diagnosis.findings import Finding, Severity, failed, look, ok
+from robot.diagnosis.findings import Finding, Severity, failed, look, ok, with_repeats
 from robot.diagnosis.sensors import (
     Recording,
     check_accelerometer,
@@ -102,7 +102,7 @@ class Doctor:
                 drivers[subject] = driver
         if inputs is not None and config.daq is not None and connected:
             finding, working = check_inputs(inputs, config.daq, config.settling.rate, self._clock)
-            yield finding
+            yield with_repeats(finding, inputs.board)
             for subject in set() if working else connected:
                 drivers.pop(subject, None)
         yield from self._look_at(drivers)
@@ -118,15 +118,17 @@ class Doctor:
         record(list(recordings.values()), config.settling.rate, self._clock)
         if _TILT in recordings:
             finding, tilt = check_accelerometer(config, recordings[_TILT])
-            yield finding
+            yield with_repeats(finding, drivers[_TILT])
         for point in config.touch:
             if (subject := f"touch {point.name}") in recordings:
-                yield check_touch(point, recordings[subject])
+                yield with_repeats(check_touch(point, recordings[subject]), drivers[subject])
         if config.distance is None:
             yield ok(_DISTANCE, "no sensor is configured")
         elif _DISTANCE in drivers:
             sensor = config.distance.sensor
-            yield check_distance(config, sensor, drivers[_DISTANCE], tilt, self._clock)
+            finder = drivers[_DISTANCE]
+            finding = check_distance(config, sensor, finder, tilt, self._clock)
+            yield with_repeats(finding, finder)
 
 
 def _sensors_of(config: RobotConfig) -> Iterator[tuple[str, str, SensorSettings]]:

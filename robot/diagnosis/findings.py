@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
 
+from robot.drivers.links.i2c import I2CLink
 from robot.errors import DeviceError
 
 _SUBJECT_WIDTH: Final = 18
+_MOST_REPEATS: Final = 0.02  # share of transfers; three losses running stop the robot
 
 
 class Severity(StrEnum):
@@ -61,3 +63,25 @@ def bad(subject: str, text: str, advice: str) -> Finding:
 def failed(subject: str, error: DeviceError) -> Finding:
     """A finding of a device that failed."""
     return bad(subject, error.message, error.advice)
+
+
+def with_repeats(finding: Finding, device: object) -> Finding:
+    """A finding of a device, with how many of its transfers on an I²C bus had to be repeated.
+
+    Args:
+        finding: What was observed.
+        device: The driver, which has its ``I2CLink`` as ``link``, or is on no such bus.
+    """
+    link: I2CLink | None = getattr(device, "link", None)
+    if link is None or finding.verdict is Severity.BAD:
+        return finding
+    text = f"{finding.text}; {link.repeats} of {link.transfers} transfers repeated"
+    if not link.repeats:
+        return replace(finding, text=text)
+    return Finding(
+        subject=finding.subject,
+        verdict=Severity.BAD if link.repeats > _MOST_REPEATS * link.transfers else Severity.LOOK,
+        text=text,
+        advice="Acknowledges are lost: use short wires and a common ground, away from the wires of "
+        f"the motors. {finding.advice}".rstrip(),
+    )

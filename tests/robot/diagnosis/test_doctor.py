@@ -8,12 +8,15 @@ import re
 import pytest
 import serial
 
+from bench.still_pi import still_pi
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Severity
 from robot.drivers.links.serial_line import open_serial
+from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.daemon import emulation
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
+from tests.robot.clocks import InstantClock
 from tests.robot.diagnosis.clinic import Clinic
 
 ALL = {
@@ -73,6 +76,25 @@ def test_several_faults_are_all_found(clinic: Clinic) -> None:
     clinic.robot.daq.present = False
     clinic.robot.distance.inject("nak")
     assert list(clinic.bad()) == ["servo board", "analogue inputs", "distance"]
+
+
+@pytest.mark.parametrize(
+    ("every", "verdict"), [(0, Severity.OK), (150, Severity.LOOK), (10, Severity.BAD)]
+)
+def test_transfers_that_had_to_be_repeated_are_counted(every: int, verdict: Severity) -> None:
+    with still_pi(InstantClock(), housekeeping=None, log=logging.getLogger("test")) as robot:
+        for chip in ("accelerometer", "adc", "distance"):
+            if every:
+                robot.panel.order(FaultSpec.parse(f"{chip}.nak={every}"))
+        doctor = Doctor(robot.config, robot.buses, move=False)
+        found = {one.subject: one for one in doctor.examine()}
+    for subject in ("accelerometer", "analogue inputs", "distance"):
+        assert found[subject].verdict is verdict, found[subject]
+        counted = re.search(r"(\d+) of (\d+) transfers repeated", found[subject].text)
+        assert counted is not None
+        repeats, transfers = map(int, counted.groups())
+        assert repeats == pytest.approx(transfers / every if every else 0, rel=0.2, abs=1.0)
+        assert ("Acknowledges are lost" in found[subject].advice) == bool(every)
 
 
 def test_an_unplugged_adapter_is_found(clinic: Clinic) -> None:

@@ -73,7 +73,7 @@ def test_one_repeated_query_is_worth_a_look_and_does_not_keep_the_joints_still(
 ) -> None:
     clinic.robot.servo_board.inject("garbage", QUERIES)
     findings = clinic.examine(move=True)
-    (board,) = (one for one in findings if "repeated" in one.text)
+    (board,) = (one for one in findings if "had to be repeated" in one.text)
     assert board.verdict is Severity.LOOK
     assert f"1 of {QUERIES + 1} queries" in board.text
     assert sum(one.subject.startswith("move ") for one in findings) == len(clinic.config.joints)
