@@ -32,6 +32,9 @@ EVERYWHERE = (
     "distance.busy",
     "distance.frozen",
     "distance.reset",
+    "distance.rescaled",
+    "distance.unheard=20",
+    "i2c.unplugged",
     "clock.jump=10",
     "clock.jump=-10",
 )
@@ -56,6 +59,7 @@ FAULTS = {
         *EVERYWHERE,
         "pwm.nak",
         "pwm.nak=3",
+        "pwm.unheard=3",
         "pwm.hang",
         "pwm.lost=5",
         "pwm.reset",
@@ -64,11 +68,15 @@ FAULTS = {
         "adc.busy",
         "adc.railed_channel=2",
         "adc.reset",
+        "adc.comparing",
+        "adc.nak=20",
         "accelerometer.nak",
         "accelerometer.stuck_axis=1",
         "accelerometer.railed_axis=2",
         "accelerometer.reset",
         "accelerometer.sleep",
+        "accelerometer.reranged",
+        "accelerometer.nak=20",
     ),
 }
 AFTER_RESET = {"servo_board.brown_out": 128, "pwm.reset": 0, "pwm.sleep": 0}  # each servo's count

@@ -45,7 +45,8 @@ RESETS: Final = ("brown_out", "reset", "sleep")
 STALL: Final = "stall"
 SOUND: Final = ("brown_out", STALL, "unplugged", "mute", "garbage", "jump")
 DAMAGING: Final = ("drop", "corrupt")
-ON_I2C: Final = ("reset", "sleep", STALL, "hang", "nak", "jump")
+ON_I2C: Final = ("reset", "sleep", STALL, "hang", "nak", "unheard", "adapter", "jump")
+ELSEWHERE: Final = {"jump": "clock.jump", "adapter": "i2c.unplugged"}  # not at the board
 WIDTHS: Final = (500.0, 2500.0)  # µs
 
 
@@ -178,12 +179,13 @@ class Study:
         number = {
             "garbage": self._random.randint(1, 4),
             "nak": self._random.choice((0, 2, 3, 5)),
+            "unheard": self._random.choice((0, 2, 3, 5)),
             "jump": self._random.choice((-10, -1, 1, 10)),
             "drop": self._random.randint(5, 200),
             "corrupt": self._random.randint(5, 200),
             "brown_out": self._random.choice((0, *self._boards)) if self._boards[1:] else 0,
         }.get(kind, 0)
-        name = f"{'clock' if kind == 'jump' else self._board}.{kind}"
+        name = ELSEWHERE.get(kind, f"{self._board}.{kind}")
 
         def begin() -> None:
             tally.faults[kind] += 1

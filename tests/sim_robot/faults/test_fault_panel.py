@@ -25,9 +25,12 @@ ONCE = (
     "pwm.reset",
     "pwm.sleep",
     "adc.reset",
+    "adc.comparing",
     "accelerometer.reset",
     "accelerometer.sleep",
+    "accelerometer.reranged",
     "distance.reset",
+    "distance.rescaled",
     "clock.jump",
 )
 SPANS = st.tuples(st.floats(0, 1e6, allow_nan=False), st.sampled_from("si")).map(
