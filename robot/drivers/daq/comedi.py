@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.daq.dmm32 import RANGES
+from robot.drivers.links.device_files import group_of
 from robot.errors import CommandError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from robot.toml_sections import Section
 
@@ -134,9 +135,12 @@ class ComediInput:
         library = self._library
         device = self._device = library.comedi_open(self._name.encode()) or None
         if device is None:
+            advice = "Attach it with comedi_config, or name the device file that it has."
+            if library.comedi_errno() in (errno.EACCES, errno.EPERM):
+                group = group_of(self._name, "iocard")
+                advice = f"Add the user to the group {group}, then log in again."
             raise DeviceMissingError(
-                f"The board {self._name} cannot be opened: {self._reason()}.",
-                "Attach it with comedi_config, and add the user to the group iocard.",
+                f"The board {self._name} cannot be opened: {self._reason()}.", advice
             )
         inputs = library.comedi_find_subdevice_by_type(device, _ANALOGUE_INPUT, _FIRST)
         if inputs < 0:
@@ -172,8 +176,12 @@ class ComediInput:
 
         Raises:
             CommandError: No such channels.
-            DeviceError: The board is gone or hangs.
+            DeviceError: The board is gone, hangs, or is not open.
         """
+        if self._device is None:  # comedilib would follow the null pointer
+            raise DeviceMissingError(
+                f"The board {self._name} is not open.", "Find out why it could not be opened."
+            )
         if not 0 <= low <= high < self._channels:
             raise CommandError(
                 f"channels run upwards within 0 to {self._channels - 1}, not {low} to {high}"

@@ -144,9 +144,16 @@ def test_channels_that_the_board_lacks_are_refused(fake: FakeComedi, low: int, h
         opened(fake).scan(low, high)
 
 
-def test_what_cannot_be_opened_is_named_with_the_reason(fake: FakeComedi) -> None:
-    fake.error = errno.ENOENT
-    with pytest.raises(DeviceMissingError, match=r"/dev/comedi0 cannot be opened: reason 2\."):
+@pytest.mark.parametrize(
+    ("error", "advice"), [(errno.ENOENT, "comedi_config"), (errno.EACCES, "the group iocard")]
+)
+def test_what_cannot_be_opened_is_named_with_the_reason(
+    fake: FakeComedi, error: int, advice: str
+) -> None:
+    fake.error = error
+    with pytest.raises(
+        DeviceMissingError, match=rf"/dev/comedi0 cannot be opened: reason {error}\..*{advice}"
+    ):
         opened(fake)
 
 
@@ -188,3 +195,14 @@ def test_a_configuration_names_it(fake: FakeComedi, monkeypatch: pytest.MonkeyPa
 def test_a_library_that_is_not_installed() -> None:
     with pytest.raises(DeviceMissingError, match="apt install libcomedi0"):
         load_library("libcomedi.so.none")
+
+
+def test_a_board_that_is_not_open_is_not_read() -> None:
+    """Comedilib would follow a null pointer."""
+    library = FakeComedi()
+    board = ComediInput("/dev/comedi0", library=library)
+    board.probe()
+    board.close()
+    with pytest.raises(DeviceMissingError, match="/dev/comedi0 is not open"):
+        board.scan(0, 0)
+    assert not library.read
