@@ -72,15 +72,15 @@ def no_such_bus(path: str, error: OSError) -> DeviceMissingError:
     """Why a bus cannot be opened, and what to do about it."""
     match error.errno:
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
-            switch_on = (
-                "on a Raspberry Pi: sudo raspi-config nonint do_i2c 0; elsewhere: sudo modprobe "
-                "i2c-dev, or plug the adapter in."
-            )
             found = ", ".join(map(_described, others_like(path)))
             advice = (
-                f"There are {found}: name the right one as bus, or switch this one on: {switch_on}"
-                if found
-                else f"There is no I²C bus at all; switch it on: {switch_on}"
+                (
+                    f"There are {found}: name the right one as bus, or "
+                    if found
+                    else "There is none: "
+                )
+                + "switch it on (on a Raspberry Pi: sudo raspi-config nonint do_i2c 0), load its "
+                "driver (sudo modprobe i2c-dev), or plug its adapter in."
             )
         case errno.EACCES | errno.EPERM:
             advice = (

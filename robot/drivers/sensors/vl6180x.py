@@ -248,7 +248,7 @@ class VL6180X:
         # Where measurements go on and on, a second start is their end.
         self._registers.write(_LIGHT_START if in_turn else _RANGE_START, 0x01)
         if not self._rests(_LAST_LIGHT):
-            raise self._late("ready for its settings")
+            raise self._late("ready for its settings", _DEADLINE + _LAST_LIGHT)
 
     def _factory_offset(self) -> int:
         """The offset that the chip loaded at its reset."""
@@ -319,7 +319,7 @@ class VL6180X:
             self._clock.sleep(_LOOK_INTERVAL)
         raise self._late("done with a measurement")
 
-    def _late(self, what: str) -> DeviceTimeoutError:
+    def _late(self, what: str, within: float = _DEADLINE) -> DeviceTimeoutError:
         return DeviceTimeoutError(
-            f"The VL6180X was not {what} within {_DEADLINE:g} s.", "Switch it off and on."
+            f"The VL6180X was not {what} within {within:g} s.", "Switch it off and on."
         )

@@ -145,17 +145,25 @@ def test_a_file_that_is_no_bus_is_closed_again(tmp_path: Path) -> None:
     assert files() == before
 
 
-def test_a_bus_that_is_not_there_names_those_that_are(tmp_path: Path) -> None:
+def test_a_bus_that_is_not_there_names_those_that_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("robot.drivers.links.i2c._NAMES", tmp_path / "sys")
+    (tmp_path / "sys" / "i2c-13").mkdir(parents=True)
+    (tmp_path / "sys" / "i2c-13" / "name").write_text("ddc 0\n")
     wanted = str(tmp_path / "i2c-1")
     with pytest.raises(DeviceMissingError) as caught:
         open_i2c(wanted)
-    assert "There is no I²C bus at all; switch it on: on a Raspberry Pi" in str(caught.value)
+    assert "There is none: switch it on (on a Raspberry Pi: sudo raspi-config" in str(caught.value)
     for name in ("i2c-14", "i2c-13", "i2c-ten", "gpiochip0"):
         (tmp_path / name).touch()
     with pytest.raises(DeviceMissingError) as caught:
         open_i2c(wanted)
     sentence = str(caught.value)
-    assert f"There are {tmp_path}/i2c-13, {tmp_path}/i2c-14: name the right one as bus" in sentence
+    assert (
+        f"There are {tmp_path}/i2c-13 (ddc 0), {tmp_path}/i2c-14: name the right one as bus"
+        in sentence
+    )
     assert "sudo raspi-config nonint do_i2c 0" in sentence
 
 
