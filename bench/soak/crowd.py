@@ -47,6 +47,7 @@ FAULTS = {
         "servo_board.garbage=5",
         "servo_board.mute",
         "servo_board.brown_out",
+        "servo_board.moved=3",
         "daq.absent",
         "daq.stuck_wait",
         "daq.stuck_busy",
@@ -64,6 +65,12 @@ FAULTS = {
         "pwm.lost=5",
         "pwm.reset",
         "pwm.sleep",
+        "pwm.doze",
+        "pwm.prescale=60",
+        "pwm.mode2=20",
+        "pwm.moved=3",
+        "pwm.full_on=2",
+        "pwm.all_off",
         "adc.nak",
         "adc.busy",
         "adc.railed_channel=2",
@@ -79,7 +86,14 @@ FAULTS = {
         "accelerometer.nak=20",
     ),
 }
-AFTER_RESET = {"servo_board.brown_out": 128, "pwm.reset": 0, "pwm.sleep": 0}  # each servo's count
+ALTERING = frozenset(
+    fault
+    for faults in FAULTS.values()
+    for fault in faults
+    if fault.startswith(("servo_board.brown", "servo_board.moved", "pwm."))
+    and not fault.startswith(("pwm.nak", "pwm.hang", "pwm.lost"))
+)
+"""What gives servos other pulses than they were commanded to."""
 
 
 class InvariantBroken(Exception):  # noqa: N818 - a finding
@@ -240,7 +254,7 @@ class Crowd:
         fault = self._random.choice(self._breaks)
         start = self._faults.report()["robot_time"] + self._random.uniform(0, 3)
         self._faults.inject(f"{fault}@{start:.3f}s" if self._random.random() < 0.7 else fault)
-        reset = False
+        altered = False
         for _ in range(2):
             try:
                 seen = self._client.perform(self._targets())
@@ -248,13 +262,14 @@ class Crowd:
                 self._demand(error.code == "fault", f"{fault} ended with {error}")
                 self.counts["faults noticed"] += 1
                 self._refused("fault", self._client.read)
-                reset = False
+                altered = False
                 break
-            self._demand(not reset, "a board that was reset is not noticed")
-            # After its last answer of a motion a reset cannot be noticed before the next one.
-            reset = set(self._faults.report()["pulses"]) == {AFTER_RESET.get(fault)}
-            self._take(seen, stiff=not reset)
-        if reset:
+            self._demand(not altered, "a board that was altered is not noticed")
+            # After its last answer of a motion that cannot be noticed before the next one.
+            pulses = self._faults.report()["pulses"]
+            altered = fault in ALTERING and pulses != self._commanded(seen)
+            self._take(seen, stiff=not altered)
+        if altered:
             self._refused("fault", lambda: self._client.perform(self._targets()))
         self._faults.mend()
         for viewer in self._viewers:
@@ -332,7 +347,7 @@ class Crowd:
         self.counts["observations"] += 1
         pulses = self._faults.report()["pulses"]
         if stiff:
-            wanted = [self._scales[name].count(angle) for name, angle in seen.angles.items()]
+            wanted = self._commanded(seen)
             self._demand(pulses == wanted, f"commanded {wanted}, but the board has {pulses}")
         if last is not None:
             self._demand(seen.sequence == last.sequence + 1, "an observation lost or repeated")
@@ -340,6 +355,10 @@ class Crowd:
             self._demand(seen.monotonic > last.monotonic, "an observation is old")
             repeated = (seen.tilt, seen.clearance) == (last.tilt, last.clearance)
             self._demand(not repeated, "a reading repeated")
+
+    def _commanded(self, seen: ObservationReply) -> list[int]:
+        """The counts of an observation's angles."""
+        return [self._scales[name].count(angle) for name, angle in seen.angles.items()]
 
     def _refused(self, code: str, ask: Callable[[], object]) -> None:
         try:

@@ -4,9 +4,10 @@ Return to zero, settle, see that the robot lies flat; slew every joint to its ow
 average, read. ``report(phase, fraction)`` is called before each serial line, query and sample, and
 may raise ``RobotError`` there: the servos then stay at the last commanded counts.
 
-The servo board acknowledges nothing, so it is asked before a motion and after a reading whether it
-still has the counts that it was sent: what an observation calls commanded was, all along. One that
-was reset in mid-motion ignores the rest of it, and is found out when the motion has ended.
+The servo board acknowledges nothing, and other programs may reach it, so it is asked before a
+motion, and before and after a reading, whether it still has the counts that it was sent: what an
+observation calls commanded was, all along. One that was reset in mid-motion ignores the rest of it,
+and is found out when the motion has ended, if not before.
 """
 
 from __future__ import annotations
@@ -222,6 +223,7 @@ class MotorProgramRunner:
     def _observe(self, report: Report) -> InteractionResult:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         settled, settle_time = self._settle(report)
+        self._verify(partial(report, "settling", 1.0))
         reading = self._average(partial(report, "sampling"))
         self._verify(partial(report, "sampling", 1.0))
         return InteractionResult(
@@ -332,15 +334,20 @@ class MotorProgramRunner:
 
     def _verify(self, check: Callable[[], None], outputs: Sequence[int] | None = None) -> None:
         """Compares the board's counts, of all outputs or of some, with those that it was sent."""
+        wanted = self._outputs if outputs is None else outputs
+        at_once = self._config.servos.per_update  # queries to a slow board take a while
         lost = []
-        for output in self._outputs if outputs is None else outputs:
-            check()  # one at a time: eight queries take a while
-            count = 0 if self._released else self._counts[output]
-            lost += self._servos.verify({output: count})
+        for first in range(0, len(wanted), at_once):
+            check()
+            group = wanted[first : first + at_once]
+            lost += self._servos.verify(
+                {output: 0 if self._released else self._counts[output] for output in group}
+            )
         if lost:
             names = [joint.name for joint in self._joints if joint.output in lost]
             raise DeviceDataError(
                 f"The servo board ({self._servos.name}) does not have the commands for "
-                f"{', '.join(names)}: it was reset, or bytes were lost on the line.",
-                "Check the servo supply, then the serial cable.",
+                f"{', '.join(names)}: it was reset, another program wrote to "
+                "it, or bytes were lost.",
+                "Check the servos' supply, that nothing else drives them, then the cable.",
             )

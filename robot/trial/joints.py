@@ -175,8 +175,9 @@ class JointsOnTrial:
             self.stop()
             raise DeviceDataError(
                 f"The servo board ({self._servos.name}) does not have the command for "
-                f"{joint.name}: it was reset, or bytes were lost on the line.",
-                "Check the servo supply, then the serial cable.",
+                f"{joint.name}: it was reset, another program wrote to "
+                "it, or bytes were lost.",
+                "Check the servos' supply, that nothing else drives them, then the cable.",
             )
 
     def _send(self, counts: Mapping[int, int]) -> None:

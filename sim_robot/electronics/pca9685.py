@@ -1,7 +1,9 @@
 """An emulated PCA9685: sixteen PWM outputs on an I²C bus.
 
-Source: NXP PCA9685 data sheet, revision 4. Where it gives no figure the emulator assumes: a write
-to a PWM register restarts outputs that were put to sleep while they pulsed.
+Source: NXP PCA9685 data sheet, revision 4. Where it gives no figure the emulator assumes: whatever
+clears RESTART starts the outputs again; an oscillator stops, and starts, at once; nothing clocks
+the pin EXTCLK, nothing pulls an open-drain output up, and outputs change at the end of a transfer
+even where MODE2 has them change with each acknowledge.
 """
 
 from __future__ import annotations
@@ -36,7 +38,17 @@ _FULL: Final = 0x10
 _LEAST_PRESCALE: Final = 3
 _GENERAL_CALL: Final = 0x00
 _SOFTWARE_RESET: Final = b"\x06"
-_MICROSECONDS: Final = 25.0  # periods of the oscillator
+_WAKING: Final = 500e-6  # s
+
+_INVERT: Final = 0x10
+_CHANGE_AT_ACK: Final = 0x08
+_TOTEM_POLE: Final = 0x04
+_WHEN_DISABLED: Final = 0x03
+_HIGH: Final = 0x01
+
+_ASLEEP: Final = _AUTO_INCREMENT | _SLEEP | _ALL_CALL
+_AWAKE: Final = _AUTO_INCREMENT | _ALL_CALL
+_OTHERS_TICKS: Final = 307  # where other programs move servos to: 1.5 ms at 50 Hz
 
 
 class PCA9685Emulator(I2CDevice):
@@ -45,11 +57,12 @@ class PCA9685Emulator(I2CDevice):
     Args:
         clock: Is charged 100 µs per transfer.
         address: Set by the board's jumpers.
+        oscillator_mhz: What its oscillator really runs at.
 
     Attributes:
         enabled: Whether the pin OE is low, to which the boards pull it; see ``drive_enable``.
         on_pulse: Called with output, ticks before and ticks after whenever a command changes the
-            pulse of an output; what a reset switches off is no command.
+            pulse of an output; a reset is no command, nor is what another program does.
         on_reset: Called when the board was reset.
     """
 
@@ -57,18 +70,33 @@ class PCA9685Emulator(I2CDevice):
         {**I2CDevice.FAULTS, "lost": "every n-th write to an output is acknowledged and lost"}
     )
     NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        {**I2CDevice.NUMBERS, "lost": EVERY_NTH}
+        {
+            **I2CDevice.NUMBERS,
+            "lost": EVERY_NTH,
+            "prescale": range(_LEAST_PRESCALE, 256),
+            "mode2": range(32),
+            "moved": range(OUTPUTS),
+            "full_on": range(OUTPUTS),
+        }
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "reset": "the supply dips: the board sleeps without settings, outputs are off",
-            "sleep": "something puts the board to sleep: outputs are off, settings are kept",
+            "sleep": "another program puts the board to sleep: outputs are off, settings are kept",
+            "doze": "another program puts the board to sleep and wakes it: outputs stay off",
+            "prescale": "another program sets PRE_SCALE to n, as servo libraries do: every pulse "
+            "has another width at once",
+            "mode2": "another program writes n to MODE2: 20 inverts the outputs, 0 opens them",
+            "moved": "another program gives output n a pulse of 307 ticks",
+            "full_on": "another program switches output n fully on",
+            "all_off": "another program switches all outputs fully off",
         }
     )
 
-    def __init__(self, clock: Clock, *, address: int = 0x40):
+    def __init__(self, clock: Clock, *, address: int = 0x40, oscillator_mhz: float = 25.0):
         super().__init__(clock)
         self._address = address
+        self._oscillator_mhz = oscillator_mhz
         self._writes = 0
         self.enabled = True
         self.on_pulse: Callable[[int, int, int], None] = lambda output, before, after: None
@@ -85,23 +113,24 @@ class PCA9685Emulator(I2CDevice):
             self._registers[_LED0 + 4 * output + 3] = _FULL
         self._registers[_PRESCALE] = 0x1E
         self._pointer = 0
-        self._halted = False  # outputs that slept while they pulsed, and were not restarted
+        self._awake_since = 0.0
+        self._loaded: set[int] = set()  # registers of outputs, since the last end of a transfer
         self._pulses: tuple[int, ...] = (0,) * OUTPUTS
         self.on_reset()
 
     def pulses(self) -> tuple[int, ...]:
-        """Ticks of 4096 for which each output is high in every period; 0 for no pulse."""
+        """Ticks of 4096 for which each output is high in every period; 0 and 4096 are levels."""
         return self._pulses
 
     def drive_enable(self, high: bool) -> None:
         """Drives the pin OE: high cuts all pulses."""
         self.enabled = not high
-        self._drive()
+        self._command()
 
     @property
     def tick_us(self) -> float:
         """The length of a tick, µs."""
-        return (self._registers[_PRESCALE] + 1) / _MICROSECONDS
+        return (self._registers[_PRESCALE] + 1) / self._oscillator_mhz
 
     def answers(self, address: int) -> bool:
         """Whether it is the board's own, or one that several boards share."""
@@ -135,14 +164,18 @@ class PCA9685Emulator(I2CDevice):
 
     def stop(self) -> None:
         """Outputs change at the end of a transfer."""
-        self._drive()
+        self._end_transfer()
+        self._command()
 
     def _happen(self, event: str, value: int) -> None:
         if event == "reset":
             self.power_cycle()
-        else:
-            self._registers[_MODE1] |= _SLEEP
-            self._pulses = (0,) * OUTPUTS
+            return
+        for register, written in _written_by_others(event, value):
+            self._store(register, written)
+            self._awake_since = -_WAKING  # they wait as long as the data sheet asks for
+        self._end_transfer()
+        self._drive()
 
     def _advance(self) -> None:
         if self._registers[_MODE1] & _AUTO_INCREMENT:
@@ -172,29 +205,52 @@ class PCA9685Emulator(I2CDevice):
             return
         high = (register - _LED0) % 2
         self._registers[register] = value & 0x1F if high else value
-        self._halted = False
-        self._registers[_MODE1] &= ~_RESTART
+        self._loaded.add(register)
 
     def _store_mode(self, value: int) -> None:
         before = self._registers[_MODE1]
-        after = value & ~_RESTART | before & _RESTART
+        after = value & ~_RESTART | before & (_RESTART | _EXTERNAL_CLOCK)
         if not before & _SLEEP:
             after = after & ~_EXTERNAL_CLOCK | before & _EXTERNAL_CLOCK
+        now = self._clock.now()
         if value & _SLEEP and not before & _SLEEP and any(self._widths()):
-            self._halted = True
             after |= _RESTART
-        if value & _RESTART and not value & _SLEEP:
-            self._halted = False
+        if before & _SLEEP and not value & _SLEEP:
+            self._awake_since = now
+        elif value & _RESTART and not value & _SLEEP and now - self._awake_since >= _WAKING:
             after &= ~_RESTART
         self._registers[_MODE1] = after
 
-    def _drive(self) -> None:
+    def _end_transfer(self) -> None:
+        """A write to an output clears RESTART; with each acknowledge, to all its registers."""
+        needed = 4 if self._registers[_MODE2] & _CHANGE_AT_ACK else 1
+        for output in range(OUTPUTS):
+            registers = range(_LED0 + 4 * output, _LED0 + 4 * output + 4)
+            if len(self._loaded.intersection(registers)) >= needed:
+                self._registers[_MODE1] &= ~_RESTART
+        self._loaded.clear()
+
+    def _command(self) -> None:
+        """Drives the outputs, and reports what changes."""
         before = self._pulses
-        off = self._halted or not self.enabled or self._registers[_MODE1] & _SLEEP
-        self._pulses = (0,) * OUTPUTS if off else self._widths()
+        self._drive()
         for output, (old, new) in enumerate(zip(before, self._pulses, strict=True)):
             if old != new:
                 self.on_pulse(output, old, new)
+
+    def _drive(self) -> None:
+        stopped = self._registers[_MODE1] & (_SLEEP | _RESTART | _EXTERNAL_CLOCK)
+        widths = (0,) * OUTPUTS if stopped else self._widths()
+        mode2 = self._registers[_MODE2]
+        if not mode2 & _TOTEM_POLE:
+            self._pulses = (0,) * OUTPUTS
+        elif not self.enabled:
+            level = TICKS if mode2 & _WHEN_DISABLED == _HIGH else 0
+            self._pulses = (level,) * OUTPUTS
+        elif mode2 & _INVERT:
+            self._pulses = tuple(TICKS - width for width in widths)
+        else:
+            self._pulses = widths
 
     def _widths(self) -> tuple[int, ...]:
         return tuple(self._width(_LED0 + 4 * output) for output in range(OUTPUTS))
@@ -210,3 +266,22 @@ class PCA9685Emulator(I2CDevice):
 
 def _exists(register: int) -> bool:
     return register <= _LAST_LED or register >= _ALL_LED
+
+
+def _written_by_others(event: str, value: int) -> tuple[tuple[int, int], ...]:
+    """Registers and values that another program writes, in order."""
+    match event:
+        case "sleep":
+            return ((_MODE1, _ASLEEP),)
+        case "doze":
+            return ((_MODE1, _ASLEEP), (_MODE1, _AWAKE))
+        case "prescale":
+            restarted = (_MODE1, _AWAKE | _RESTART)
+            return ((_MODE1, _ASLEEP), (_PRESCALE, value), (_MODE1, _AWAKE), restarted)
+        case "mode2":
+            return ((_MODE2, value),)
+        case "all_off":
+            return ((_ALL_LED + 3, _FULL),)
+    first = _LED0 + 4 * value
+    high = (_FULL, 0, 0) if event == "full_on" else (0, _OTHERS_TICKS & 0xFF, _OTHERS_TICKS >> 8)
+    return tuple(zip(range(first, first + 4), (0, *high), strict=True))

@@ -28,6 +28,7 @@ from sim_robot.electronics.sv203_board import OUTPUTS, Board
 _CHUNK: Final = 4096
 _PREFIX: Final = "emulated-sv203-"
 _LINK: Final = "port"
+_OTHERS_COUNT: Final = 200
 
 
 class SV203Emulator(FaultSwitch):
@@ -60,7 +61,8 @@ class SV203Emulator(FaultSwitch):
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
             "brown_out": "the supply of board n dips, of all without a number: servos jump to "
-            "neutral, the board is deselected"
+            "neutral, the board is deselected",
+            "moved": f"another program on the line sends output n to count {_OTHERS_COUNT}",
         }
     )
 
@@ -123,8 +125,13 @@ class SV203Emulator(FaultSwitch):
             self.replug()
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """Of a brown-out the boards', or 0 for all of them."""
-        return (0, *self._boards) if fault == "brown_out" else super().numbers(fault)
+        """Of a brown-out the boards', or 0 for all of them; of a move the outputs'."""
+        match fault:
+            case "brown_out":
+                return (0, *self._boards)
+            case "moved":
+                return range(1, OUTPUTS * len(self._boards) + 1)
+        return super().numbers(fault)
 
     def power_cycle(self, number: int = 0) -> None:
         """A brown-out of one board or of all: it is deselected, and its servos jump to neutral.
@@ -162,7 +169,12 @@ class SV203Emulator(FaultSwitch):
             self._lock = None
 
     def _happen(self, event: str, value: int) -> None:
-        self.power_cycle(value)
+        if event == "brown_out":
+            self.power_cycle(value)
+            return
+        row, servo = divmod(value - 1, OUTPUTS)
+        with self._changed:
+            tuple(self._boards.values())[row].place(servo + 1, _OTHERS_COUNT)
 
     def _consume(self, data: bytes) -> bytes:
         """Acts on bytes from the host and returns the answer."""

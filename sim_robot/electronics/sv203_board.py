@@ -34,7 +34,7 @@ class Board:
         pulses: Count at each output, 0 without pulses; replaced, never changed in place.
         analogue: What the five analogue inputs read, 0 to 255.
         on_move: Called with servo, count before and count after whenever a command changes one;
-            what servos do by themselves when the supply comes back is no move.
+            what servos do by themselves when the supply comes back is no move, nor is ``place``.
     """
 
     pulses: tuple[int, ...]
@@ -107,10 +107,14 @@ class Board:
             if 0 <= count <= 255:
                 self._set(self._servo, count)
 
-    def _set(self, servo: int, count: int) -> None:
-        before = self._counts[servo - 1]
+    def place(self, servo: int, count: int) -> None:
+        """Another program on the line moves a servo, which is not reported to ``on_move``."""
         self._counts[servo - 1] = count
         self.pulses = tuple(self._counts)
+
+    def _set(self, servo: int, count: int) -> None:
+        before = self._counts[servo - 1]
+        self.place(servo, count)
         if count != before:
             self.on_move(servo, before, count)
 

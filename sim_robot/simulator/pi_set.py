@@ -11,7 +11,7 @@ from robot.drivers.buses import Buses
 from robot.drivers.daq.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.servos.pca9685 import PCA9685Settings
-from robot.drivers.servos.pca9685_board import OUTPUTS
+from robot.drivers.servos.pca9685_board import OUTPUTS, TICKS
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.host.clock import Clock
 from sim_robot.electronics.ads1115 import ADS1115Emulator
@@ -99,11 +99,18 @@ class PiSet:
         return Buses(clock=clock, open_i2c=self.bus.open)
 
     def pulses(self) -> Sequence[int]:
-        """Widths in ticks of the configured length; a board that was reset has others."""
-        ticks = self._servos.tick_us
-        return [
-            round(pulse * board.tick_us / ticks) for board in self.pwm for pulse in board.pulses()
+        """Widths in ticks of the configured length; a board that was altered has others.
+
+        A level is no pulse, and one that no servo knows drives it against its stop.
+        """
+        counts = self._servos.counts
+        ticks = zip(self.pwm, self._servos.ticks_us, strict=True)
+        widths = [
+            round(pulse % TICKS * board.tick_us / tick)
+            for board, tick in ticks
+            for pulse in board.pulses()
         ]
+        return [min(max(width, counts[0]), counts[-1]) if width else 0 for width in widths]
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """A transfer is over when it was made."""

@@ -170,6 +170,17 @@ DEVICES: Final = {
             lasts=False,
             mended_first=True,
         ),
+        device(
+            "another program on the line moves a servo while idle",
+            "servo_board.moved=2",
+            "notices before it moves, at the next request (on a real robot: within 3 s). In "
+            "mid-motion a board cannot be asked, so that is seen at its end, unless the motion's "
+            "own lines have brought the servo back",
+            "does not have the commands",
+            "`clear` works at once; motion goes on from where the board has the joint now.",
+            lasts=False,
+            mended_first=True,
+        ),
     ),
     "Servos": (
         unnoticed(

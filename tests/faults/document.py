@@ -28,29 +28,37 @@ Four rules hold throughout:
    refused until somebody sends `clear`, which opens, identifies and tries every device, and is
    refused with a sentence while one of them still fails.
 2. **No reading is invented, repeated or stale.** An observation is given only if every sample of it
-   was fresh and possible, and if the servo board, which acknowledges nothing, was asked before and
-   after whether it has the counts that it was sent.
+   was fresh and possible, and if the servo board, which acknowledges nothing and which other
+   programs may reach, was asked before the samples and after them whether it has the counts that it
+   was sent, and, a PCA9685, whether it is set up as it was.
 3. **Nothing is done twice.** A request is carried out once, however often it arrives.
-4. **No leap is commanded.** Whatever failed, a joint is told to go no further at once than it moves
-   in one update of its count at top speed: 5.6° with eight servos at 9600 baud, 21° with 24 on
-   three boards of one line, where an update takes 0.27 s and `stop` cuts in between its lines.
+4. **No leap is commanded.** Whatever failed, or another program did, a joint is told to go no
+   further at once than it moves in one update of its count at top speed: 5.6° with eight servos at
+   9600 baud, 21° with 24 on three boards of one line, where an update takes 0.27 s and `stop` cuts
+   in between its lines.
    `make leaps` injects a thousand faults while joints move (resets, cables, silence, garbage,
    processes that stand still, clocks that jump, up to three at once) on eight servos, and reads the
-   emulated board's own record: in 724 motions the longest step was 0.97 of that, and none of 164
-   resets went unnoticed. With a PCA9685 one update is 1.8°: in 878 motions with a thousand faults
-   the longest step was 0.93 of that, none of 360 resets and sleeps went unnoticed, and no pulse was
-   shorter than 500 or longer than 2,500 µs.
+   emulated board's own record: in 732 motions the longest step was 0.97 of that, and none of 160
+   resets went unnoticed. With a PCA9685 one update is 2.4°: in 937 motions with a thousand
+   faults the longest step was 0.99 of that, and no pulse that the daemon commanded was shorter than
+   500 or longer than 2,500 µs. Of 84 resets and 567 interventions of another program on the bus,
+   which put the board to sleep, woke it, changed PRE_SCALE or MODE2, moved or switched its outputs,
+   none went unnoticed that changed a pulse.
 
 Servos may leap without a command. They go to neutral when an SV203 is reset, and a limp robot that
 is held goes back to where it was, both at the servos' own speed; a PCA9685 that is reset leaves
-them limp. And the SV203 acts upon a line that lost a digit of a position, until the next line
-brings the servo back: in a thousand more faults, bytes lost or changed on the line, that was up to
-25 times the longest step.
+them limp. Another program that reaches the board moves them as it likes: the bus is locked against
+programs that ask for the lock, and others do not. A PCA9685 is read back before each move, and then
+gets none, for putting it right would be the next leap. An SV203 cannot be asked in mid-motion: its
+next line takes over from wherever the servo is. And it acts upon a line that lost a digit of a
+position, until the next line brings the servo back. In a thousand more faults, bytes lost or
+changed on the line and servos moved by other programs, these were up to 27 times the longest
+step.
 
 This takes an SV203 that is not selected when it is switched on, as it leaves the factory. Of
 several boards on one line each is asked, whenever it is selected, for the count that it holds
 furthest from neutral; one that has another gets no move, and the robot goes down in mid-motion. In
-741 motions with a thousand faults on two boards the longest step was 0.97 of one update, and of 162
+763 motions with a thousand faults on two boards the longest step was 0.97 of one update, and of 166
 resets none that threw a servo went unnoticed; one that found all servos of its board at neutral has
 thrown none.
 

@@ -7,12 +7,14 @@ makes. None may be longer than one update: what a joint moves at top speed until
 again.
 
 A robot on the chips of an I²C bus bears the same, as far as there is such a thing: a hanging bus,
-transfers that nobody acknowledges, a board that is reset or put to sleep. Every pulse must be one
-that a servo knows, 500 to 2,500 µs, and the first one after a reset counts as a move from the last
-one before.
+transfers that nobody acknowledges, a board that is reset; and another program that puts the board
+to sleep, wakes it, changes the length of its ticks, inverts, opens, moves or switches its outputs.
+Every pulse that a command makes must be one that a servo knows, 500 to 2,500 µs, and the first one
+after a reset counts as a move from the last one before.
 
 Damaged lines are counted apart: where a digit of a position is lost on its way the board moves to
-another one, and back with the next line. That was not commanded, but it leaps.
+another one, and back with the next line. That was not commanded, but it leaps. So does a servo that
+another program on the line has moved, for that board cannot be asked in mid-motion.
 """
 
 from __future__ import annotations
@@ -33,6 +35,8 @@ from bench.still_robot import StillRobot, still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
+from robot.drivers.servos.pca9685 import OSCILLATOR_MHZ
+from robot.drivers.servos.pca9685_board import TICKS
 from robot.drivers.servos.sv203 import NEUTRAL, SERVOS, SV203Settings
 from sim_robot.electronics.clock import Follower
 from sim_robot.faults.fault_panel import FaultSpec
@@ -41,13 +45,16 @@ from tests.robot.stepped import Bench, SteppedClock, program, request
 LONGEST: Final = 3.0  # s; a motion of ±60° from ±60° takes 1 s to zero, 0.3 s there, and 1 s on
 REACH: Final = 60.0  # degrees
 ONE_QUERY: Final = 0.02  # s; a reset after the last one's answer left the board comes too late
-RESETS: Final = ("brown_out", "reset", "sleep")
+OTHERS: Final = ("sleep", "doze", "prescale", "mode2", "moved", "full_on", "all_off")
+ALTERATIONS: Final = ("brown_out", "reset", *OTHERS)
 STALL: Final = "stall"
 SOUND: Final = ("brown_out", STALL, "unplugged", "mute", "garbage", "jump")
-DAMAGING: Final = ("drop", "corrupt")
-ON_I2C: Final = ("reset", "sleep", STALL, "hang", "nak", "unheard", "adapter", "jump")
+DAMAGING: Final = ("drop", "corrupt", "moved")
+ON_I2C: Final = ("reset", *OTHERS, STALL, "hang", "nak", "unheard", "adapter", "jump")
 ELSEWHERE: Final = {"jump": "clock.jump", "adapter": "i2c.unplugged"}  # not at the board
 WIDTHS: Final = (500.0, 2500.0)  # µs
+PRESCALE: Final = 121
+USUAL_TICK_US: Final = (PRESCALE + 1) / OSCILLATOR_MHZ
 
 
 @dataclass
@@ -58,7 +65,8 @@ class Tally:
         faults: How many were injected, by kind.
         ends: How the motions ended: error codes, or ``observation``.
         longest: The longest move that a command made, in updates.
-        unnoticed: Observations of a robot whose board was reset before they were taken.
+        unnoticed: Observations of a robot whose board was reset, or altered by another program,
+            before they were taken.
         outside: Pulses that no servo knows.
     """
 
@@ -74,7 +82,7 @@ class Tally:
         yield f"{self.faults.total()} faults in {self.ends.total()} motions: {kinds}"
         yield f"ends: {', '.join(f'{count} {end}' for end, count in self.ends.most_common())}"
         yield f"longest move: {self.longest:.2f} times what one update may move"
-        yield f"resets that went unnoticed: {self.unnoticed}"
+        yield f"resets and other programs that went unnoticed: {self.unnoticed}"
         yield f"pulses outside 500 to 2,500 µs: {self.outside}"
 
     @property
@@ -118,8 +126,8 @@ class Study:
         period = LATENESS * robot.servos.seconds_for(len(joints))
         self._update = robot.config.speed * period
         self._longest = 0.0
-        self._resets: list[float] = []
-        self._last: dict[int, int] = {}
+        self._altered: list[float] = []
+        self._last: dict[int, float] = {}
         self._outside = 0
         servos = robot.config.servos
         self._boards = servos.boards if isinstance(servos, SV203Settings) else ()
@@ -131,7 +139,7 @@ class Study:
             robot.servo_board.watch_moves(self._moved)
         robot.controller.set_notify(self.bench.notify)
 
-    def _moved(self, servo: int, before: int, after: int) -> None:
+    def _moved(self, servo: int, before: float, after: float) -> None:
         scale = self._scales[servo]
         way = abs(scale.angle(after) - scale.angle(before))
         self._longest = max(self._longest, way / self._update)
@@ -140,16 +148,19 @@ class Study:
         """A move, unless the output was switched off; one that is switched on comes from before."""
         robot = self._robot
         assert isinstance(robot, StillPi)
-        if after:
-            self._outside += not WIDTHS[0] <= after * robot.pwm.tick_us <= WIDTHS[1]
-            self._moved(output, before or self._last.get(output, after), after)
-            self._last[output] = after
+        tick = robot.pwm.tick_us
+        usual = tick / USUAL_TICK_US  # counts of the configured length to one of these
+        if after % TICKS:  # else it is a level
+            self._outside += not WIDTHS[0] <= after * tick <= WIDTHS[1]
+            count = after * usual
+            self._moved(output, before % TICKS * usual or self._last.get(output, count), count)
+            self._last[output] = count
 
     def motion(self, tally: Tally, kinds: tuple[str, ...]) -> None:
         """One motion with one to three faults; whatever came of it is cleared and mended."""
         self._longest = 0.0
         self.bench.events.clear()
-        self._resets.clear()
+        self._altered.clear()
         for kind in self._pick(kinds):
             self._order(kind, tally)
         end = self.bench.end_of(self.bench.submit(program(self.bench.robot, **self._targets())))
@@ -158,7 +169,7 @@ class Study:
             # One that was asked may be reset while the others still are: the reading is older.
             others = max(0, len(self._boards) - 1) * SERVOS
             checked = self._clock.now() - ONE_QUERY * (1 + others)
-            tally.unnoticed += any(reset < checked for reset in self._resets)
+            tally.unnoticed += any(at < checked for at in self._altered)
         elif isinstance(end, ErrorReply):
             tally.ends[end.code] += 1
         self._clock.fate.clear()
@@ -184,6 +195,10 @@ class Study:
             "drop": self._random.randint(5, 200),
             "corrupt": self._random.randint(5, 200),
             "brown_out": self._random.choice((0, *self._boards)) if self._boards[1:] else 0,
+            "prescale": self._random.choice([n for n in range(3, 256) if n != PRESCALE]),
+            "mode2": self._random.choice((0x00, 0x0C, 0x10, 0x14)),  # 0x04 is as it should be
+            "moved": self._random.choice(list(self._scales)),
+            "full_on": self._random.choice(list(self._scales)),
         }.get(kind, 0)
         name = ELSEWHERE.get(kind, f"{self._board}.{kind}")
 
@@ -192,25 +207,30 @@ class Study:
             if kind == STALL:
                 self._clock.charge(stall)
                 return
-            if kind in RESETS and self._throws(number):
-                self._resets.append(self._clock.now())
-            self._robot.panel.order(FaultSpec.parse(f"{name}={number}"))
+            if self._alters(kind, number, FaultSpec.parse(f"{name}={number}")):
+                self._altered.append(self._clock.now())
 
         self._clock.fate.append((at, begin))
-        if kind not in (STALL, *RESETS, "jump"):
+        if kind not in (STALL, *ALTERATIONS, "jump"):
             self._clock.fate.append((at + lasts, partial(self._robot.panel.mend, name)))
 
-    def _throws(self, number: int) -> bool:
-        """Whether the reset of a board throws servos, which it must not do unnoticed.
+    def _alters(self, kind: str, number: int, spec: FaultSpec) -> bool:
+        """Injects a fault; whether it changes what servos get, which must not go unnoticed.
 
-        One of several boards whose servos all stand at neutral has nothing to throw or to notice.
+        One of several SV203s whose servos all stand at neutral has nothing to throw or to notice.
         """
         robot = self._robot
-        if isinstance(robot, StillPi) or not self._boards[1:]:
-            return True
+        if isinstance(robot, StillPi):
+            before = robot.pwm.pulses(), robot.pwm.tick_us
+            robot.panel.order(spec)
+            return kind in ALTERATIONS and before != (robot.pwm.pulses(), robot.pwm.tick_us)
         pulses = robot.servo_board.pulses()
         hit = [row for row, board in enumerate(self._boards) if number in (0, board)]
-        return any(pulses[SERVOS * row + n] != NEUTRAL for row in hit for n in range(SERVOS))
+        robot.panel.order(spec)
+        return kind == "brown_out" and (
+            not self._boards[1:]
+            or any(pulses[SERVOS * row + n] != NEUTRAL for row in hit for n in range(SERVOS))
+        )
 
     def _targets(self) -> dict[str, float]:
         names = [joint.name for joint in self._robot.config.joints]

@@ -13,15 +13,52 @@ from tests.faults.devices import (
     lost_acknowledges,
     unnoticed,
 )
-from tests.faults.matrix import AT_ONCE
+from tests.faults.matrix import AT_ONCE, DeviceRow
 
 SWITCHED_ON: Final = (
-    "`clear` works at once, and switches the servos on where they were last sent: they go there at "
-    "their own speed."
+    "`clear` works at once: it sets the board up as at power-up, and switches the servos on where "
+    "they were last sent; they go there at their own speed."
 )
 AT_START: Final = (
     "not before the next start or `clear`, which identify and test the chip and are refused then"
 )
+
+NOT_AS_SET_UP: Final = "does not run as it was set up"
+
+
+def altered(
+    fault: str,
+    spec: str,
+    does: str = "reads it back before the next move, stops and writes nothing",
+    words: str = "",
+    back: str = SWITCHED_ON,
+    *,
+    limp: bool = False,
+) -> tuple[DeviceRow, DeviceRow]:
+    """A servo board that was altered behind the daemon's back, while moving and while idle."""
+    return (
+        device(
+            f"{fault}, while moving",
+            spec,
+            does,
+            words,
+            back,
+            after=0.4,
+            lasts=False,
+            limp=limp,
+        ),
+        device(
+            f"{fault}, while idle",
+            spec,
+            "notices before it moves, at the next request (on a real robot: within 3 s)",
+            words,
+            back,
+            lasts=False,
+            mended_first=True,
+            limp=limp,
+        ),
+    )
+
 
 PI_DEVICES: Final = {
     "Servo board on I²C (PCA9685)": (
@@ -54,41 +91,58 @@ PI_DEVICES: Final = {
         device(
             "writes are acknowledged and lost, while moving",
             "pwm.lost=1",
-            "reads the board's registers back when it has moved, and freezes",
+            "reads the board's registers back before each move, and stops at the next one",
             "does not have the commands",
             AT_ONCE,
             after=0.4,
             lasts=False,
         ),
-        device(
-            "reset while moving: outputs are off, joints limp",
+        *altered(
+            "reset",
             "pwm.reset",
-            "reads the board's mode back with every move, and stops at once. A board that was "
-            "reset sleeps: it takes commands and gives no pulses, so nothing leaps",
-            "does not run as it was set up",
-            SWITCHED_ON,
-            after=0.4,
-            lasts=False,
+            "reads all that pulses depend on (PRE_SCALE, MODE1, MODE2, each output) back before "
+            "each move, and stops at once. A board that was reset sleeps: it gives no pulses, so "
+            "nothing leaps",
+            NOT_AS_SET_UP,
             limp=True,
         ),
-        device(
-            "put to sleep by another program while moving",
-            "pwm.sleep",
-            "likewise",
-            "does not run as it was set up",
-            SWITCHED_ON,
-            after=0.4,
-            lasts=False,
+        *altered("put to sleep by another program", "pwm.sleep", words=NOT_AS_SET_UP, limp=True),
+        *altered(
+            "put to sleep and woken by another program, which does not restart the outputs",
+            "pwm.doze",
+            words="MODE1 is 0xa1 instead of 0x21; its outputs are off and the joints limp",
             limp=True,
         ),
-        device(
-            "reset while idle",
-            "pwm.reset",
-            "notices before it moves, at the next request (on a real robot: within 3 s)",
-            "does not run as it was set up",
-            SWITCHED_ON,
-            lasts=False,
-            mended_first=True,
+        *altered(
+            "another program sets PRE_SCALE: all joints leap at once",
+            "pwm.prescale=60",
+            "reads it back before the next move, stops and writes nothing: putting PRE_SCALE right "
+            "would make them leap again",
+            "PRE_SCALE is 0x3c instead of 0x79; its pulses are 0.50 times as long",
+        ),
+        *altered(
+            "another program inverts the outputs",
+            "pwm.mode2=20",
+            words="MODE2 is 0x14 instead of 0x04",
+        ),
+        *altered(
+            "another program moves a joint",
+            "pwm.moved=1",
+            "reads it back before the next move, stops and writes nothing: sending the joint back "
+            "would make it leap again",
+            "does not have the commands",
+            "`clear` works at once; motion goes on from where the board has the joint now.",
+        ),
+        *altered(
+            "another program switches an output fully on: a level, no pulses",
+            "pwm.full_on=2",
+            words="does not have the commands",
+            limp=True,
+        ),
+        *altered(
+            "another program switches all outputs off",
+            "pwm.all_off",
+            words="does not have the commands",
             limp=True,
         ),
     ),

@@ -122,6 +122,16 @@ def refused(patient: Patient, ask: str) -> RobotError:
     return error.value
 
 
+def clear(patient: Patient) -> str:
+    """Clears; the first code of a mended input may be the very one at which it was stuck."""
+    try:
+        return patient.client.clear().state
+    except RobotError as error:
+        if "is stuck" not in error.message:
+            raise
+        return patient.client.clear().state
+
+
 @pytest.mark.parametrize(
     ("electronics", "row"), rows(lambda row: bool(row.code) and not row.sometimes)
 )
@@ -141,7 +151,7 @@ def test_a_fault_takes_the_robot_down_until_it_is_cleared(row: DeviceRow, patien
         assert patient.client.status().state == row.state
     assert (0 not in patient.faults.report()["pulses"]) != row.limp  # stiff, all the time
     patient.faults.mend()
-    assert patient.client.clear().state == "holding"
+    assert clear(patient) == "holding"
     assert patient.client.status().reason is None
     check_health(patient, after=before)
 

@@ -8,8 +8,12 @@ up with all outputs off, which is how it leaves its reset, and they stay off unt
 commanded; a board that already runs as it should, because it outlived the last daemon, is left as
 it is, and read back.
 
-A board that loses its supply comes back asleep: it takes commands and gives no pulses. Moves never
-wake it, so nothing leaps; they read its mode back in the same transfer, and so notice. Only a query
+A board that loses its supply comes back asleep: it takes commands and gives no pulses. And the bus
+is open to other programs, which put boards to sleep, change the length of every tick, invert the
+outputs or move them. So each move is preceded by a reading of all that the boards' pulses depend
+on, and of the pulses: where anything is not as it was left, nothing is written, because putting it
+right would leap as well. Between that reading and the move is about a millisecond; what is changed
+just then is found by reading back in the transfer that moves, too late for this one. Only a query
 sets a board up, when the driver begins and after it was told to ``forget``.
 
 Where the boards' pin OE is wired to an output line of the computer (``enable_line``), that line
@@ -22,15 +26,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final, TypeVar
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.gpio_line import GPIOLine, OutputLine
 from robot.drivers.links.i2c import I2CLink
 from robot.drivers.servos.pca9685_board import (
     ALL_CALL,
+    BYTES_PER_OUTPUT,
+    BYTES_TO_MOVE,
+    BYTES_TO_READ,
     NAME,
-    OSCILLATOR_MHZ,
     OUTPUTS,
     TICKS,
     PCA9685Board,
@@ -41,15 +47,16 @@ from robot.errors import CommandError, DeviceDataError, DeviceError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
 
+T = TypeVar("T")
 ADDRESSES: Final = range(0x40, 0x80)
 WIDTHS_US: Final = (500, 2500)
 """Widths of pulse that hobby servos know, µs; beyond, they run against their stops."""
 
 RATES_HZ: Final = (40.0, 333.0)
 ANALOGUE_RATES_HZ: Final = (40.0, 60.0)
+OSCILLATOR_MHZ: Final = 25.0
 
 _SECONDS_PER_BYTE: Final = 9 / 100e3  # on a bus in standard mode
-_BYTES_PER_OUTPUT: Final = 6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +66,7 @@ class PCA9685Settings:
     Attributes:
         bus: Number of the I²C bus.
         boards: Addresses, in the order of the outputs.
-        prescale: Of the chip's oscillator.
+        prescale: Of the chips' oscillators.
         widths_us: The narrowest and the widest pulse, µs.
         enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
     """
@@ -74,7 +81,7 @@ class PCA9685Settings:
 
     @classmethod
     def read(cls, table: Section) -> PCA9685Settings:
-        """``bus``, ``address``, ``servos``, ``update_hz``, ``pulse_us`` and ``enable_line``."""
+        """The table's keys, as in ``robot-pi.toml``."""
         boards = table.integers(
             "address", ADDRESSES[0], ADDRESSES[-1], (ADDRESSES[0],), written="{:#x}"
         )
@@ -111,15 +118,16 @@ class PCA9685Settings:
         return range(OUTPUTS * len(self.boards))
 
     @property
-    def tick_us(self) -> float:
-        """The width of a count, µs."""
-        return (self.prescale + 1) / OSCILLATOR_MHZ
+    def ticks_us(self) -> tuple[float, ...]:
+        """The width of a count on each board, µs."""
+        return ((self.prescale + 1) / OSCILLATOR_MHZ,) * len(self.boards)
 
     @property
     def counts(self) -> range:
-        """Those between the narrowest and the widest pulse."""
-        low, high = (width / self.tick_us for width in self.widths_us)
-        return range(-int(-low // 1), int(high) + 1)
+        """Those between the narrowest and the widest pulse, on every board."""
+        low, high = self.widths_us
+        ticks = self.ticks_us
+        return range(-int(-low / min(ticks) // 1), int(high / max(ticks)) + 1)
 
     @property
     def per_update(self) -> int:
@@ -128,8 +136,8 @@ class PCA9685Settings:
 
     @property
     def period(self) -> float:
-        """From one pulse to the next, s."""
-        return TICKS * self.tick_us / 1e6
+        """From one pulse to the next, on the slowest board, s."""
+        return TICKS * max(self.ticks_us) / 1e6
 
     @property
     def claims(self) -> tuple[str, ...]:
@@ -147,9 +155,10 @@ class PCA9685Settings:
 
     def __str__(self) -> str:
         boards = " and ".join(f"0x{address:x}" for address in self.boards)
+        ticks = " and ".join(f"{tick:.2f}" for tick in self.ticks_us)
         return (
-            f"{boards} on I²C bus {self.bus}, {1 / self.period:.1f} pulses a second, "
-            f"counts of {self.tick_us:.2f} µs"
+            f"{boards} on I²C bus {self.bus}, {1 / self.period:.1f} pulses a second, counts of "
+            f"{ticks} µs"
         )
 
 
@@ -186,6 +195,7 @@ class PCA9685:
         self._settings = settings
         self._clock = clock
         self._driven: set[int] = set()
+        self._held: dict[int, int] = {}  # what outputs were last read or commanded
         self._ready = False
         self._open()
 
@@ -203,16 +213,29 @@ class PCA9685:
         Raises:
             CommandError: An output or count out of range, or the boards were not read since the
                 driver began, forgot or noticed a reset; nothing was sent.
-            DeviceError: A board failed or was reset.
+            DeviceDataError: A board, or the pulse of an output, is not as it was left; nothing was
+                sent.
+            DeviceError: A board failed.
         """
         if not self._ready:
             raise CommandError("read the servo board's counts before moving its servos")
         check_counts(counts, self._settings.counts, self._settings.outputs)
+        altered = self._differing(self._held)
+        if altered:
+            several = "s" if altered[1:] else ""
+            raise DeviceDataError(
+                f"The servo board (PCA9685) does not have the commands for output{several} "
+                f"{', '.join(map(str, altered))}: another program wrote there, or writes were "
+                "lost.",
+                "Check that nothing else drives the board, then its cable.",
+            )
         self._driven |= counts.keys()
-        for board, outputs in by_board(counts).items():
+        for index, outputs in by_board(counts).items():
+            for output in outputs:
+                self._held.pop(output, None)
             moves = {output % OUTPUTS: counts[output] for output in outputs}
-            if not self._boards[board].move(moves):
-                raise self._reset(board)
+            self._sound(self._boards[index].move, moves)
+            self._held |= {output: counts[output] for output in outputs}
         self._switch(on=True)
         self._clock.sleep(self._settings.period)
 
@@ -229,6 +252,7 @@ class PCA9685:
         released = list(outputs)
         check_outputs(released, self._settings.outputs)
         self._driven -= set(released)
+        self._held |= dict.fromkeys(released, 0)
         if not self._driven:
             self._switch(on=False)
             with suppress(DeviceError):  # each is told once more, and its answer awaited
@@ -251,21 +275,20 @@ class PCA9685:
 
         Raises:
             CommandError: An output out of range.
-            DeviceError: A board failed, or was reset since it was last read.
+            DeviceDataError: A board does not run as it was set up.
+            DeviceError: A board failed.
         """
         check_outputs(outputs, self._settings.outputs)
         if not self._ready:
             for one in self._boards:
                 one.set_up(self._clock.sleep)
             self._switch(on=self._on)  # nothing that the bus answers tells of this line
+            self._held.clear()
             self._ready = True
-        counts: dict[int, int] = {}
-        for board, group in by_board(outputs).items():
-            for output in group:
-                counts[output] = self._boards[board].count(output % OUTPUTS)
-            if not self._boards[board].awake():
-                raise self._reset(board)
-        self._driven |= {output for output, count in counts.items() if count}
+        found = self._read()
+        counts = {output: found[output] for output in outputs}
+        self._held |= counts
+        self._driven |= {output for output, count in found.items() if count}
         return counts
 
     def verify(self, expected: Mapping[int, int]) -> list[int]:
@@ -275,15 +298,18 @@ class PCA9685:
             The outputs that differ, ascending.
 
         Raises:
-            DeviceDataError: A board was reset.
-            DeviceError: As ``read_counts``.
+            CommandError: An output out of range.
+            DeviceDataError: A board does not run as it was set up, or noticed that before and was
+                not read since.
+            DeviceError: A board failed.
         """
+        check_outputs(expected, self._settings.outputs)
         if not self._ready:
-            raise self._reset(0)
-        held = self.read_counts(list(expected))
-        suspects = [output for output, count in held.items() if count != expected[output]]
-        again = self.read_counts(suspects)
-        return sorted(output for output, count in again.items() if count != expected[output])
+            raise DeviceDataError(
+                "The servo board (PCA9685) was not read since it failed or was opened.",
+                "Read its counts first.",
+            )
+        return self._differing(expected)
 
     def forget(self) -> None:
         """The next query sets up each board that is not."""
@@ -300,8 +326,9 @@ class PCA9685:
         self._open()
 
     def seconds_for(self, changed: int) -> float:
-        """How long ``set_counts`` takes: a pulse, and the transfer on a bus of 100 kHz, s."""
-        return self._settings.period + changed * _BYTES_PER_OUTPUT * _SECONDS_PER_BYTE
+        """How long ``set_counts`` takes: a pulse, and the transfers on a bus of 100 kHz, s."""
+        every = len(self._settings.boards) * (BYTES_TO_READ + BYTES_TO_MOVE)
+        return self._settings.period + (every + changed * BYTES_PER_OUTPUT) * _SECONDS_PER_BYTE
 
     def close(self) -> None:
         """Closes the bus; the boards keep the servos where they are."""
@@ -334,10 +361,23 @@ class PCA9685:
         held = self._settings
         return PCA9685Board(self._link, address, prescale=held.prescale, counts=held.counts)
 
-    def _reset(self, board: int) -> DeviceDataError:
-        self.forget()
-        return DeviceDataError(
-            f"The servo board (PCA9685) at 0x{self._settings.boards[board]:x} does not run as it "
-            "was set up: it was reset, its outputs are off and the joints limp.",
-            "Check its supply. Then keep clear: once held, they go back to where they were.",
-        )
+    def _read(self) -> dict[int, int]:
+        """The counts of all outputs, of boards that run as they were set up."""
+        counts: dict[int, int] = {}
+        for index, board in enumerate(self._boards):
+            counts.update(enumerate(self._sound(board.counts), OUTPUTS * index))
+        return counts
+
+    def _differing(self, expected: Mapping[int, int]) -> list[int]:
+        held = self._read()
+        if any(held[output] != count for output, count in expected.items()):
+            held = self._read()  # it may be the reading that was damaged
+        return sorted(output for output, count in expected.items() if held[output] != count)
+
+    def _sound(self, transfer: Callable[..., T], *arguments: Any) -> T:
+        """Makes a transfer with a board that was set up; one that was altered is forgotten."""
+        try:
+            return transfer(*arguments)
+        except DeviceDataError:
+            self.forget()
+            raise

@@ -5,12 +5,16 @@ from __future__ import annotations
 import logging
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import cast
 
 import pytest
 
-from bench.still_robot import still_robot
+from bench.still_pi import StillPi, still_pi
+from bench.still_robot import StillRobot, still_robot
 from protocol.errors import RobotError
+from protocol.rules.robot_interface import Progressed
 from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop
 from robot.errors import DeviceError
 from sim_robot.faults.fault_panel import FaultSpec
@@ -195,6 +199,63 @@ def test_a_reset_is_noticed_although_nobody_asks(kind: type[Hold | Relax | Stop]
             assert time.monotonic() < deadline, bench.state()
         assert "reset" in (robot.controller.snapshot().reason or "")
         robot.controller.shut_down()
+
+
+OTHERS = ("sleep", "doze", "prescale=60", "mode2=20", "moved=3", "full_on=3", "all_off")
+"""What another program does to a PCA9685."""
+
+
+@contextmanager
+def on_a_pi(clock: SteppedClock, housekeeping: float | None) -> Iterator[tuple[StillPi, Bench]]:
+    with still_pi(clock, housekeeping=housekeeping, log=logging.getLogger("test")) as robot:
+        bench = Bench(cast(StillRobot, robot), clock)  # what is used here, both have
+        robot.controller.set_notify(bench.notify)
+        robot.controller.start()
+        yield robot, bench
+        robot.controller.shut_down()
+
+
+@pytest.mark.parametrize("event", OTHERS)
+def test_another_program_on_the_bus_is_noticed_although_nobody_asks(event: str) -> None:
+    with on_a_pi(SteppedClock(), 0.02) as (robot, bench):
+        bench.perform()
+        written: list[tuple[int, int, int]] = []
+        robot.pwm.on_pulse = lambda *move: written.append(move)
+        order(bench, f"pwm.{event}")
+        deadline = time.monotonic() + 120
+        while bench.state() != "fault":
+            assert time.monotonic() < deadline, bench.state()
+        with pytest.raises(RobotError) as refused:
+            read(bench)
+        assert refused.value.code == "fault"
+        assert not written
+
+
+@pytest.mark.parametrize("event", OTHERS)
+def test_another_program_while_it_settles_leaves_nothing_to_sample(event: str) -> None:
+    clock = SteppedClock()
+    with on_a_pi(clock, None) as (_, bench):
+        bench.perform()
+        moved_while_it_settles(bench, f"pwm.{event}")
+
+
+def test_another_program_on_the_line_while_it_settles_likewise(bench: Bench) -> None:
+    bench.perform()
+    moved_while_it_settles(bench, "servo_board.moved=3")
+
+
+def moved_while_it_settles(bench: Bench, fault: str) -> None:
+    bench.events.clear()
+    bench.clock.freeze()
+    asked = read(bench)
+    bench.clock.advance_to(bench.clock.now() + 0.1)
+    order(bench, fault)
+    bench.clock.free()
+    ended = bench.end_of(asked)
+    assert isinstance(ended, ErrorReply)
+    assert ended.code == "fault"
+    phases = {event.phase for event in bench.events if isinstance(event, Progressed)}
+    assert phases == {"settling"}
 
 
 def test_a_limp_robot_can_be_read_and_its_reset_is_noticed(bench: Bench) -> None:

@@ -13,7 +13,8 @@ AWAKE = 0x21
 
 class Bench:
     def __init__(self) -> None:
-        self.chip = PCA9685Emulator(InstantClock())
+        self.clock = InstantClock()
+        self.chip = PCA9685Emulator(self.clock)
 
     def write(self, register: int, *values: int, address: int = 0x40) -> None:
         self.chip.i2c_rdwr(i2c_msg.write(address, [register, *values]))
@@ -107,16 +108,129 @@ def test_a_software_reset_by_the_general_call(awake: Bench) -> None:
     assert awake.read(0x00) == b"\x11"
 
 
+def doze(bench: Bench) -> None:
+    """Output 0 pulses; the chip sleeps, and is woken."""
+    bench.write(0x06, 0, 0, 100, 0)
+    bench.write(0x00, 0x31)
+    assert bench.chip.pulses()[0] == 0
+    assert bench.read(0x00) == b"\xb1"
+    bench.write(0x00, AWAKE)
+    assert bench.chip.pulses()[0] == 0
+    assert bench.read(0x00) == b"\xa1"
+
+
 def test_outputs_that_slept_while_they_pulsed_wait_for_a_restart(awake: Bench) -> None:
-    awake.write(0x06, 0, 0, 100, 0)
-    awake.write(0x00, 0x31)
-    assert awake.chip.pulses()[0] == 0
-    assert awake.read(0x00) == b"\xb1"
-    awake.write(0x00, AWAKE)
-    assert awake.chip.pulses()[0] == 0
+    doze(awake)
+    awake.write(0x00, AWAKE)  # a zero in bit 7 has no effect
+    assert awake.read(0x00) == b"\xa1"
+    awake.clock.sleep(500e-6)  # the oscillator must have run so long
     awake.write(0x00, AWAKE | 0x80)
     assert awake.chip.pulses()[0] == 100
     assert awake.read(0x00) == b"\x21"
+
+
+def test_a_restart_while_the_oscillator_wakes_has_no_effect(awake: Bench) -> None:
+    doze(awake)
+    awake.write(0x00, AWAKE | 0x80)
+    assert awake.read(0x00) == b"\xa1"
+    awake.write(0x00, 0x31)
+    awake.clock.sleep(1e-3)
+    awake.write(0x00, AWAKE | 0x80)  # wakes it and asks for the restart at once
+    assert awake.read(0x00) == b"\xa1"
+    assert awake.chip.pulses()[0] == 0
+
+
+def test_a_write_to_an_output_clears_restart_at_the_end_of_its_transfer(awake: Bench) -> None:
+    doze(awake)
+    mode1 = i2c_msg.read(0x40, 1)
+    awake.chip.i2c_rdwr(i2c_msg.write(0x40, [0x0A, 0]), i2c_msg.write(0x40, [0x00]), mode1)
+    assert bytes(mode1) == b"\xa1"
+    assert awake.read(0x00) == b"\x21"
+    assert awake.chip.pulses()[0] == 100
+
+
+def test_where_outputs_change_with_each_acknowledge_all_four_registers_clear_it(
+    awake: Bench,
+) -> None:
+    awake.write(0x01, 0x0C)
+    doze(awake)
+    awake.write(0x0A, 0, 0, 0)
+    assert awake.read(0x00) == b"\xa1"
+    awake.write(0x0A, 0, 0, 0, 0)
+    assert awake.read(0x00) == b"\x21"
+
+
+def test_outputs_that_were_off_when_it_slept_need_no_restart(awake: Bench) -> None:
+    awake.write(0x06, 0, 0, 100, 0)
+    awake.write(0xFD, 0x10)
+    awake.write(0x00, 0x31)
+    assert awake.read(0x00) == b"\x31"
+
+
+def test_the_external_clock_is_chosen_asleep_and_until_a_reset(awake: Bench) -> None:
+    awake.write(0x06, 0, 0, 100, 0)
+    awake.write(0x00, AWAKE | 0x40)
+    assert awake.read(0x00) == b"\x21"
+    awake.write(0x00, 0x31)
+    awake.write(0x00, 0x71)
+    awake.write(0x00, AWAKE)
+    assert awake.read(0x00) == b"\xe1"
+    assert awake.chip.pulses()[0] == 0  # nothing clocks it
+    awake.chip.power_cycle()
+    assert awake.read(0x00) == b"\x11"
+
+
+@pytest.mark.parametrize(
+    ("mode2", "pulses", "disabled"),
+    [
+        (0x04, (100, 0, 4096), 0),
+        (0x14, (3996, 4096, 0), 0),  # INVRT
+        (0x00, (0, 0, 0), 0),  # open drain, and nothing pulls it up
+        (0x05, (100, 0, 4096), 4096),  # OUTNE: high while OE is
+        (0x06, (100, 0, 4096), 0),  # or not driven
+    ],
+)
+def test_what_mode2_makes_of_outputs(
+    awake: Bench, mode2: int, pulses: tuple[int, ...], disabled: int
+) -> None:
+    awake.write(0x06, 0, 0, 100, 0)
+    awake.write(0x0E, 0, 0x10, 0, 0)
+    awake.write(0x01, mode2)
+    assert awake.chip.pulses()[:3] == pulses
+    awake.chip.drive_enable(True)
+    assert set(awake.chip.pulses()) == {disabled}
+    assert awake.read(0x01) == bytes([mode2])
+
+
+@pytest.mark.parametrize(
+    ("event", "registers", "pulses"),
+    [
+        ("reset", b"\x1e\x11\x04", (0, 0)),
+        ("sleep", b"\x1e\xb1\x04", (0, 0)),
+        ("doze", b"\x1e\xa1\x04", (0, 0)),
+        ("prescale=60", b"\x3c\x21\x04", (100, 0)),
+        ("mode2=20", b"\x1e\x21\x14", (3996, 4096)),
+        ("moved=1", b"\x1e\x21\x04", (100, 307)),
+        ("full_on=1", b"\x1e\x21\x04", (100, 4096)),
+        ("all_off", b"\x1e\x21\x04", (0, 0)),
+    ],
+)
+def test_what_another_program_does_is_in_the_registers_and_is_no_command(
+    awake: Bench, event: str, registers: bytes, pulses: tuple[int, ...]
+) -> None:
+    awake.write(0x06, 0, 0, 100, 0)
+    seen: list[tuple[int, int, int]] = []
+    awake.chip.on_pulse = lambda *move: seen.append(move)
+    name, _, number = event.partition("=")
+    awake.chip.inject(name, int(number or 0))
+    assert awake.chip.pulses()[:2] == pulses
+    assert b"".join(map(awake.read, (0xFE, 0x00, 0x01))) == registers
+    assert not seen
+
+
+def test_a_tick_is_as_long_as_the_oscillator_is_slow() -> None:
+    chip = PCA9685Emulator(InstantClock(), oscillator_mhz=23.0)
+    assert chip.tick_us == pytest.approx(31 / 23)
 
 
 def test_outputs_change_together_at_the_end_of_a_transfer(awake: Bench) -> None:

@@ -18,21 +18,9 @@ from sim_robot.electronics.servos import Servos
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.errors import FaultError
 from sim_robot.faults.control_socket import FaultClient, FaultSocket, main
-from sim_robot.faults.fault_panel import KNOWN, FaultPanel, FaultSpec
+from sim_robot.faults.fault_panel import DEVICES, KNOWN, FaultPanel, FaultSpec
 
-ONCE = (
-    "servo_board.brown_out",
-    "pwm.reset",
-    "pwm.sleep",
-    "adc.reset",
-    "adc.comparing",
-    "accelerometer.reset",
-    "accelerometer.sleep",
-    "accelerometer.reranged",
-    "distance.reset",
-    "distance.rescaled",
-    "clock.jump",
-)
+ONCE = {f"{device}.{event}" for device, kind in DEVICES.items() for event in kind.EVENTS}
 SPANS = st.tuples(st.floats(0, 1e6, allow_nan=False), st.sampled_from("si")).map(
     lambda span: f"{span[0]:.3f}{span[1]}"
 )

@@ -98,6 +98,19 @@ def test_a_board_that_outlived_its_daemon_is_read_back_and_goes_on(bench: Bench)
     assert bench.boards[0].pulses()[3] == 400
 
 
+def test_an_output_that_is_let_go_leaves_those_on_that_an_earlier_driver_left_on(
+    bench: Bench,
+) -> None:
+    bench.servos.read_counts([3])
+    bench.servos.set_counts({3: 400})
+    bench.servos.close()
+    again = bench.open()
+    again.read_counts([15])
+    again.set_counts({15: MIDDLE})
+    again.release([15])
+    assert bench.boards[0].pulses()[3] == 400
+
+
 @pytest.mark.parametrize("ticks", [50, 600, 4096])
 def test_a_board_with_pulses_that_no_servo_knows_is_switched_off(bench: Bench, ticks: int) -> None:
     bench.servos.read_counts([0])
@@ -107,21 +120,136 @@ def test_a_board_with_pulses_that_no_servo_knows_is_switched_off(bench: Bench, t
     assert bench.open().read_counts([5]) == {5: 0}
 
 
-@pytest.mark.parametrize("event", ["reset", "sleep"])
-def test_a_reset_is_noticed_and_nothing_follows(bench: Bench, event: str) -> None:
-    bench.servos.read_counts([0])
-    bench.servos.set_counts({0: MIDDLE})
-    bench.boards[0].inject(event)
-    with pytest.raises(DeviceDataError, match=r"0x40 does not run as it was set up"):
-        bench.servos.set_counts({0: MIDDLE + 1})
-    assert bench.boards[0].pulses() == (0,) * 16
+ALTERED = (
+    ("reset", 0, "PRE_SCALE is 0x1e instead of 0x79, MODE1 is 0x11 instead of 0x21"),
+    ("sleep", 0, "MODE1 is 0xb1 instead of 0x21; its outputs are off and the joints limp"),
+    ("doze", 0, "MODE1 is 0xa1 instead of 0x21; its outputs are off and the joints limp"),
+    ("prescale", 60, "PRE_SCALE is 0x3c instead of 0x79; its pulses are 0.50 times as long"),
+    ("prescale", 255, "its pulses are 2.10 times as long"),
+    ("mode2", 0x14, "MODE2 is 0x14 instead of 0x04"),
+    ("mode2", 0x0C, "MODE2 is 0x0c instead of 0x04"),
+)
+"""What leaves no board as it was set up, and what is said of it."""
+
+
+class Alteration:
+    """Two boards with pulses; the second is about to be altered."""
+
+    def __init__(self, bench: Bench):
+        self.servos = bench.servos
+        self.board = bench.boards[1]
+        self.commands: list[tuple[int, int, int]] = []
+        self.servos.read_counts([0])
+        self.servos.set_counts({0: MIDDLE, 17: 400, 18: 110})
+        for board in bench.boards:
+            board.on_pulse = lambda *move: self.commands.append(move)
+
+    def make(self, event: str, number: int) -> None:
+        self.board.inject(event, number)
+        self.after = self.board.pulses()
+
+
+@pytest.mark.parametrize(("event", "number", "words"), ALTERED)
+def test_a_board_that_does_not_run_as_it_was_set_up_is_noticed_and_nothing_is_written(
+    bench: Bench, event: str, number: int, words: str
+) -> None:
+    alteration = Alteration(bench)
+    alteration.make(event, number)
+    with pytest.raises(DeviceDataError, match="0x41 does not run as it was set up: ") as caught:
+        bench.servos.set_counts({0: MIDDLE + 1})  # not even on the board that is in order
+    assert words in caught.value.message
     with pytest.raises(CommandError):
-        bench.servos.set_counts({0: MIDDLE})
+        bench.servos.set_counts({17: 401})
     with pytest.raises(DeviceDataError):
         bench.servos.verify({0: MIDDLE})
-    assert bench.servos.read_counts([0]) == {0: 0}  # set up anew, and off
+    assert bench.boards[1].pulses() == alteration.after
+    assert not alteration.commands
+    # As at power-up: set up anew, with all outputs off.
+    assert bench.servos.read_counts([0, 17, 18]) == {0: MIDDLE, 17: 0, 18: 0}
+    assert all(after % 4096 == 0 for _, _, after in alteration.commands)
+    bench.servos.set_counts({17: 400})
+    assert bench.boards[1].pulses() == (0, 400) + (0,) * 14
+    assert bench.boards[1].tick_us == pytest.approx(4.88)
+
+
+@pytest.mark.parametrize(("event", "number", "words"), ALTERED)
+def test_every_comparison_notices_it_also_of_an_output_that_is_as_it_was(
+    bench: Bench, event: str, number: int, words: str
+) -> None:
+    Alteration(bench).make(event, number)
+    with pytest.raises(DeviceDataError, match="0x41 does not run as it was set up: ") as caught:
+        bench.servos.verify({0: MIDDLE})
+    assert words in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("event", "number", "outputs"),
+    [("moved", 1, [17]), ("full_on", 2, [18]), ("all_off", 0, [17, 18])],
+)
+def test_a_pulse_that_another_program_changed_is_noticed_and_nothing_is_written(
+    bench: Bench, event: str, number: int, outputs: list[int]
+) -> None:
+    alteration = Alteration(bench)
+    alteration.make(event, number)
+    named = ", ".join(map(str, outputs))
+    with pytest.raises(DeviceDataError, match=f"not have the commands for outputs? {named}: an"):
+        bench.servos.set_counts({0: MIDDLE + 1})
+    assert bench.servos.verify({0: MIDDLE, 17: 400, 18: 110}) == outputs
+    assert bench.boards[1].pulses() == alteration.after
+    assert not alteration.commands
+
+
+def test_outputs_without_a_joint_are_another_programs_to_use(bench: Bench) -> None:
+    alteration = Alteration(bench)
+    alteration.make("moved", 15)
+    bench.servos.set_counts({17: 401})
+    assert bench.boards[1].pulses() == (0, 401, 110, *(0,) * 12, MIDDLE)
+
+
+def test_what_is_changed_between_the_reading_and_the_move_is_found_by_that_move(
+    bench: Bench,
+) -> None:
+    Alteration(bench)
+    carry, transfers = bench.bus.i2c_rdwr, 0
+
+    def doze_before_the_move(*messages: i2c_msg) -> None:
+        nonlocal transfers
+        transfers += 1
+        if transfers == 3:  # two boards were read
+            bench.boards[0].inject("doze")
+        carry(*messages)
+
+    bench.bus.i2c_rdwr = doze_before_the_move  # type: ignore[method-assign]
+    with pytest.raises(DeviceDataError, match="MODE1 is 0xa1"):
+        bench.servos.set_counts({0: MIDDLE + 1})
+
+
+def test_a_reading_that_was_damaged_is_made_again(bench: Bench) -> None:
+    bench.servos.read_counts([0])
     bench.servos.set_counts({0: MIDDLE})
-    assert bench.boards[0].pulses()[0] == MIDDLE
+    send, damaged = bench.boards[0].send, [0, 9]  # a byte of the settings, then one of a count
+
+    def damage(count: int) -> bytes:
+        data = bytearray(send(count))
+        if count > 1 and damaged:
+            data[damaged.pop(0)] ^= 0x20
+        return bytes(data)
+
+    bench.boards[0].send = damage  # type: ignore[method-assign]
+    assert bench.servos.verify({0: MIDDLE}) == []
+    assert not damaged
+
+
+def test_an_external_clock_stays_until_the_supply_is_switched_off(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    for mode1 in (0x31, 0x71, 0x21):
+        bench.bus.i2c_rdwr(i2c_msg.write(0x40, [0x00, mode1]))
+    with pytest.raises(DeviceDataError, match="MODE1 is 0x61 instead of 0x21"):
+        bench.servos.verify({0: 0})
+    with pytest.raises(DeviceDataError, match=r"keep its settings: MODE1 is 0x61.*switched off"):
+        bench.servos.read_counts([0])
+    bench.boards[0].power_cycle()
+    assert bench.servos.read_counts([0]) == {0: 0}
 
 
 def test_a_write_that_was_lost_is_found_out(bench: Bench) -> None:
@@ -129,6 +257,8 @@ def test_a_write_that_was_lost_is_found_out(bench: Bench) -> None:
     bench.boards[0].inject("lost", 3)
     bench.servos.set_counts({0: MIDDLE, 1: MIDDLE})
     assert bench.servos.verify({0: MIDDLE, 1: MIDDLE})
+    with pytest.raises(DeviceDataError, match="or writes were lost"):
+        bench.servos.set_counts({0: MIDDLE + 1})
 
 
 def test_a_transfer_that_nobody_acknowledged_is_made_again(bench: Bench) -> None:
@@ -217,7 +347,7 @@ def test_another_chip_at_the_address_is_named() -> None:
     board = PCA9685Emulator(clock)
     board.receive(bytes((0x02, 0x10)))
     with pytest.raises(
-        DeviceMissingError, match="0x40 is no PCA9685: its registers 2 to 5 hold 10"
+        DeviceMissingError, match=r"0x40 is no PCA9685: its registers 2 to 5 hold 10.*supply off"
     ):
         settings().open(Buses(clock=clock, open_i2c=lambda path: board))
 
@@ -237,7 +367,7 @@ def test_counts_are_pulse_widths_at_the_update_rate(
     found = settings(f'update_hz = {rate}\nservos = "{kind}"')
     assert (found.counts[0], found.counts[-1]) == counts
     assert 1 / found.period == pytest.approx(actual, abs=0.1)
-    widths = [count * found.tick_us for count in counts]
+    widths = [count * found.ticks_us[0] for count in counts]
     assert widths[0] >= 500
     assert widths[1] <= 2500
     assert math.isclose(widths[1], 2500, abs_tol=5)
