@@ -104,14 +104,24 @@ class Mover:
         Raises:
             DeviceDataError: It does not: it was reset.
         """
-        if self._servos.verify({self._output: self.count}):
-            before = self.count
-            self.count = self._servos.read_counts([self._output])[self._output]
+        before = self.count
+        try:
+            lost = self._servos.verify({self._output: before})
+        except DeviceDataError:
+            self._look_anew()
+            raise
+        if lost:
+            self._look_anew()
             raise DeviceDataError(
                 f"The servo board ({self._servos.name}) lost count {before} and stands at "
                 f"{self.count}: it was reset.",
                 "Check the servos' supply.",
             )
+
+    def _look_anew(self) -> None:
+        """Takes the servo as the board has it now, which may need to be set up for that."""
+        self._servos.forget()
+        self.count = self._servos.read_counts([self._output])[self._output]
 
     def _send(self, count: int) -> None:
         self._servos.set_counts({self._output: count})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -11,9 +12,13 @@ from robot.calibration.joints import Mover, calibrate_joint
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import JointCalibration
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
+from robot.drivers.buses import Buses
+from robot.drivers.servos.pca9685 import PCA9685Settings
 from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import AbandonedError, DeviceDataError
+from sim_robot.electronics.pca9685 import PCA9685Emulator
 from tests.robot.calibration.desk import Answer, Board, Script
+from tests.robot.clocks import InstantClock
 
 JOINT = DrivenJoint(
     name="hip",
@@ -190,6 +195,25 @@ def test_a_board_that_was_reset_is_noticed_and_does_not_jump() -> None:
         mover.go(170)
     mover.go(130)
     assert [count for _, _, count in board.sent] == [129, 130]
+
+
+@pytest.mark.parametrize("event", ["reset", "doze", "mode2", "full_on"])
+def test_a_pca9685_that_was_altered_is_set_up_anew_and_the_next_try_starts_there(
+    event: str,
+) -> None:
+    clock = InstantClock()
+    board = PCA9685Emulator(clock)
+    settings = PCA9685Settings(bus=1, boards=(0x40,), prescale=121, widths_us=(500.0, 2500.0))
+    servos = settings.open(Buses(clock=clock, open_i2c=lambda path: board))
+    points = ((106, JOINT.lower_limit), (509, JOINT.upper_limit))
+    mover = Mover(servos, replace(JOINT, scale=JointScale(points, settings.counts)), clock)
+    mover.go(300)
+    board.inject(event, 2 if event == "full_on" else 0)
+    with pytest.raises(DeviceDataError):
+        mover.go(310)
+    assert mover.count == board.pulses()[2] == 0
+    mover.go(310)
+    assert mover.count == board.pulses()[2] == 310
 
 
 def test_an_angle_measured_before_a_reset_is_not_taken() -> None:
