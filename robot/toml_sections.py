@@ -25,6 +25,7 @@ _UNITS: Final = MappingProxyType(
         "_ms": "milliseconds",
         "_s": "seconds",
         "_hz": "hertz",
+        "_mhz": "megahertz",
         "_v": "volts",
         "_n": "newtons",
         "_us": "microseconds",

@@ -1,4 +1,4 @@
-"""The whole guided session: joints, accelerometer, gauges, distance.
+"""The whole guided session: servo boards, joints, accelerometer, gauges, distance.
 
 Each part is saved when it was measured, so that whoever leaves loses one part at most; it may be
 skipped, and then keeps what it had. Whenever the session ends, the servos hold their last counts.
@@ -14,6 +14,7 @@ from typing import Any, Final, Protocol
 from robot.calibration.accelerometer import AccelerometerSession
 from robot.calibration.distance import DistanceSession
 from robot.calibration.joints import Mover, calibrate_joint, help_text
+from robot.calibration.oscillators import measure_oscillators
 from robot.calibration.questions import Questions, Terminal
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import (
@@ -120,7 +121,8 @@ class GuidedSession:
             save: Given the name of a part, and the whole calibration with it.
 
         Raises:
-            AbandonedError: Somebody left.
+            AbandonedError: Somebody left, or the servo boards' oscillators were measured, which
+                ``robot.toml`` must say before a joint is.
         """
         calibration = before
         try:
@@ -154,6 +156,12 @@ class GuidedSession:
     def _joints(self) -> Iterator[tuple[str, JointCalibration]]:
         wanted = [joint for joint in self._config.joints if joint.name in self._wanted]
         if wanted:
+            measure_oscillators(
+                self._config.servos,
+                [joint.output for joint in self._config.joints],
+                self._devices.servos,
+                self._dialogue,
+            )
             self._dialogue.say(JOINTS + help_text(self._config.servos.counts))
             self._dialogue.choose("on the stand: Enter", "")
         for joint in wanted:

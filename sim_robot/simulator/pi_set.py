@@ -10,7 +10,7 @@ from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
 from robot.drivers.daq.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
-from robot.drivers.servos.pca9685 import PCA9685Settings
+from robot.drivers.servos.pca9685 import OSCILLATOR_MHZ, PCA9685Settings
 from robot.drivers.servos.pca9685_board import OUTPUTS, TICKS
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.host.clock import Clock
@@ -42,6 +42,7 @@ def configure(body: Body, levels: NoiseLevels) -> RobotConfig:
             boards=tuple(range(0x40, 0x40 + boards)),
             prescale=PRESCALE,
             widths_us=WIDTHS_US,
+            oscillators_mhz=(OSCILLATOR_MHZ,) * boards,
         ),
         daq=ADS1115Settings(
             bus=1, addresses=tuple(range(0x48, 0x48 + chips)), input_range="±4.096V"

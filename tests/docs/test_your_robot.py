@@ -99,6 +99,20 @@ class Started(logging.Handler):
             self.event.set()
 
 
+def measure_the_oscillator(
+    calibrate: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    answers = iter(["", "50.0"])  # hertz, at an output without a servo
+    monkeypatch.setattr("builtins.input", lambda prompt: next(answers))
+    assert main(calibrate) == 1
+    assert "Write oscillator_mhz = 24.99 below [servos]" in capsys.readouterr().err
+    config = Path("robot.toml")
+    text = config.read_text(encoding="utf-8")
+    config.write_text(
+        text.replace("# oscillator_mhz = 26.9 ", "oscillator_mhz = 24.99"), encoding="utf-8"
+    )
+
+
 def test_the_page_can_be_followed(
     wired: Wired, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -130,6 +144,7 @@ def test_the_page_can_be_followed(
     assert main(run) == 1
     assert "robotd calibrate --config robot.toml" in capsys.readouterr().err
 
+    measure_the_oscillator(calibrate, monkeypatch, capsys)
     answers = iter(HIP)
     monkeypatch.setattr("builtins.input", lambda prompt: next(answers, "q"))
     assert main(calibrate) == 1  # left after the first part

@@ -43,7 +43,8 @@ Four rules hold throughout:
    faults the longest step was 0.99 of that, and no pulse that the daemon commanded was shorter than
    500 or longer than 2,500 µs. Of 84 resets and 567 interventions of another program on the bus,
    which put the board to sleep, woke it, changed PRE_SCALE or MODE2, moved or switched its outputs,
-   none went unnoticed that changed a pulse.
+   none went unnoticed that changed a pulse. (Microseconds are true as far as `oscillator_mhz` is:
+   [calibration.md](calibration.md).)
 
 Servos may leap without a command. They go to neutral when an SV203 is reset, and a limp robot that
 is held goes back to where it was, both at the servos' own speed; a PCA9685 that is reset leaves

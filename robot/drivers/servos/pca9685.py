@@ -1,7 +1,10 @@
 """NXP PCA9685: 16 servos a board, up to 62 boards on an I²C bus, 12 bits of the PWM period.
 
-A count is the width of a pulse in ticks, 4096 to a period: 4.88 µs at 50 Hz. Outputs are numbered
-as on the boards, 0 to 15 on the first one, 16 to 31 on the second, and so on.
+A count is the width of a pulse in ticks, 4096 to a period: 4.88 µs at 50 Hz, where the oscillator
+runs at 25 MHz. Boards lie between 23 and 27, and nothing but an instrument tells: that of each is
+configured, and so the widths are kept in µs. PRE_SCALE does not depend on it, so an oscillator that
+is measured later makes no count another pulse. Outputs are numbered as on the boards, 0 to 15 on
+the first one, 16 to 31 on the second, and so on.
 
 A hobby servo jumps to wherever its first pulse tells it. So a board that was not set up yet is set
 up with all outputs off, which is how it leaves its reset, and they stay off until they are
@@ -55,6 +58,8 @@ WIDTHS_US: Final = (500, 2500)
 RATES_HZ: Final = (40.0, 333.0)
 ANALOGUE_RATES_HZ: Final = (40.0, 60.0)
 OSCILLATOR_MHZ: Final = 25.0
+OSCILLATORS_MHZ: Final = (22.0, 28.0)
+"""Further off than that no board was reported."""
 
 _SECONDS_PER_BYTE: Final = 9 / 100e3  # on a bus in standard mode
 
@@ -66,8 +71,9 @@ class PCA9685Settings:
     Attributes:
         bus: Number of the I²C bus.
         boards: Addresses, in the order of the outputs.
-        prescale: Of the chips' oscillators.
+        prescale: Of the chips' oscillators, for the update rate at 25 MHz.
         widths_us: The narrowest and the widest pulse, µs.
+        oscillators_mhz: That of each board as it was measured, or ``None``: taken as 25.
         enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
     """
 
@@ -77,6 +83,7 @@ class PCA9685Settings:
     boards: tuple[int, ...]
     prescale: int
     widths_us: tuple[float, ...]
+    oscillators_mhz: tuple[float, ...] | None = None
     enable: tuple[str, int] | None = None
 
     @classmethod
@@ -99,11 +106,18 @@ class PCA9685Settings:
         low, high = table.numbers("pulse_us", 2, *WIDTHS_US, default=WIDTHS_US)
         if low >= high:
             raise table.refuse("pulse_us", f"must rise, not {low:g} to {high:g}.")
+        key = "oscillator_mhz"
+        oscillators: tuple[float, ...] | None = None
+        if table.has(key) and len(boards) > 1:
+            oscillators = table.numbers(key, len(boards), *OSCILLATORS_MHZ)
+        elif table.has(key):
+            oscillators = (table.number(key, *OSCILLATORS_MHZ),)
         return cls(
             bus=table.integer("bus", 0, 255, 1),
             boards=boards,
             prescale=round(OSCILLATOR_MHZ * 1e6 / (TICKS * rate)) - 1,
             widths_us=(low, high),
+            oscillators_mhz=oscillators,
             enable=(
                 table.text("enable_chip", "/dev/gpiochip0"),
                 table.integer("enable_line", 0, 511),
@@ -120,7 +134,8 @@ class PCA9685Settings:
     @property
     def ticks_us(self) -> tuple[float, ...]:
         """The width of a count on each board, µs."""
-        return ((self.prescale + 1) / OSCILLATOR_MHZ,) * len(self.boards)
+        oscillators = self.oscillators_mhz or (OSCILLATOR_MHZ,) * len(self.boards)
+        return tuple((self.prescale + 1) / mhz for mhz in oscillators)
 
     @property
     def counts(self) -> range:
@@ -139,6 +154,10 @@ class PCA9685Settings:
         """From one pulse to the next, on the slowest board, s."""
         return TICKS * max(self.ticks_us) / 1e6
 
+    def oscillator(self, hz: float) -> float:
+        """The oscillator of a board that gives so many pulses a second, MHz."""
+        return hz * TICKS * (self.prescale + 1) / 1e6
+
     @property
     def claims(self) -> tuple[str, ...]:
         """The boards' own addresses, and the one at which all of them answer."""
@@ -156,9 +175,10 @@ class PCA9685Settings:
     def __str__(self) -> str:
         boards = " and ".join(f"0x{address:x}" for address in self.boards)
         ticks = " and ".join(f"{tick:.2f}" for tick in self.ticks_us)
+        guess = "" if self.oscillators_mhz else " if the oscillator runs at 25 MHz, not measured"
         return (
             f"{boards} on I²C bus {self.bus}, {1 / self.period:.1f} pulses a second, counts of "
-            f"{ticks} µs"
+            f"{ticks} µs{guess}"
         )
 
 

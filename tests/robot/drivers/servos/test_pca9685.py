@@ -373,6 +373,43 @@ def test_counts_are_pulse_widths_at_the_update_rate(
     assert math.isclose(widths[1], 2500, abs_tol=5)
 
 
+@pytest.mark.parametrize("mhz", [(23.0, 23.0), (25.0, 25.0), (26.94, 26.94), (23.4, 26.1)])
+@pytest.mark.parametrize("pulse_us", ["500, 2500", "1000, 2000"])
+def test_no_pulse_is_narrower_or_wider_than_configured_whatever_the_oscillators(
+    mhz: tuple[float, float], pulse_us: str
+) -> None:
+    clock = InstantClock()
+    boards = [
+        PCA9685Emulator(clock, address=address, oscillator_mhz=one)
+        for address, one in zip((0x40, 0x41), mhz, strict=True)
+    ]
+    bus = I2CBus(boards, clock)
+    found = settings(
+        f"address = [0x40, 0x41]\npulse_us = [{pulse_us}]\noscillator_mhz = {list(mhz)}"
+    )
+    servos = found.open(Buses(clock=clock, open_i2c=lambda path: bus))
+    servos.read_counts([0])
+    low, high = found.widths_us
+    slowest, fastest = (max(found.ticks_us), min(found.ticks_us))
+    for count in (found.counts[0], found.counts[-1]):
+        servos.set_counts({0: count, 16: count})
+        for board in boards:
+            assert low <= board.pulses()[0] * board.tick_us <= high
+    assert (found.counts[0] - 1) * fastest < low  # and no count is given away
+    assert (found.counts[-1] + 1) * slowest > high
+    assert found.period == pytest.approx(max(4096e-6 * board.tick_us for board in boards))
+
+
+def test_an_oscillator_that_is_measured_later_makes_no_count_another_pulse() -> None:
+    before, after = settings(), settings("oscillator_mhz = 26.94")
+    assert after.prescale == before.prescale == 121
+    assert "not measured" in str(before)
+    assert "counts of 4.53 µs" in str(after)
+    assert "not measured" not in str(after)
+    hz = 26.94e6 / 4096 / 122
+    assert before.oscillator(hz) == pytest.approx(26.94)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -390,6 +427,11 @@ def test_counts_are_pulse_widths_at_the_update_rate(
         ("address = []", "servos.address"),
         ("address = 20", "servos.address"),
         ("servos = 'steppers'", "servos.servos: must be one of analogue, digital"),
+        ("oscillator_mhz = 250", "oscillator_mhz: must be a number from 22 to 28 megahertz, not"),
+        (
+            "address = [0x40, 0x41]\noscillator_mhz = 25",
+            "oscillator_mhz: must be an array of 2 numbers, not 25",
+        ),
     ],
 )
 def test_a_wrong_value_is_named(text: str, words: str) -> None:
