@@ -30,7 +30,8 @@ class ServoBus(Protocol):
     def set_counts(self, counts: Mapping[int, int]) -> None:
         """Commands outputs to counts, and returns when they are sent.
 
-        A device that was reset since it was last read must not follow: its servos would leap.
+        A device that was reset since it was last read must not follow: its servos would leap. Nor
+        one that another program altered, as far as the driver can tell before it sends.
 
         Raises:
             CommandError: An output or count out of range; nothing was sent.
@@ -53,7 +54,7 @@ class ServoBus(Protocol):
             The outputs that differ; none for a device that cannot be read back.
 
         Raises:
-            DeviceError: The device was reset, or failed.
+            DeviceError: The device was reset or altered, or failed.
         """
 
     def forget(self) -> None:
@@ -124,7 +125,7 @@ class ServoSettings(Protocol):
 
     @property
     def per_update(self) -> int:
-        """Outputs that one transmission commands."""
+        """Outputs that one transmission commands, and that are verified at once."""
 
     @classmethod
     def read(cls, table: Section) -> ServoSettings:

@@ -240,6 +240,17 @@ def test_a_reading_that_was_damaged_is_made_again(bench: Bench) -> None:
     assert not damaged
 
 
+def test_an_address_at_which_it_answers_that_another_program_changed(bench: Bench) -> None:
+    bench.servos.read_counts([0])
+    bench.servos.set_counts({0: MIDDLE})
+    bench.bus.i2c_rdwr(i2c_msg.write(0x40, [0x05, 0xE8]))
+    with pytest.raises(DeviceDataError, match="ALLCALLADR is 0xe8 instead of 0xe0"):
+        bench.servos.set_counts({0: MIDDLE + 1})
+    assert bench.boards[0].pulses()[0] == MIDDLE
+    with pytest.raises(DeviceMissingError, match="switch the board's supply off and on"):
+        bench.servos.read_counts([0])
+
+
 def test_an_external_clock_stays_until_the_supply_is_switched_off(bench: Bench) -> None:
     bench.servos.read_counts([0])
     for mode1 in (0x31, 0x71, 0x21):
