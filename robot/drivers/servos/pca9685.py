@@ -15,9 +15,10 @@ A board that loses its supply comes back asleep: it takes commands and gives no 
 is open to other programs, which put boards to sleep, change the length of every tick, invert the
 outputs or move them. So each move is preceded by a reading of all that the boards' pulses depend
 on, and of the pulses: where anything is not as it was left, nothing is written, because putting it
-right would leap as well. Between that reading and the move is about a millisecond; what is changed
-just then is found by reading back in the transfer that moves, too late for this one. Only a query
-sets a board up, when the driver begins and after it was told to ``forget``.
+right would leap as well. Between that reading and the move is a millisecond, and 7 more for each
+further board; what is changed just then is found by reading back in the transfer that moves, too
+late for this one move. Only a query sets a board up, when the driver begins and after it was told
+to ``forget``.
 
 Where the boards' pin OE is wired to an output line of the computer (``enable_line``), that line
 cuts all pulses when the last output is released, whatever the bus does. Boards pull the pin down,
