@@ -2,18 +2,18 @@
 
 ``docs/problems.md`` documents the format. Joints, parts and sensors are counted from 1 in the file
 and from 0 in code. A file may leave open how many joints the robot has; until a problem is told of
-a robot (``for_robot``) it is written out for the paper's.
+a robot (``for_robot``) it is written out for the paper's, or for one that it suits.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
@@ -32,7 +32,7 @@ from estimator.problem.sections import (
     Strict,
     WorldSection,
 )
-from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robot, write_out
+from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robots, write_out
 from estimator.problem.values import Density, Name, complaint
 from estimator.readings.modalities.registry import MODALITIES
 from protocol.text.toml import TomlError, parse_toml
@@ -106,26 +106,42 @@ class Problem(Strict):
         Args:
             text: The file's content.
             origin: Names it in errors.
-            robot: What the problem is written out for; default: the paper's robot if it says
-                anything of that, or else the first that it names.
+            robot: What the problem is written out for; default: the first robot that it suits,
+                the paper's before others.
 
         Raises:
-            ProblemError: The text is wrong: file, key and reason.
+            ProblemError: The text is wrong: file, key and reason. What suits no robot is told as
+                it is for the first.
         """
-        origins: list[int] = []
         try:
             raw = parse_toml(text)
-            robot = robot or supposed_robot(raw)
-            written, origins = write_out(raw, robot)
-            problem = cls.model_validate(written)
+            robots = list(supposed_robots(raw)) if robot is None else [robot]
         except TomlError as error:
             raise ProblemError(f"{origin} is no valid TOML: {error}") from error
+        except ValueError as error:
+            raise ProblemError(f"{origin}: {error}") from error
+        wrong: ProblemError | None = None
+        for one in robots:
+            try:
+                problem = cls._written_out(raw, origin, one)
+            except ProblemError as error:
+                wrong = wrong or error
+            else:
+                problem._source, problem._origin, problem._robot = text, origin, one
+                return problem
+        assert wrong is not None
+        raise wrong
+
+    @classmethod
+    def _written_out(cls, raw: Mapping[str, Any], origin: str, robot: Inventory) -> Problem:
+        origins: list[int] = []
+        try:
+            written, origins = write_out(raw, robot)
+            return cls.model_validate(written)
         except ValidationError as error:
             raise ProblemError(complaint(error, origin, raw, origins)) from error
         except ValueError as error:
             raise ProblemError(f"{origin}: {error}") from error
-        problem._source, problem._origin, problem._robot = text, origin, robot
-        return problem
 
     def for_robot(self, capabilities: Capabilities) -> Problem:
         """Returns the problem written out for a particular robot.

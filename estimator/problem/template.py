@@ -38,17 +38,24 @@ class Inventory:
 PAPERS_ROBOT: Final = Inventory(joints=8, touch_sensors=4)
 
 
-def supposed_robot(raw: Mapping[str, Any]) -> Inventory:
-    """Returns a robot to write a file out for before any is known: the paper's if the file allows.
+def supposed_robots(raw: Mapping[str, Any]) -> Iterator[Inventory]:
+    """Yields robots to write a file out for before any is known: it is right if it suits one.
 
-    Where all joints are driven and each part names its own, it has as many joints as they name.
-    Joints that go by their names are numbered in the order of the file.
+    The paper's comes first if the file allows it. Where all joints are driven and each part names
+    its own, there is one robot, with as many joints as they name; where a part stands for one per
+    driven joint, robots of every other size follow, the nearest first. Joints that go by their
+    names are numbered in the order of the file.
 
     Raises:
         ValueError: Some joints go by their names and others by their numbers.
     """
     names = _supposed_names(raw)
-    return replace(_supposed_joints(_by_number(raw, names)), names=names)
+    first = replace(_supposed_joints(_by_number(raw, names)), names=names)
+    yield first
+    if any("each" in rule for rule in _rules(raw)):
+        others = (size for size in range(1, MAX_ITEMS + 1) if size != first.joints)
+        for size in sorted(others, key=lambda size: abs(size - first.joints)):
+            yield replace(first, joints=size)
 
 
 def _supposed_names(raw: Mapping[str, Any]) -> tuple[str, ...]:
@@ -66,13 +73,17 @@ def _supposed_joints(raw: Mapping[str, Any]) -> Inventory:
             known = [int(key) for key in driven if key.isdecimal()]
             return replace(PAPERS_ROBOT, joints=known[0]) if known else PAPERS_ROBOT
         driven = driven["other"]
-    named = _joints_named(raw.get("parts"))
+    named = _joints_named(_rules(raw))
     return replace(PAPERS_ROBOT, joints=max(named)) if driven == "all" and named else PAPERS_ROBOT
 
 
-def _joints_named(rules: Any) -> list[int]:
+def _rules(raw: Mapping[str, Any]) -> list[dict[str, Any]]:
+    rules = raw.get("parts")
+    return [rule for rule in rules if isinstance(rule, dict)] if isinstance(rules, list) else []
+
+
+def _joints_named(parts: Sequence[Mapping[str, Any]]) -> list[int]:
     """The joints that parts name; none where a part stands for one of each."""
-    parts = [rule for rule in rules if isinstance(rule, dict)] if isinstance(rules, list) else []
     if any("each" in rule for rule in parts):
         return []
     numbers = [rule.get(key) for rule in parts for key in ("motor", "locked")]

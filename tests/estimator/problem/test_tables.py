@@ -11,6 +11,7 @@ from estimator.body.morphology import BASE, Base
 from estimator.errors import ProblemError
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from tests.estimator.problem.test_topological import robot
 
 HEAD = """
 name = "walker"
@@ -176,3 +177,22 @@ def test_two_parts_on_a_forbidden_mount_are_refused() -> None:
         ProblemError, match="a, b, c, d sit on one carrier, which has only 2 mounts"
     ):
         Problem.parse(crowded, "walker.toml")
+
+
+@pytest.mark.parametrize("mounts", [1, 3, 12])
+def test_a_file_for_any_robot_need_not_suit_the_papers(mounts: int) -> None:
+    head, _, rest = HEAD.partition("[[mounts]]")
+    own = "".join(
+        f'[[mounts]]\nname = "{number}"\nat = [0.0, 0.05, 0.0]\nyaw_deg = {number}.0\n'
+        for number in range(mounts)
+    )
+    _, _, hinges = rest.partition("[[hinges]]")
+    part = FIRST.replace("motor = 1", 'each = "driven"').replace('parent = "unknown"', "parent = 0")
+    text = head.replace("[1, 2, 3, 4]", '"all"') + own + "[[hinges]]" + hinges + part
+    problem = Problem.parse(text, "mine.toml")
+    assert len(problem.parts) == min(mounts, 8)
+    assert len(problem.for_robot(robot(mounts, 0)).parts) == mounts
+    with pytest.raises(ProblemError, match=f"has only {mounts} mounts"):
+        problem.for_robot(robot(mounts + 1, 0))
+    with pytest.raises(ProblemError, match=r"mine\.toml: parts\[1\]\.hinge"):  # suits no robot
+        Problem.parse(text.replace('hinge = "unknown"', 'hinge = "none"'), "mine.toml")
