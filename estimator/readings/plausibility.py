@@ -1,6 +1,6 @@
-"""What no robot can be and no sensor can read: slips of a unit, and sensors gone mad.
+"""What no robot can be and no sensor can read: slips of a unit, sensors gone mad, frozen robots.
 
-A search would fit whatever it is given. Each function returns what is wrong, as the part of a
+A search would fit whatever it is given. Each check returns what is wrong, as the part of a
 sentence that says so, or ``None``.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from estimator.readings.modalities.base import ROUNDING
+from estimator.readings.modalities.base import ROUNDING, Value
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, Program
 from protocol.wire.capabilities import Capabilities
 
 LENGTHS: Final = (1e-4, 10.0)
@@ -19,6 +19,8 @@ LENGTHS: Final = (1e-4, 10.0)
 
 DENSITIES: Final = (1.0, 25_000.0)
 """From a hull full of air to solid platinum, kg/m³."""
+
+_COINCIDENCES: Final = 4  # equal noisy values in a row; two that are equal may be coarse, or chance
 
 
 def implausible_body(robot: Capabilities) -> str | None:
@@ -57,6 +59,79 @@ def impossible_reading(observation: Observation, robot: Capabilities) -> str | N
         if wrong is not None:
             return wrong
     return None
+
+
+class AnswerChecks:
+    """Checks what a robot answers against what was asked of it, and against its answers before.
+
+    Args:
+        robot: What it said that it is.
+    """
+
+    def __init__(self, robot: Capabilities):
+        self._robot = robot
+        self._last: Observation | None = None
+        self._coincidences = 0
+
+    def wrong(self, program: Program, observation: Observation) -> str | None:
+        """What in the observation of a motor program cannot be; it is remembered if nothing is."""
+        coincidences = self._coincidences + self._repeated(observation)
+        wrong = (
+            impossible_reading(observation, self._robot)
+            or self._other_angles(program, observation)
+            or self._earlier(observation)
+        )
+        if wrong is None and coincidences >= _COINCIDENCES:
+            wrong = (
+                "the very readings that it reported before, to the last bit, after other movements "
+                "and though its sensors are noisy: sensors or servos are frozen"
+            )
+        if wrong is None:
+            self._last, self._coincidences = observation, coincidences
+        return wrong
+
+    def _other_angles(self, program: Program, observation: Observation) -> str | None:
+        """Angles lie within one step of their targets (SPEC.md, 7.4)."""
+        joints = self._robot.joints
+        for joint, target, angle in zip(joints, program, observation.angles, strict=True):
+            if abs(angle - target) > joint.resolution + ROUNDING:
+                others = [
+                    other.name
+                    for other, its in zip(joints, program, strict=True)
+                    if abs(angle - its) <= other.resolution + ROUNDING
+                ]
+                return (
+                    f"an angle of {_degrees(angle)} of joint {joint.name}, which was told to go to "
+                    f"{_degrees(target)} and has steps of {_degrees(joint.resolution)}"
+                    + (f"; {' and '.join(others)} was told to go there" if others else "")
+                )
+        return None
+
+    def _earlier(self, observation: Observation) -> str | None:
+        before = None if self._last is None else self._last.robot_time
+        now = observation.robot_time
+        if before is None or now is None or now >= before:
+            return None
+        return f"a robot time of {now:.2f} s, after one of {before:.2f} s"
+
+    def _repeated(self, observation: Observation) -> int:
+        """How many noisy values equal those of the last observation, after another movement.
+
+        Where one differs, or the movement is the same, counting begins anew.
+        """
+        if self._last is None or observation.angles == self._last.angles:
+            return -self._coincidences
+        before, now = self._noisy(self._last), self._noisy(observation)
+        return len(now) if now == before else -self._coincidences
+
+    def _noisy(self, observation: Observation) -> list[Value]:
+        """Values of sensors that announce noise, but those at the end of a range."""
+        return [
+            value
+            for sensor in self._robot.sensors
+            for value in MODALITIES[sensor.modality].values(observation)
+            if sensor.noise > 0 and value not in (None, sensor.upper)
+        ]
 
 
 def _degrees(angle: float) -> str:

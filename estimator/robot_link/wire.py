@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from estimator.readings.observation import Observation, Program, by_joint_name
-from estimator.readings.plausibility import impossible_reading
+from estimator.readings.plausibility import AnswerChecks
 from estimator.robot_link.base import OnProgress
 from estimator.storage.records import Ticket
 from protocol.errors import RobotError, RobotRestartedError
@@ -47,6 +47,7 @@ class WireLink:
         self.client_id = client_id
         self.capabilities: Capabilities = self._client.capabilities
         self.recorded: tuple[Program, ...] | None = None
+        self._checks = AnswerChecks(self.capabilities)
 
     def ticket(self) -> Ticket | None:
         """Makes sure of control over the robot, then reserves an id.
@@ -58,6 +59,7 @@ class WireLink:
             self._client.acquire()
         except RobotRestartedError:
             self._client.hello()
+            self._checks = AnswerChecks(self.capabilities)  # with the daemon its clock began anew
             self._client.acquire()
         return Ticket(request_id=self._client.reserve_id(), session=self._client.session)
 
@@ -71,7 +73,7 @@ class WireLink:
             request_id=ticket.request_id,
             on_progress=lambda progress: on_progress(progress.phase, progress.fraction),
         )
-        return self._observation(reply)
+        return self._observation(program, reply)
 
     def outcome(
         self, program: Program, ticket: Ticket, on_progress: OnProgress
@@ -94,7 +96,7 @@ class WireLink:
         """Releases the robot; a motion that is still under way ends where it is."""
         self._client.close()
 
-    def _observation(self, reply: messages.ObservationReply) -> Observation:
+    def _observation(self, program: Program, reply: messages.ObservationReply) -> Observation:
         names = [joint.name for joint in self.capabilities.joints]
         if set(reply.angles) != set(names):
             raise self._disbelief(
@@ -106,7 +108,7 @@ class WireLink:
                 f"{', '.join(unknown)} at an end, but its joints are {', '.join(names)}"
             )
         observation = Observation.from_wire(reply, self.capabilities)
-        wrong = impossible_reading(observation, self.capabilities)
+        wrong = self._checks.wrong(program, observation)
         if wrong is not None:
             raise self._disbelief(wrong)
         return observation
@@ -116,6 +118,6 @@ class WireLink:
         return RobotError(
             "fault",
             f"The robot at {self._uri} reported {what}.",
-            advice="Check its sensors and their calibration, then try again.",
+            advice="Check its sensors, servos and their calibration, then try again.",
             retryable=True,
         )

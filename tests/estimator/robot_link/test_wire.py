@@ -1,8 +1,11 @@
+from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import replace
 
 import pytest
 
 from estimator.errors import EstimatorError
+from estimator.readings.observation import Program
 from estimator.robot_link import open_robot
 from estimator.robot_link.wire import WireLink
 from estimator.storage.records import Ticket
@@ -123,6 +126,15 @@ class LyingRobot(ModelRobot):
         ({"touch": (True,)}, "reported 1 touch bits of 4 touch sensors"),
         ({"angles": {"left": 0.0}}, "reported angles of left, but its joints are left, front"),
         ({"saturated_joints": ("knee",)}, "reported knee at an end, but its joints are left"),
+        (
+            {"angles": {"left": 0.6, "front": -0.2, "right": 0.1, "back": 0.4}},
+            "an angle of 34.38° of joint left, which was told to go to 17.19° and has steps of",
+        ),
+        (
+            {"angles": {"left": 0.3, "front": 0.1, "right": -0.2, "back": 0.4}},
+            r"an angle of 5.73° of joint front, .*; right was told to go there",
+        ),
+        ({"angles": {"left": 0.3, "front": -0.2, "right": 0.1, "back": 0.4101}}, "joint back"),
     ],
 )
 def test_what_cannot_be_is_refused_and_can_be_tried_again(
@@ -134,6 +146,78 @@ def test_what_cannot_be_is_refused_and_can_be_tried_again(
             link.perform(0, PROGRAM, link.ticket(), ignore)
         assert refused.value.retryable
         assert link.perform(0, PROGRAM, link.ticket(), ignore).angles == PROGRAM
+        link.close()
+
+
+def test_the_nearest_step_of_a_servo_is_what_was_asked_for() -> None:
+    steps = {"left": 0.31, "front": -0.21, "right": 0.1, "back": 0.4}
+    with serving(LyingRobot(angles=steps)) as uri:
+        link = connect(uri)
+        observation = link.perform(0, PROGRAM, link.ticket(), ignore)
+        assert observation.angles == tuple(steps.values())
+        link.close()
+
+
+class FrozenRobot(ModelRobot):
+    """Answers every motion with what it felt first, at the robot times that it is given."""
+
+    def __init__(self, times: Sequence[float], *, noise: float, clearance: float = 0.0312):
+        super().__init__()
+        self.times, self._clearance = list(times), clearance
+        sensors = [replace(one, noise=noise) for one in self.capabilities.sensors[1:]]
+        self.capabilities = replace(
+            self.capabilities, sensors=(self.capabilities.sensors[0], *sensors)
+        )
+
+    def _observe(self, request: Perform) -> ObservationReply:
+        felt = super()._observe(request)
+        time = self.times.pop(0)
+        return replace(felt, robot_time=time, tilt=(0.0123, -0.0045), clearance=self._clearance)
+
+
+def performed_before_refusal(robot: ModelRobot, programs: Sequence[Program]) -> int:
+    with serving(robot) as uri, closing(connect(uri)) as link:
+        for done, program in enumerate(programs):
+            try:
+                link.perform(done, program, link.ticket(), ignore)
+            except RobotError as error:
+                if "the very readings that it reported before" not in str(error):
+                    raise
+                return done
+    return len(programs)
+
+
+OTHERS = [(0.3, -0.2, 0.1, angle) for angle in (0.0, 0.1, 0.2, 0.3, 0.4)]
+
+
+@pytest.mark.parametrize(
+    ("noise", "clearance", "programs", "done"),
+    [
+        (0.001, 0.0312, OTHERS, 2),
+        (0.001, 0.2, OTHERS, 2),  # the ground out of range, which says nothing
+        (0.001, 0.0312, [PROGRAM] * 5, 5),
+        (0.001, 0.0312, [*OTHERS[:2], *[OTHERS[1]] * 2, *OTHERS[3:]], 5),
+        (0.0, 0.0312, OTHERS, 5),
+    ],
+)
+def test_a_frozen_robot_is_refused_and_one_without_noise_is_not(
+    noise: float, clearance: float, programs: list[Program], done: int
+) -> None:
+    robot = FrozenRobot(range(6), noise=noise, clearance=clearance)
+    assert performed_before_refusal(robot, programs) == done
+
+
+def test_robot_time_runs_forwards_until_the_daemon_restarts() -> None:
+    robot = FrozenRobot([19.1, 9.0, 20.0], noise=0.0)
+    with serving(robot) as uri:
+        link = connect(uri)
+        link.perform(0, PROGRAM, link.ticket(), ignore)
+        with pytest.raises(RobotError, match=r"a robot time of 9\.00 s, after one of 19\.10 s"):
+            link.perform(1, PROGRAM, link.ticket(), ignore)
+        link.perform(1, PROGRAM, link.ticket(), ignore)
+    robot.times = [1.0]
+    with serving(robot, bind=uri):
+        link.perform(2, PROGRAM, link.ticket(), ignore)
         link.close()
 
 
