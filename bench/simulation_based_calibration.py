@@ -82,8 +82,8 @@ class StaticsRobot:
         noise, cap, rng = self.noise, self.cap, self.rng
         readings = self._where_it_falls(program)
         wide = np.exp(self.scales) * [noise.tilt, noise.clearance]
-        accident = rng.random() < noise.outlier
-        beside = accident and rng.random() < noise.nearby
+        outlier = rng.random() < noise.outlier
+        beside = outlier and rng.random() < noise.nearby
         if beside:
             wide = np.hypot(wide, [DENSITIES["tilt"].beside, DENSITIES["clearance"].beside])
         tilt = readings.tilt[0] + wide[0] * rng.standard_normal(2)
@@ -92,7 +92,7 @@ class StaticsRobot:
         doubtful = readings.touch_doubtful[0]
         wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, noise.touch)
         touch = readings.touch[0] != wrong
-        anywhere = accident and not beside
+        anywhere = outlier and not beside
         if anywhere or readings.undecided[0] or not readings.valid[0]:
             tilt = rng.uniform(-math.pi / 2, math.pi / 2, 2)
             beyond = rng.random() < BEYOND

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from typing import Final
 
@@ -9,8 +10,12 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.readings.observation import Program
 
-ACCIDENTS: Final = 1
+OUTLIERS: Final = 1
 """Unexplained interactions that happen to a body that the problem describes."""
+
+FARTHEST: Final = 6.0
+"""Standard deviations by which such an interaction strays at most: farther off, something happened
+that the model does not contain, however probable it makes outliers."""
 
 AGREED: Final = 0.5
 """Share of the posterior: searches that have met less in common have met different bodies."""
@@ -24,9 +29,10 @@ RIVAL: Final = 0.01
 _PROBABLE: Final = 0.5  # what few draws give less to is improbable, whatever it is exactly
 
 
-def are_accidents(unexplained: int, interactions: int) -> bool:
-    """Whether a body stands that leaves so many of all interactions unexplained."""
-    return not unexplained or unexplained <= ACCIDENTS < interactions
+def are_outliers(unexplained: Sequence[UnexplainedInteraction], interactions: int) -> bool:
+    """Whether a body stands that leaves these of all interactions unexplained."""
+    near = all(one.deviation <= FARTHEST for one in unexplained)
+    return not unexplained or (len(unexplained) <= OUTLIERS < interactions and near)
 
 
 class NotKnown(StrEnum):
@@ -85,10 +91,13 @@ class UnexplainedInteraction(_Record):
     Attributes:
         interaction: Its index.
         sensors: Modalities whose readings lie far from what the best body foretells.
+        deviation: How far the farthest of them lies off, in standard deviations of the noise as
+            it was found; 0 in runs that were made before it was kept.
     """
 
     interaction: int
     sensors: tuple[str, ...]
+    deviation: float = 0.0
 
 
 class NextMovement(_Record):
@@ -189,10 +198,10 @@ class Belief(_Record):
     def explained(self) -> bool:
         """Whether some body of the problem explains the readings, as far as can be told.
 
-        An accident leaves others explained.
+        An outlier leaves others explained.
         """
         return (
-            are_accidents(len(self.unexplained), len(self.foretold))
+            are_outliers(self.unexplained, len(self.foretold))
             and self.departed < OTHERWISE
             and not (self.noisy or self.contradicting or self.departure)
             and self.overturned is None

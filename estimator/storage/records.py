@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.problem.values import Population
 from estimator.readings.observation import Observation, Program
-from estimator.storage.beliefs import UnexplainedInteraction, are_accidents
+from estimator.storage.beliefs import UnexplainedInteraction, are_outliers
 
 _IDS_PER_CONNECTION: Final = 2**20
 
@@ -140,8 +140,8 @@ class BestFit(BaseModel):
 
     @property
     def explained(self) -> bool:
-        """Whether it explains them; an accident leaves others explained."""
-        few = are_accidents(len(self.unexplained), self.interactions)
+        """Whether it explains them; an outlier leaves others explained."""
+        few = are_outliers(self.unexplained, self.interactions)
         return few and not (self.noisy or self.contradicting)
 
 

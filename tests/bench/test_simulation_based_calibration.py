@@ -17,7 +17,7 @@ PLAINLY = 5.0  # standard deviations, which noise alone hardly ever reaches
 FAR = math.radians(15)
 
 
-def test_accidents_are_as_frequent_and_as_far_off_as_in_the_likelihood() -> None:
+def test_outliers_are_as_frequent_and_as_far_off_as_in_the_likelihood() -> None:
     problem, genome, capabilities = on_default_robot("topological")
     world, noise = problem.settings(capabilities), Noise.announced(capabilities)
     robot = StaticsRobot(
@@ -31,10 +31,10 @@ def test_accidents_are_as_frequent_and_as_far_off_as_in_the_likelihood() -> None
     flat = np.zeros(len(problem.program_range(capabilities)))
     tilts = np.array([robot.perform(flat).tilt for _ in range(COUNT)], dtype=float)
     tilts = np.abs(tilts).max(axis=1)
-    accidents = tilts > PLAINLY * noise.tilt
+    outliers = tilts > PLAINLY * noise.tilt
     # Of those beside the pose foretold some are too near to be told from noise.
-    assert 0.7 * noise.outlier < accidents.mean() < 1.1 * noise.outlier
-    assert 0.3 < np.mean(tilts[accidents] > FAR) < 0.7, "half of them end anywhere"
+    assert 0.7 * noise.outlier < outliers.mean() < 1.1 * noise.outlier
+    assert 0.3 < np.mean(tilts[outliers] > FAR) < 0.7, "half of them end anywhere"
 
 
 def test_few_bodies_cover_the_lengths_evenly() -> None:

@@ -23,7 +23,7 @@ from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import ObservedReadings
 
 EXCUSED: Final = 1
-"""Interactions in which a body may be undecided: one in five hundred is by accident, so a body that
+"""Interactions in which a body may be undecided: one in five hundred is by chance, so a body that
 is undecided twice is built so. A search also finds some that are undecided once and would fit worse
 otherwise: docs/statics.md tells how often."""
 

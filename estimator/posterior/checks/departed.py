@@ -35,10 +35,10 @@ from estimator.posterior.model.unknowns import Predictor, departing_points, size
 from estimator.posterior.posterior import Posterior
 
 _CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it left out
-_BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an accident without the departure
+_BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an outlier without the departure
 _PRIOR: Final = 1 / 6  # of all departures together
 _NOT_LOOKED_AT: Final = 0.2  # of these; the families of the others are as probable as each other
-_ACCIDENT_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
+_OUTLIER_RATE: Final = 0.004  # unexplained interactions of robots as stated: 2 of 615 recorded
 _STRANGE_RATE: Final = 0.3  # of robots that depart in a way that is not looked at
 _STARTS: Final = 8
 _WORTH_SAYING: Final = 0.005  # m
@@ -84,12 +84,12 @@ def doubts(
     candidates = np.vstack([starts, *others, points[:_STARTS, :-2]])
     stated, as_stated = fitted(candidates, predictor, data, noise)
     priors = log_priors(departures).tolist()
-    by_accident = _to_which_side(stated, predictor, data, noise)
+    by_chance = _to_which_side(stated, predictor, data, noise)
     doubted = [
         Doubt(
             departure=departures[int(point[-2])].sized(size),
             point=point[:-2],
-            gains=_without(gains, by_accident),
+            gains=_without(gains, by_chance),
             log_share=log_share,
             log_prior=priors[int(point[-2])],
         )
@@ -100,7 +100,7 @@ def doubts(
     if clearly_better(doubted) is not None or _mean_gain(doubted) > _MATTERS:
         samples = posterior.values[systematic(posterior.weights, _SIMULATED, 0.5)]
         bodies = np.vstack([stated, samples])
-        amends = _amends(bodies, predictor, data, noise, reference) - by_accident
+        amends = _amends(bodies, predictor, data, noise, reference) - by_chance
         doubted = [replace(doubt, gains=_without(doubt.gains, amends)) for doubt in doubted]
     return tuple(sorted(doubted, key=lambda doubt: -doubt.gain))
 
@@ -158,7 +158,7 @@ def probability_departed(doubted: Sequence[Doubt], outliers: Array, noise: Noise
     def log_density(rate: float) -> float:
         return float(np.log(rate * strange + (1 - rate) * plain).sum())
 
-    not_looked_at = log_density(_STRANGE_RATE) - log_density(_ACCIDENT_RATE)
+    not_looked_at = log_density(_STRANGE_RATE) - log_density(_OUTLIER_RATE)
     gains = np.logaddexp(math.log(1 - other) + _mean_gain(doubted), math.log(other) + not_looked_at)
     return float(expit(np.array(math.log(_PRIOR / (1 - _PRIOR)) + gains)))
 

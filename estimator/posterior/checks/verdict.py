@@ -1,10 +1,11 @@
 """Does any body that the problem allows explain the readings?
 
 An interaction is *unexplained* when it is more likely the mixture's outlier than not although the
-best body's path there is sure. One such interaction in a run happens by accident; two of them, a
-noise factor that surely lies above 2, or a touch sensor that contradicts the body more often than
-chance allows, say that the problem does not describe the robot. The last betrays a limp leg: its
-foot lies on the ground where a stiff one, short enough to carry nothing, would hang in the air.
+best body's path there is sure. One such interaction in a run may be an outlier. Two of them, one
+that strays farther than outliers do, a noise factor that surely lies above 2, or a touch sensor
+that contradicts the body more often than chance allows, say that the problem does not describe the
+robot. The last betrays a limp leg: its foot lies on the ground where a stiff one, short enough to
+carry nothing, would hang in the air.
 """
 
 from __future__ import annotations
@@ -92,10 +93,13 @@ def _judged(
     outliers = inliers < 0.5
     margins = _margins(best, predictor, data)
     strays = deviations(best, predictor, data, noise)
+    as_found = noise.widened(np.exp(weights @ scales))
+    farthest = np.abs(list(deviations(best, predictor, data, as_found).values())).max(axis=0)
     unexplained = tuple(
         UnexplainedInteraction(
             interaction=index,
             sensors=tuple(name for name, stray in strays.items() if abs(stray[index]) > _STRIKING),
+            deviation=float(farthest[index]),
         )
         for index in np.flatnonzero(outliers & (margins > SURE_PATH)).tolist()
     )

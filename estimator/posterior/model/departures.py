@@ -291,7 +291,7 @@ class Doubt:
 
     @property
     def clear_gain(self) -> float:
-        """The same without the interaction that gains most: it may have ended there by accident."""
+        """The same without the interaction that gains most: it may be an outlier."""
         return self.gain - float(self.gains.max())
 
 

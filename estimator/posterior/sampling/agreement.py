@@ -20,7 +20,7 @@ from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import met_by_each, share_met
 from estimator.posterior.sampling.evidence import EvidenceEstimator
-from estimator.storage.beliefs import ACCIDENTS
+from estimator.storage.beliefs import OUTLIERS
 
 CONSIDERED: Final = 16.0
 """Nats below the best fit, which may be a mere spike."""
@@ -108,13 +108,13 @@ class Agreement:
 
     @property
     def explained(self) -> bool:
-        """Whether the leader leaves no more unexplained than happens by accident."""
-        return self.fit.unexplained <= ACCIDENTS
+        """Whether the leader leaves no more unexplained than outliers are."""
+        return self.fit.unexplained <= OUTLIERS
 
     @property
     def explains_too_little(self) -> bool:
         """Whether the leader leaves more unexplained than a right body may, of so few or many."""
-        return self.fit.unexplained > (ACCIDENTS if self.may_err else 0)
+        return self.fit.unexplained > (OUTLIERS if self.may_err else 0)
 
     @property
     def doubtful(self) -> bool:
@@ -125,13 +125,13 @@ class Agreement:
     def credible(self) -> bool:
         """Whether the readings are explained so well that something can be certain.
 
-        One interaction may be an accident, but not where the others are explained poorly too: two
-        accidents lead to a body that explains all of them, none well. Where attachments are known
+        One interaction may be an outlier, but not where the others are explained poorly too: two
+        outliers lead to a body that explains all of them, none well. Where attachments are known
         no other body can explain them better, and what is explained badly alone counts.
         """
         any_other = bool(self.leader)
-        accident = self.fit.unexplained > 0
-        limit = POOR if any_other and (accident or not self.may_err) else _BAD
+        outlier = self.fit.unexplained > 0
+        limit = POOR if any_other and (outlier or not self.may_err) else _BAD
         return not self.explains_too_little and self.fit.excess <= limit
 
     @property

@@ -256,7 +256,7 @@ class Sampler:
         """What need not be doubted until readings do so: one set of attachments, if it leads.
 
         Where much was to be found, all that is left, also where that leaves one interaction
-        unexplained, as an accident does: to begin anew after each later one is too dear. Two end
+        unexplained, as an outlier does: to begin anew after each later one is too dear. Two end
         the agreement.
         """
         if self._wanders:

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estimator.storage.beliefs import AGREED, OTHERWISE, Belief, NotKnown, are_accidents
+from estimator.storage.beliefs import (
+    AGREED,
+    FARTHEST,
+    OTHERWISE,
+    Belief,
+    NotKnown,
+    are_outliers,
+)
 from estimator.storage.records import BestFit
 
 
@@ -19,7 +26,7 @@ def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> s
         return f"{_not_the_robots(contradictions)} {verdict_on_best_model(fit)}"
     if fit.explained:
         return (
-            f"The best model explains every interaction{_but_accidents(fit)}. Whether others do as "
+            f"The best model explains every interaction{_but_outliers(fit)}. Whether others do as "
             "well, only --method posterior says."
         )
     return (
@@ -39,7 +46,7 @@ def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
     if contradictions:
         return f"{_not_the_robots(contradictions)} {verdict_on_fit(belief)}"
     if belief.explained:
-        rest = _but_accidents(belief)
+        rest = _but_outliers(belief)
         if belief.not_known is NotKnown.POOR_FIT:
             rest += (
                 ", but poorly: a better one may have been missed, the problem may be another "
@@ -81,23 +88,29 @@ def _not_the_robots(contradictions: Sequence[str]) -> str:
     return f"THIS PROBLEM IS NOT THE ROBOT'S: {'; '.join(contradictions)}."
 
 
-def _but_accidents(fit: Belief | BestFit) -> str:
+def _but_outliers(fit: Belief | BestFit) -> str:
     if not fit.unexplained:
         return ""
     number = fit.unexplained[0].interaction + 1
-    return f" but interaction {number}, an accident or a fault that came or went"
+    return f" but interaction {number}, an outlier or a fault that came or went"
 
 
 def _reasons(fit: Belief | BestFit, interactions: int) -> list[str]:
     """What a body leaves unexplained of so many interactions."""
     reasons = []
     numbers = [str(item.interaction + 1) for item in fit.unexplained]
-    if not are_accidents(len(numbers), interactions):
+    if not are_outliers(fit.unexplained, interactions):
         sensors = sorted({name for item in fit.unexplained for name in item.sensors})
         listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
-        if len(numbers) == 1:
-            listed = f"interaction {numbers[0]}, the only one"
         where = f" ({', '.join(sensors)})" if sensors else ""
+        if len(numbers) == 1:
+            listed = f"interaction {numbers[0]}" + (", the only one" if interactions == 1 else "")
+            (far,) = fit.unexplained
+            if far.deviation > FARTHEST:
+                where += (
+                    ", in which something happened that this model does not contain: readings lie "
+                    f"{far.deviation:.0f} standard deviations off"
+                )
         reasons.append(f"explains {listed}{where}")
     if fit.noisy:
         reasons.append(

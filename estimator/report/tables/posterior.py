@@ -128,7 +128,7 @@ def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
 
 def _print_deviations(console: Console, posterior: PosteriorSummary) -> None:
     console.print("Felt minus foretold by the best body, in standard deviations of the noise:")
-    table = plain_table("interaction", *MODALITIES, "accident")
+    table = plain_table("interaction", *MODALITIES, "outlier")
     for number, told in enumerate(posterior.foretold, 1):
         off = (f"{told.deviations.get(name, 0.0):+.1f}" for name in MODALITIES)
         table.add_row(str(number), *off, percent(told.outlier))

@@ -129,7 +129,7 @@ def test_a_robot_that_does_not_is_not_suspected(predictor: Predictor) -> None:
     felt = felt_by(predictor)
     assert clearly_better(doubted(predictor, felt)) is None
     left = {doubt.departure.text for doubt in doubted(predictor, felt) if doubt.is_left}
-    assert left <= {HEAVY.text}  # one movement of 32 tells, and that may be an accident
+    assert left <= {HEAVY.text}  # one movement of 32 tells, and that may be an outlier
 
 
 class Engine(StaticsPhysics):
@@ -246,7 +246,7 @@ def test_nothing_is_doubted_where_no_departure_can_be_felt(predictor: Predictor)
     assert fit(around(POINT), predictor, felt, NOISE, (), reference=StaticsPhysics()) == ()
 
 
-def test_one_movement_that_only_a_departure_explains_is_no_accident(predictor: Predictor) -> None:
+def test_one_movement_that_only_a_departure_explains_is_no_outlier(predictor: Predictor) -> None:
     fitted = doubted(predictor, felt_by(predictor))
     best = replace(fitted[0], gains=np.array([19.0, -0.5, 0.3, -1.0]))
     assert clearly_better([best, *fitted[1:]]) == best.departure

@@ -14,6 +14,7 @@ from estimator.posterior.checks.verdict import (
 )
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
+from estimator.storage.beliefs import are_outliers
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely, programs
 
 POINT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -55,12 +56,14 @@ def test_two_interactions_that_no_body_explains_are_named_with_their_sensors(
     data = draw(predictor, POINT, MOVED, np.random.default_rng(11), outlier=0.0)
     for turn in (1, 4):
         data.felt["tilt"].values[turn] += 0.3
-    verdict = judge(certain(), predictor, data, NOISE)
-    assert [(item.interaction, item.sensors) for item in verdict.unexplained] == [
-        (1, ("tilt",)),
-        (4, ("tilt",)),
-    ]
-    assert judge_body(POINT, predictor, data, NOISE) == verdict
+    for verdict in (
+        judge(certain(), predictor, data, NOISE),
+        judge_body(POINT, predictor, data, NOISE),
+    ):
+        assert [(item.interaction, item.sensors) for item in verdict.unexplained] == [
+            (1, ("tilt",)),
+            (4, ("tilt",)),
+        ]
     assert fit_of(POINT, predictor, data, NOISE).unexplained == 2
 
 
@@ -89,6 +92,14 @@ def test_one_such_interaction_is_named_alone(predictor: Predictor) -> None:
     data.felt["tilt"].values[2] += 0.3
     verdict = judge(certain(), predictor, data, NOISE)
     assert [item.interaction for item in verdict.unexplained] == [2]
+    (one,), (noisier,) = (
+        verdict.unexplained,
+        judge(certain(0.5), predictor, data, NOISE).unexplained,
+    )
+    assert one.deviation == pytest.approx(0.3 / NOISE.tilt, abs=3)
+    assert noisier.deviation == pytest.approx(one.deviation / np.exp(0.5))
+    # be it as probable as an outlier as any: so far off it is none
+    assert not are_outliers(verdict.unexplained, len(MOVED))
     assert not verdict.noisy
     assert not verdict.contradicting
 

@@ -55,7 +55,7 @@ OPEN, KNOWN = (0,), ()
         (OPEN, 0, 1.1, False, False),
         (OPEN, 1, 0.0, False, False),
         (OPEN, 1, 0.9, True, True),
-        (OPEN, 1, 1.1, True, False),  # an accident, and the others are explained poorly
+        (OPEN, 1, 1.1, True, False),  # an outlier, and the others are explained poorly
         (OPEN, 0, 2.3, True, True),
         (OPEN, 0, 2.4, True, False),
         (OPEN, 2, 0.0, True, False),

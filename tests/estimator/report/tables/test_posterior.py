@@ -74,7 +74,7 @@ def test_what_was_felt_is_held_against_what_was_foretold(tmp_path: Path) -> None
     print_result(Console(file=text, width=200), result.model_copy(update={"posterior": posterior}))
     _, _, table = text.getvalue().partition("in standard deviations of the noise:\n")
     heading, row, *_ = (line.split() for line in table.splitlines())
-    assert heading == ["interaction", "touch", "tilt", "clearance", "accident"]
+    assert heading == ["interaction", "touch", "tilt", "clearance", "outlier"]
     assert row == ["1", "+0.0", "-1.3", "+12.0", "97.0", "%"]
 
 
@@ -231,7 +231,13 @@ def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
     assert one.explained
     assert verdict_on_fit(one) == (
         "Some body that this problem allows explains every interaction but interaction 3, an "
-        "accident or a fault that came or went."
+        "outlier or a fault that came or went."
+    )
+    far = one.model_copy(update={"unexplained": (odd.model_copy(update={"deviation": 68.0}),)})
+    assert not far.explained
+    assert verdict_on_fit(far) == (
+        "NO BODY THAT THIS PROBLEM ALLOWS explains interaction 3 (tilt), in which something "
+        "happened that this model does not contain: readings lie 68 standard deviations off."
     )
     assert not two.explained
     only = one.model_copy(update={"foretold": one.foretold[:1]})
