@@ -72,20 +72,35 @@ def errors_as_sentences(run: Path | None) -> Iterator[None]:
         fail(str(error), None)
     except sqlite3.Error as error:
         fail(f"the run's database cannot be written: {error}. Look whether the disk is full.", run)
-    except (BodyschemaError, OSError) as error:
+    except OSError as error:
+        fail(_said(error), run)
+    except BodyschemaError as error:
         fail(str(error), run)
+
+
+def _said(error: OSError) -> str:
+    if error.filename is None or error.strerror is None:
+        return str(error)
+    return f"{error.filename} cannot be read or written: {error.strerror}."
 
 
 def fail(sentence: str, run: Path | None) -> NoReturn:
     """Says what went wrong, where the run is if it can be resumed, and exits with 1."""
     err.print(f"estimator: {sentence}", highlight=False, soft_wrap=True)
-    if run is not None and holds_run(run):
+    if run is not None and _can_be_resumed(run):
         err.print(
             f"The run is safe in {run}. Go on with: estimator resume {run}",
             highlight=False,
             soft_wrap=True,
         )
     raise typer.Exit(1)
+
+
+def _can_be_resumed(run: Path) -> bool:
+    try:
+        return holds_run(run)
+    except RunDirectoryError:
+        return False
 
 
 def print_run_directory(run: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Final
 
 from estimator.errors import RunDirectoryError
 from estimator.live.run_view import RunState, RunView
-from estimator.storage.database import DATABASE
+from estimator.storage.database import file_status
 from estimator.storage.locking import is_locked
 from estimator.storage.store import LOCK, RunStore
 
@@ -57,11 +57,9 @@ class RunFollower:
 
     def _stamp(self) -> tuple[int, int]:
         """What changes with every transaction."""
-        try:
-            now = (self._directory / DATABASE).stat()
-        except OSError as error:
+        now = file_status(self._directory)
+        if now is None:
             raise RunDirectoryError(
-                f"{self._directory} holds no run ({error.strerror}). Start one with `estimator "
-                "identify`."
-            ) from error
+                f"{self._directory} holds no run. Start one with `estimator identify`."
+            )
         return now.st_mtime_ns, now.st_size

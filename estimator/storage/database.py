@@ -7,7 +7,9 @@ costs nothing. ``synchronous=EXTRA`` makes each commit survive a power cut too.
 
 from __future__ import annotations
 
+import os
 import sqlite3
+import stat
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
@@ -43,13 +45,35 @@ _DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, Arithmetic
 """What values raise that are not what was written."""
 
 
+def file_status(directory: Path) -> os.stat_result | None:
+    """The status of the database's file; ``None`` where there is no such file.
+
+    Raises:
+        RunDirectoryError: It cannot be seen, or not read, by this user.
+    """
+    path = directory / DATABASE
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            return None
+        path.open("rb").close()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise RunDirectoryError(f"{directory} cannot be read: {error.strerror}.") from error
+    return status
+
+
 def holds_run(directory: Path) -> bool:
     """Whether there is a run in a directory, which a process may have died before making.
 
     A damaged database counts as a run: whoever opens it says what is wrong with it.
+
+    Raises:
+        RunDirectoryError: It cannot be seen, or not read, by this user.
     """
     path = directory / DATABASE
-    if not path.is_file():
+    if file_status(directory) is None:
         return False
     with closing(sqlite3.connect(path)) as database:
         try:

@@ -116,8 +116,9 @@ class RunStore(Closable):
             RunDirectoryError: The directory holds a run already, or files that it would replace,
                 or cannot be made.
         """
+        holds = holds_run(directory)
         for name in (READINGS, ROBOT):
-            if (directory / name).exists() and not holds_run(directory):
+            if (directory / name).exists() and not holds:
                 raise RunDirectoryError(
                     f"{directory} holds a {name} that is of no run there, and a run would replace "
                     "it: give another --out."

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from protocol.system.presence import may_exist
 from robot.calibration.guided_session import parts
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config
@@ -42,7 +43,7 @@ def describe_config(config: RobotConfig, path: Path) -> Finding:
     text = f"{config.name}: {len(config.joints)} joints, {len(config.touch)} touch sensors"
     advice = f"robotd calibrate --config {path}; see docs/calibration.md"
     _, file = read_config(path)
-    if file is None or not file.exists():
+    if file is None or not may_exist(file):
         missing = f"; {file} does not exist yet" if file else ""
         return look(
             "configuration", f"{text}; not calibrated, the values of {path} stand{missing}", advice

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, cast
 
+from protocol.system.presence import may_exist
 from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.configuration.device_tables import (
     DistanceConfig,
@@ -194,7 +195,7 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
         ConfigError: Names file, key and reason.
     """
     config, calibration = read_config(path)
-    if calibration is not None and not uncalibrated and not calibration.exists():
+    if calibration is not None and not uncalibrated and not may_exist(calibration):
         raise ConfigError(
             f"names {calibration}, which does not exist. Write it with: robotd calibrate --config "
             f"{path}; or leave [calibration] out.",
@@ -210,7 +211,7 @@ def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfi
     Raises:
         ConfigError: Names file, key and reason.
     """
-    if file is None or not file.exists():
+    if file is None or not may_exist(file):
         return config, Calibration(robot=config.name)
     calibration = read_calibration(file, config.servos.counts)
     return apply_calibration(config, calibration, file=str(file)), calibration

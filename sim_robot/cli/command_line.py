@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from protocol.errors import BodyschemaError
+from protocol.system.presence import may_exist
 from protocol.transport.server import Server
 from robot.cli.run import add_server_arguments
 from robot.cli.startup import add_version
@@ -106,7 +107,7 @@ def calibrate(options: argparse.Namespace) -> None:
     file = options.calibration
     if file is None:
         options.refuse("--calibrate needs --calibration FILE, which it writes")
-    known = file if file.exists() else None
+    known = file if may_exist(file) else None
     with _emulation(options, real_time=False, calibration=known) as parts:
         SimulatedPerson(parts, seed=options.seed, echo=print).calibrate(parts.devices, file)
 

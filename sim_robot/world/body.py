@@ -15,6 +15,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from protocol.system.presence import may_exist
 from sim_robot.errors import BodyError
 from sim_robot.world.body_checks import faults_of, root_of
 from sim_robot.world.urdf.declarations import (
@@ -60,7 +61,7 @@ def body_path(name_or_file: str) -> Path:
     if name_or_file in shipped:
         return shipped[name_or_file]
     path = Path(name_or_file)
-    if path.suffix != ".urdf" and not path.exists():
+    if path.suffix != ".urdf" and not may_exist(path):
         raise BodyError(
             name_or_file, "", f"is neither a URDF file nor one of {', '.join(shipped)}."
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -31,11 +32,11 @@ def find_mesh(filename: str, description: Path) -> Path | None:
     name = filename.removeprefix("file://")
     if not filename.startswith(_PACKAGE):
         path = folder / name
-        return path if path.is_file() else None
+        return path if os.path.isfile(path) else None
     inside = filename.removeprefix(_PACKAGE)
     for place in (folder, *folder.parents):
         for name in (inside, inside.partition("/")[2]):
-            if (place / name).is_file():
+            if os.path.isfile(place / name):
                 return place / name
     return None
 

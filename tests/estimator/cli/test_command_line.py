@@ -341,6 +341,70 @@ def unwritable(folder: Path) -> Iterator[None]:
             place.chmod(0o755)
 
 
+def commands_on(directory: Path, readings: Path, problem: str) -> list[tuple[str | Path, ...]]:
+    """All that look at a run directory or make one."""
+    return [
+        ("identify", "--robot", f"file:{readings}", "--problem", problem, "--out", directory),
+        ("identify", "--robot", f"replay:{directory}", "--problem", problem, "--out", "unused"),
+        ("resume", directory),
+        ("show", directory),
+        ("report", directory),
+        ("compare", directory, directory),
+        ("export", directory, "--format", "urdf"),
+        ("score", directory, "--truth", "body.urdf"),
+        ("validate", directory, "--robot", "tcp://127.0.0.1:1"),
+        ("watch", directory),
+        ("reproduce", "fig2", "--out", directory),
+    ]
+
+
+def test_a_name_that_is_too_long_is_a_sentence(tmp_path: Path, readings: Path) -> None:
+    long = tmp_path / (256 * "n")
+    for command in commands_on(long, readings, make_order(tmp_path, "").problem):
+        ended = estimator(*command)
+        assert ended.exit_code == 1, ended.output
+        assert str(long) in ended.stderr
+        assert ended.stderr.endswith(": File name too long.\n")
+        assert "Errno" not in ended.stderr
+
+
+@contextmanager
+def closed_to_us(folder: Path) -> Iterator[None]:
+    """A directory that this process may not enter, also where root runs the tests."""
+    folder.chmod(0)
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)  # nobody
+    try:
+        yield
+    finally:
+        os.seteuid(user)
+        folder.chmod(0o755)
+
+
+def test_a_folder_of_somebody_else_is_a_sentence(readings: Path) -> None:
+    with TemporaryDirectory() as name:  # pytest's is closed
+        folder = Path(name)
+        folder.chmod(0o755)
+        for file in (readings, readings.with_name("robot.json")):
+            shutil.copy(file, folder)
+        private = folder / "private"
+        private.mkdir()
+        make_run(private, (0.17, 0.15, 0.2, 0.16)).close()
+        problem = make_order(folder, "").problem
+        run, table = private / "run", folder / readings.name
+        commands = commands_on(run, table, problem)
+        for command in commands:  # with what libraries load late
+            estimator(command[0], "--help")
+        with closed_to_us(private):
+            ended = [estimator(*command) for command in commands]
+    for item in ended:
+        assert item.exit_code == 1, item.output
+        assert str(run) in item.stderr
+        assert item.stderr.endswith(": Permission denied.\n")
+        assert "Errno" not in item.stderr
+
+
 def test_show_score_report_and_compare_need_no_writable_directory() -> None:
     with TemporaryDirectory() as name, TemporaryDirectory() as open_to_all:  # pytest's is closed
         folder = Path(name)

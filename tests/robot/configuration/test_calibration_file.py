@@ -211,6 +211,15 @@ def test_a_sensor_that_the_robot_does_not_have_is_refused(tmp_path: Path) -> Non
         load_config(file)
 
 
+def test_a_file_that_nobody_may_look_at_is_not_taken_for_missing(tmp_path: Path) -> None:
+    robot = written(tmp_path, to_toml(WHOLE)).read_text(encoding="utf-8")
+    long = tmp_path / "long.toml"
+    long.write_text(robot.replace("calibration.toml", 256 * "n"), encoding="utf-8")
+    for uncalibrated in (False, True):
+        with pytest.raises(ConfigError, match="n: cannot be read: File name too long"):
+            load_config(long, uncalibrated=uncalibrated)
+
+
 def test_a_file_that_is_named_and_missing_stops_the_robot(tmp_path: Path) -> None:
     file = written(tmp_path, "")
     (tmp_path / "calibration.toml").unlink()

@@ -70,6 +70,8 @@ def test_a_file_needs_no_name(tmp_path: Path) -> None:
     assert body_path(str(tmp_path / "mine.urdf")) == tmp_path / "mine.urdf"
     with pytest.raises(BodyError, match="octopod: is neither a URDF file nor one of biped, "):
         body_path("octopod")
+    with pytest.raises(BodyError, match=r"/n+: cannot be read: File name too long\."):
+        load_body(body_path(str(tmp_path / (256 * "n"))))
 
 
 def test_what_is_wrong_with_a_body_is_told_across_processes() -> None:
