@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar
 
 import numba
 from numba.core import event
+from numba.core.caching import FunctionCache
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -22,6 +23,7 @@ _PAUSE: Final = (
 
 
 _njit: Final[Callable[..., Any]] = numba.njit  # its types do not know all of its options
+_function_cache: Final[Callable[..., Any]] = FunctionCache
 _INNER: Final[dict[str, Any]] = {
     "error_model": "numpy",
     "no_cpython_wrapper": True,  # called by the kernel alone
@@ -58,13 +60,43 @@ def allocating(function: _Function) -> _Function:
 
 
 def entrance(function: _Function) -> _Function:
-    """A function called from Python: releases the interpreter, and its machine code is kept."""
-    options: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-    try:
-        machine_code: _Function = _njit(cache=True, **options)(function)
-    except RuntimeError:  # nowhere to keep it: no writable directory
-        machine_code = _njit(**options)(function)
-    return machine_code
+    """A function called from Python: releases the interpreter, and its machine code is kept.
+
+    Where there is no place to keep it, or none that can be read, it is compiled without.
+    """
+    machine_code = _njit(error_model="numpy", nogil=True)(function)
+    with suppress(RuntimeError):  # no directory that can be written
+        machine_code._cache = _Cache(function)
+    entered: _Function = machine_code
+    return entered
+
+
+class _Cache:
+    """Numba's, which would end the run where its disk is full or its files are damaged."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._files = _function_cache(function)
+        self.cache_path: str = self._files.cache_path
+        self.flush: Callable[[], None] = self._files.flush
+
+    def load_overload(self, signature: object, target: object) -> object:
+        """Machine code that was kept; ``None``: there is none that can be used."""
+        try:
+            return self._files.load_overload(signature, target)
+        except Exception:  # whatever comes of bytes that are not numba's
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, signature: object, code: object) -> None:
+        """Keeps machine code, or says why not."""
+        try:
+            self._files.save_overload(signature, code)
+        except OSError as error:
+            _say(
+                f"Compiled code cannot be kept in {self.cache_path} ({error.strerror}), so it is "
+                "compiled again each time: make room, or set NUMBA_CACHE_DIR to another folder.\n"
+            )
 
 
 def stamp(folder: Path, *others: Path) -> int:
@@ -81,15 +113,15 @@ def stamp(folder: Path, *others: Path) -> int:
 
 class _Announcement(event.Listener):
     def on_start(self, event: object) -> None:
-        _explain()
+        _say(_PAUSE)
 
     def on_end(self, event: object) -> None:
         pass
 
 
 @cache
-def _explain() -> None:
-    sys.stderr.write(_PAUSE)
+def _say(sentence: str) -> None:
+    sys.stderr.write(sentence)
     sys.stderr.flush()
 
 

@@ -362,11 +362,7 @@ def test_nothing_and_no_parts_can_be_read(statics: StaticsPhysics) -> None:
     assert (felt.clearance[0], felt.valid[0]) == (0.0, True)
 
 
-def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:
-    """Also where two programs begin at the same time: one compiles, and the other waits for it."""
-    program = tmp_path / "program.py"
-    program.write_text(
-        """
+PROGRAM = """
 from estimator.physics.kernel.compiling import announced, entrance
 
 @entrance
@@ -376,20 +372,46 @@ def twice(number):
 with announced():
     print(twice(1.5))
 """
+
+
+def start(folder: Path, before: str = "") -> subprocess.Popen[str]:
+    """A program that calls a compiled function, whose machine code is kept in its folder."""
+    (folder / "program.py").write_text(PROGRAM)
+    return subprocess.Popen(
+        [sys.executable, "-c", f"{before}\nimport program"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={
+            **os.environ,
+            "NUMBA_CACHE_DIR": str(folder),
+            "PYTHONPATH": f"{folder}:{Path.cwd()}",
+        },
     )
-    both = [
-        subprocess.Popen(
-            [sys.executable, program],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
-        )
-        for _ in range(2)
-    ]
+
+
+def test_the_pause_of_the_first_use_is_explained_once(tmp_path: Path) -> None:
+    """Also where two programs begin at the same time: one compiles, and the other waits for it."""
+    both = [start(tmp_path) for _ in range(2)]
     printed, spoken = zip(*(process.communicate(timeout=300) for process in both), strict=True)
     assert printed == ("3.0\n", "3.0\n")
     silent, sentence = sorted(spoken)
     assert silent == ""
     assert sentence.count("\n") == 1
     assert "Compiling the statics kernel" in sentence
+    (data,), (index,) = tmp_path.rglob("*.nbc"), tmp_path.rglob("*.nbi")
+    for damaged in (data, index, None):  # what is damaged is made anew, and then kept
+        if damaged is not None:
+            damaged.write_bytes(b"\x80")
+        result, said = start(tmp_path).communicate(timeout=300)
+        assert result == "3.0\n"
+        assert said == ("" if damaged is None else sentence)
+
+
+def test_a_full_cache_is_gone_without(tmp_path: Path) -> None:
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, -1))"
+    printed, spoken = start(tmp_path, full).communicate(timeout=300)
+    assert printed == "3.0\n"
+    assert f"Compiled code cannot be kept in {tmp_path}" in spoken
+    assert "(File too large)" in spoken
+    assert "Traceback" not in spoken
