@@ -15,6 +15,7 @@ are refused, since a misspelt one would silently count as missing.
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -74,14 +75,21 @@ def read(path: Path) -> Table:
         ReadingsError: The file cannot be read, or a column or cell is wrong; the message names it.
     """
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            header, *rows = [row for row in csv.reader(file, strict=True) if any(row)]
+        text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise ReadingsError(f"{path} cannot be read: {error.strerror}.") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise ReadingsError(
+            f"{path} is no table in UTF-8: {error.reason}. Save it as CSV UTF-8."
+        ) from error
+    _check_separator(path, text)
+    try:
+        rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if any(row)]
+    except csv.Error as error:
         raise ReadingsError(f"{path} is no table of comma-separated values: {error}.") from error
-    except ValueError:
-        raise ReadingsError(f"{path} is empty: write a header and a row per interaction.") from None
+    if not rows:
+        raise ReadingsError(f"{path} is empty: write a header and a row per interaction.")
+    header, *rows = rows
     header = [name.strip() for name in header]
     if len(header) > _COLUMNS:
         raise ReadingsError(
@@ -102,6 +110,21 @@ def read(path: Path) -> Table:
             for number, row in enumerate(rows, 1)
         ),
     )
+
+
+def _check_separator(path: Path, text: str) -> None:
+    """Refuses what a spreadsheet writes where commas stand in numbers."""
+    header = text.lstrip("\r\n").partition("\n")[0].strip()
+    known = [column for one in MODALITIES.values() for column in one.columns(MAX_ITEMS)]
+    for separator, said in ((";", "';'"), ("\t", "tabs"), ("|", "'|'")):
+        _, *columns = (column.strip().strip('"') for column in header.split(separator))
+        if header == f"sep={separator}" or any(
+            column.startswith(ANGLE) or column in known for column in columns
+        ):
+            raise ReadingsError(
+                f"{path}: its columns are separated by {said}: save it with commas, and points in "
+                "numbers."
+            )
 
 
 def _check_header(path: Path, header: list[str], columns: Mapping[str, Sequence[str]]) -> None:
@@ -138,7 +161,10 @@ def _observation(
     where: str, header: list[str], row: list[str], columns: Mapping[str, Sequence[str]]
 ) -> Observation:
     if len(row) != len(header):
-        raise ReadingsError(f"{where}: has {len(row)} cells, and the header has {len(header)}.")
+        commas = " Write numbers with points." if len(row) > len(header) else ""
+        raise ReadingsError(
+            f"{where}: has {len(row)} cells, and the header has {len(header)}.{commas}"
+        )
     cells = dict(zip(header, row, strict=True))
     angles: list[float] = []
     for name, cell in cells.items():

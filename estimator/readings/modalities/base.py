@@ -177,7 +177,10 @@ def parse_number(where: str, column: str, cell: str, least: float, largest: floa
     try:
         value = float(text)
     except ValueError:
-        raise ReadingsError(f"{where}: {column} must be a number or empty, not {text!r}.") from None
+        comma = ": write a point" if "," in text else ""
+        raise ReadingsError(
+            f"{where}: {column} must be a number or empty, not {text!r}{comma}."
+        ) from None
     if not least <= value <= largest:  # also refuses NaN
         raise ReadingsError(f"{where}: {column} must lie in {least:g} to {largest:g}, not {text}.")
     return value

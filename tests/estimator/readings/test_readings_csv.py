@@ -77,6 +77,12 @@ def test_a_table_written_by_hand(tmp_path: Path) -> None:
         (HEADER + "1,2,0,0,0,nan,0\n", "row 1: tilt_fb_deg must lie in"),
         (HEADER + "1,2,0,0,0,0,1e9\n", "row 1: clearance_mm must lie in"),
         (HEADER + '1,2,0,0,0,0,"3\n', "is no table of comma-separated values"),
+        (HEADER.replace(",", ";") + "1,5;2;0;0;0;0;0\n", "are separated by ';': save it with comm"),
+        (HEADER.replace(",", "\t") + "1.5\t2\t0\t0\t0\t0\t0\n", "are separated by tabs: save it"),
+        (f'\n"{HEADER.strip()}"\r\n'.replace(",", '"|"'), r"are separated by '\|'"),
+        ("sep=;\n" + HEADER.replace(",", ";"), "are separated by ';'"),
+        (HEADER + '"1,5",2,0,0,0,0,0\n', "must be a number or empty, not '1,5': write a point"),
+        (HEADER + "1,5,2,0,0,0,0,0\n", "has 8 cells, .* has 7. Write numbers with points"),
     ],
 )
 def test_a_wrong_table_is_refused_with_place_and_reason(
@@ -87,6 +93,12 @@ def test_a_wrong_table_is_refused_with_place_and_reason(
     with pytest.raises(ReadingsError, match=sentence) as caught:
         read(path)
     assert str(path) in str(caught.value)
+
+
+def test_a_joints_name_may_hold_any_separator(tmp_path: Path) -> None:
+    path = tmp_path / "readings.csv"
+    path.write_text('angle_deg_a;b,"angle_deg_tilt\t|;touch",touch_1\n1,2,1\n')
+    assert read(path).joints == ("a;b", "tilt\t|;touch")
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
