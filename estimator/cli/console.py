@@ -71,7 +71,13 @@ def errors_as_sentences(run: Path | None) -> Iterator[None]:
     except RunDirectoryError as error:
         fail(str(error), None)
     except sqlite3.Error as error:
-        fail(f"the run's database cannot be written: {error}. Look whether the disk is full.", run)
+        busy = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY
+        advice = (
+            "Another process holds it, or its file system has no locks: then choose another disk."
+            if busy
+            else "Look whether the disk is full."
+        )
+        fail(f"the run's database cannot be written: {error}. {advice}", run)
     except OSError as error:
         fail(_said(error), run)
     except BodyschemaError as error:

@@ -1,16 +1,22 @@
-"""The SQLite file of a run: its tables, and transactions that survive a power cut.
+"""The SQLite file of a run: its tables, its writer, and transactions that survive a power cut.
 
 SQLite keeps a rollback journal rather than a write-ahead log: a closed run is then a single file
 that can be copied, it also works on network file systems, and a handful of commits per second
 costs nothing. ``synchronous=EXTRA`` makes each commit survive a power cut too.
+
+The lock of a run's directory keeps other writers out. It does not where its file was deleted or the
+file system has no locks; so whoever begins to write leaves a token of its own, without which no
+transaction of the one before is committed.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 import stat
-from collections.abc import Iterator
+import uuid
+from collections.abc import Collection, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
@@ -40,6 +46,8 @@ _TABLES: Final = (
         PRIMARY KEY (validation, number)
     ) STRICT""",
 )
+
+_NAMES: Final = [re.split(r"[ (]+", table)[2] for table in _TABLES]
 
 _DAMAGE: Final = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """What values raise that are not what was written."""
@@ -82,12 +90,33 @@ def holds_run(directory: Path) -> bool:
             return True
 
 
-def connect(directory: Path) -> sqlite3.Connection:
+class RunDatabase(sqlite3.Connection):
+    """A connection to the database of a run.
+
+    Attributes:
+        directory: The run directory, for sentences.
+        writer: The token of this connection, if it writes.
+    """
+
+    directory = Path()
+    writer: str | None = None
+
+
+def connect(directory: Path) -> RunDatabase:
     """Opens the database in a directory; creates an empty one if there is none."""
-    database = sqlite3.connect(directory / DATABASE, isolation_level=None, timeout=10.0)
+    file = directory / DATABASE
+    database = sqlite3.connect(file, isolation_level=None, timeout=10.0, factory=RunDatabase)
+    assert isinstance(database, RunDatabase)
+    database.directory = directory
     database.execute("PRAGMA journal_mode = DELETE")
     database.execute("PRAGMA synchronous = EXTRA")
     return database
+
+
+def claim(database: RunDatabase) -> None:
+    """Takes the run over, within a transaction: whoever wrote to it before can no longer."""
+    database.writer = uuid.uuid4().hex
+    database.execute("INSERT OR REPLACE INTO meta VALUES ('writer', ?)", (database.writer,))
 
 
 def is_empty(database: sqlite3.Connection) -> bool:
@@ -99,6 +128,26 @@ def make_tables(database: sqlite3.Connection) -> None:
     """Makes the tables of a run, within a transaction."""
     for statement in _TABLES:
         database.execute(statement)
+
+
+def check_tables(database: sqlite3.Connection, names: Collection[str] = ()) -> None:
+    """Refuses other tables than those of a run, such as a view that computes what is read from it.
+
+    Args:
+        database: Of which nothing was read yet.
+        names: Of the tables to look at; none: all, and that there are no others.
+
+    Raises:
+        ValueError: What is wrong.
+    """
+    ours = dict(zip(_NAMES, _TABLES, strict=True))
+    rows = database.execute(
+        "SELECT name, sql FROM sqlite_master WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'"
+    )
+    found = dict(rows)
+    for name in names or {*ours, *found}:
+        if found.get(name) != ours.get(name):
+            raise ValueError(f"what it holds as {name} is not the table of a run")
 
 
 @contextmanager
@@ -121,13 +170,29 @@ def reading(directory: Path) -> Iterator[None]:
 
 
 @contextmanager
-def transaction(database: sqlite3.Connection) -> Iterator[None]:
-    """Commits everything in the block together, or nothing of it."""
+def transaction(database: RunDatabase) -> Iterator[None]:
+    """Commits everything in the block together, or nothing of it.
+
+    Raises:
+        RunDirectoryError: Another process has begun to write to the run.
+    """
     database.execute("BEGIN IMMEDIATE")
     try:
+        _check_writer(database)
         yield
         database.execute("COMMIT")
     except BaseException:
         if database.in_transaction:  # SQLite itself has rolled back where the disk was full
             database.execute("ROLLBACK")
         raise
+
+
+def _check_writer(database: RunDatabase) -> None:
+    if database.writer is None:
+        return
+    row = database.execute("SELECT value FROM meta WHERE key = 'writer'").fetchone()
+    if row != (database.writer,):
+        raise RunDirectoryError(
+            f"Another process has begun to write to {database.directory}, so this one ends: its "
+            "lock was removed, or its file system has none. Let the other finish or end it first."
+        )

@@ -17,7 +17,7 @@ def lock(directory: Path, name: str) -> int:
         name: Of the lock's file.
 
     Returns:
-        A descriptor; closing it frees the lock.
+        A descriptor; closing it frees the lock. On a file system without locks it locks nothing.
 
     Raises:
         RunDirectoryError: The directory cannot be made or written, or another process has it.
@@ -32,11 +32,13 @@ def lock(directory: Path, name: str) -> int:
         raise RunDirectoryError(f"{directory} cannot be written: {error.strerror}.") from error
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         os.close(descriptor)
         raise RunDirectoryError(
             f"Another process works on {directory}: let it finish or end it first."
         ) from None
+    except OSError:  # a file system without locks
+        return descriptor
     return descriptor
 
 
@@ -52,8 +54,10 @@ def is_locked(directory: Path, name: str) -> bool:
         return False
     try:
         fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
+    except BlockingIOError:
         return True
+    except OSError:  # a file system without locks
+        return False
     finally:
         os.close(descriptor)
     return False

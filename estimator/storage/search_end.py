@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sqlite3
 from pathlib import Path
 from typing import Final, TypeVar
 
 from pydantic import BaseModel
 
-from estimator.storage.database import reading, transaction
+from estimator.storage.database import RunDatabase, reading, transaction
 from estimator.storage.records import BestFit, Finish
 
 _Record = TypeVar("_Record", bound=BaseModel)
@@ -24,7 +23,7 @@ class SearchEnd:
         directory: The run directory, for sentences.
     """
 
-    def __init__(self, database: sqlite3.Connection, directory: Path):
+    def __init__(self, database: RunDatabase, directory: Path):
         self._database = database
         self._directory = directory
 

@@ -1,7 +1,8 @@
 """A run directory that survives ``kill -9`` at any instant.
 
 ``run.sqlite`` holds everything that must survive, and ``run.lock`` is held (flock) by the process
-that writes. ``docs/formats.md`` lists the other files, which are derived and free to delete.
+that writes; where that does not keep a second one out, the first can write no more.
+``docs/formats.md`` lists the other files, which are derived and free to delete.
 
 Two rules make the run durable. What is about to be asked of the robot is committed before the
 request leaves, and what it answered is committed before anything else happens; so a restart knows
@@ -28,6 +29,9 @@ from estimator.readings.observation import Observation, Program
 from estimator.storage.beliefs import Belief
 from estimator.storage.database import (
     DATABASE,
+    RunDatabase,
+    check_tables,
+    claim,
     connect,
     holds_run,
     is_empty,
@@ -69,7 +73,7 @@ class RunStore(Closable):
         validations: What its models predicted of motor programs that were performed afterwards.
     """
 
-    def __init__(self, directory: Path, database: sqlite3.Connection, lock: int | None):
+    def __init__(self, directory: Path, database: RunDatabase, lock: int | None):
         self.directory = directory
         self._database = database
         self._lock = lock
@@ -142,6 +146,7 @@ class RunStore(Closable):
                     "connections": json.dumps(1),
                 }
                 database.executemany("INSERT INTO meta VALUES (?, ?)", first.items())
+                claim(database)
             return cls(directory, database, held)
         except BaseException:
             _close(database, held)
@@ -165,6 +170,7 @@ class RunStore(Closable):
         try:
             with reading(directory):
                 database = connect(directory)
+                check_tables(database, ["meta"])
                 row = database.execute("SELECT value FROM meta WHERE key = 'format'").fetchone()
                 written = json.loads(row[0])
             if written != FORMAT:
@@ -172,6 +178,11 @@ class RunStore(Closable):
                     f"{directory} was written in run format {written}, and this version reads "
                     f"{FORMAT}: use the version of bodyschema that made it."
                 )
+            with reading(directory):
+                check_tables(database)
+            if to_write:
+                with transaction(database):
+                    claim(database)
             return cls(directory, database, held)
         except BaseException:
             _close(database, held)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import sqlite3
 from pathlib import Path
 
 from estimator.readings.observation import Observation
-from estimator.storage.database import reading, transaction
+from estimator.storage.database import RunDatabase, reading, transaction
 from estimator.storage.records import Prediction, Ticket, performed
 
 
@@ -20,7 +19,7 @@ class Validations:
         joints: Of the robot.
     """
 
-    def __init__(self, database: sqlite3.Connection, directory: Path, joints: int):
+    def __init__(self, database: RunDatabase, directory: Path, joints: int):
         self._database = database
         self._directory = directory
         self._joints = joints

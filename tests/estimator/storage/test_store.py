@@ -1,3 +1,5 @@
+import errno
+import fcntl
 import os
 import resource
 import signal
@@ -15,6 +17,7 @@ from estimator.errors import RunDirectoryError
 from estimator.readings.observation import Observation
 from estimator.storage.database import DATABASE
 from estimator.storage.final_population import FinalPopulation
+from estimator.storage.locking import is_locked
 from estimator.storage.records import (
     Counters,
     Finish,
@@ -24,7 +27,7 @@ from estimator.storage.records import (
     Ticket,
     first_id,
 )
-from estimator.storage.store import RunStore
+from estimator.storage.store import LOCK, RunStore
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 
 SETTINGS = RunSettings(
@@ -139,6 +142,72 @@ def test_two_writers_at_once_are_refused(directory: Path) -> None:
             RunStore.open(directory)
         RunStore.open(directory, to_write=False).close()
     RunStore.open(directory).close()
+
+
+def test_a_second_writer_ends_the_first_where_its_lock_was_deleted(directory: Path) -> None:
+    with RunStore.open(directory) as first:
+        first.plan(0, PROGRAM)
+        (directory / LOCK).unlink()
+        with RunStore.open(directory) as second:
+            second.ask(0, Ticket(request_id=7, session="s"))
+            for write in (
+                lambda: first.observe(0, OBSERVATION),
+                lambda: first.validations.predict([]),
+                lambda: first.search_end.save_best_fit(None),
+            ):
+                with pytest.raises(RunDirectoryError, match="Another process has begun to write"):
+                    write()
+            second.observe(0, OBSERVATION)
+    with RunStore.open(directory, to_write=False) as store:
+        assert store.observations() == [OBSERVATION]
+        assert not store.search_end.is_reached
+
+
+def test_a_file_system_without_locks_has_one_writer_too(
+    directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_locks(descriptor: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    with RunStore.open(directory) as first:
+        assert not is_locked(directory, LOCK)
+        with RunStore.open(directory) as second:
+            second.plan(0, PROGRAM)
+        with pytest.raises(RunDirectoryError, match="or its file system has none"):
+            first.plan(1, PROGRAM)
+
+
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT"
+
+
+@pytest.mark.parametrize("table", ["meta", "beliefs", "interactions", "predictions"])
+@pytest.mark.parametrize(
+    "instead",
+    [
+        f"CREATE VIEW {{0}} AS {ENDLESS} i AS key, i AS value FROM n",
+        "CREATE TABLE {0} (key TEXT, value TEXT AS (hex(zeroblob(400000000))))",
+        None,
+    ],
+)
+def test_tables_that_compute_what_is_read_are_refused_unread(
+    directory: Path, table: str, instead: str | None
+) -> None:
+    with closing(sqlite3.connect(directory / DATABASE)) as database:
+        database.execute(f"DROP TABLE {table}")
+        if instead is not None:
+            database.execute(instead.format(table))
+    with pytest.raises(RunDirectoryError, match=f"what it holds as {table} is not the table of a"):
+        RunStore.open(directory, to_write=False)
+
+
+def test_a_trigger_is_no_part_of_a_run(directory: Path) -> None:
+    with closing(sqlite3.connect(directory / DATABASE)) as database:
+        database.execute(
+            "CREATE TRIGGER more AFTER INSERT ON beliefs BEGIN DELETE FROM interactions; END"
+        )
+    with pytest.raises(RunDirectoryError, match="what it holds as more is not the table"):
+        RunStore.open(directory)
 
 
 @pytest.mark.parametrize(
