@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import StrEnum
-from typing import Final
+from typing import Annotated, Final, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from estimator.readings.observation import Program
+from estimator.readings.observation import Program, Reading
 
 OUTLIERS: Final = 1
 """Unexplained interactions that happen to a body that the problem describes."""
@@ -35,6 +35,15 @@ def are_outliers(unexplained: Sequence[UnexplainedInteraction], interactions: in
     return not unexplained or (len(unexplained) <= OUTLIERS < interactions and near)
 
 
+ROUNDING: Final = 1e-6
+"""By how much a share or a gene may lie outside 0 to 1."""
+
+Share = Annotated[float, Field(ge=0, le=1 + ROUNDING)]
+Gene = Annotated[float, Field(ge=-ROUNDING, le=1 + ROUNDING)]
+Count = Annotated[int, Field(ge=0)]
+Effective = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+
+
 class NotKnown(StrEnum):
     """Why it is not known how probable attachments are."""
 
@@ -59,9 +68,9 @@ class BelievedMode(_Record):
         met: Which populations have met it.
     """
 
-    probability: float
-    effective: float
-    genes: tuple[float, ...]
+    probability: Share
+    effective: Effective
+    genes: tuple[Gene, ...]
     like_the_first: bool
     met: tuple[bool, ...]
 
@@ -79,10 +88,10 @@ class Foretold(_Record):
     """
 
     touch: tuple[bool, ...]
-    tilt: tuple[float, float]
-    clearance: float
-    deviations: dict[str, float]
-    outlier: float
+    tilt: tuple[Reading, Reading]
+    clearance: Reading
+    deviations: dict[str, Reading]
+    outlier: Share
 
 
 class UnexplainedInteraction(_Record):
@@ -95,9 +104,9 @@ class UnexplainedInteraction(_Record):
             it was found; 0 in runs that were made before it was kept.
     """
 
-    interaction: int
+    interaction: Count
     sensors: tuple[str, ...]
-    deviation: float = 0.0
+    deviation: Effective = 0.0
 
 
 class NextMovement(_Record):
@@ -111,7 +120,7 @@ class NextMovement(_Record):
 
     program: Program
     reason: str
-    bits: float
+    bits: Reading
 
 
 class Belief(_Record):
@@ -150,26 +159,39 @@ class Belief(_Record):
         decides: At the end of a run, where rivals are left that a movement might tell apart.
     """
 
-    genes: tuple[tuple[float, ...], ...]
-    scales: tuple[tuple[float, ...], ...]
-    weights: tuple[float, ...]
-    best: tuple[float, ...]
+    genes: tuple[tuple[Gene, ...], ...]
+    scales: tuple[tuple[Reading, Reading], ...]
+    weights: tuple[Share, ...]
+    best: tuple[Gene, ...]
     modes: tuple[BelievedMode, ...]
-    within_problem: float | None
-    met_in_common: float = 1.0
+    within_problem: Share | None
+    met_in_common: Share = 1.0
     few_draws: bool = False
-    departed: float = 0.0
-    gained: float | None = None
+    departed: Share = 0.0
+    gained: Reading | None = None
     foretold: tuple[Foretold, ...]
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
-    contradicting: tuple[int, ...] = ()
-    overturned: int | None = None
+    contradicting: tuple[Count, ...] = ()
+    overturned: Count | None = None
     departure: str | None = None
     untested: tuple[str, ...] = ()
-    simulated: int = 0
-    effective: float | None = None
+    simulated: Count = 0
+    effective: Effective | None = None
     decides: NextMovement | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if not len(self.genes) == len(self.scales) == len(self.weights):
+            raise ValueError("samples, their noise and their weights are not equally many")
+        if abs(sum(self.weights) - 1) > ROUNDING * len(self.weights):
+            raise ValueError(f"weights add up to {sum(self.weights):g}, not to 1")
+        bodies = (*self.genes, self.best, *(mode.genes for mode in self.modes))
+        if len(set(map(len, bodies))) > 1:
+            raise ValueError("not all genomes are equally long")
+        if any(item.interaction >= len(self.foretold) for item in self.unexplained):
+            raise ValueError("an interaction is unexplained that was never foretold")
+        return self
 
     @property
     def probability(self) -> float | None:

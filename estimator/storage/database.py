@@ -21,6 +21,8 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final
 
+from pydantic import ValidationError
+
 from estimator.errors import RunDirectoryError
 
 DATABASE: Final = "run.sqlite"
@@ -162,11 +164,20 @@ def reading(directory: Path) -> Iterator[None]:
     except RunDirectoryError:
         raise
     except (sqlite3.Error, *_DAMAGE) as error:
-        reason = str(error).partition("\n")[0].rstrip(".")
+        reason = _first_reason(error)
         raise RunDirectoryError(
             f"{directory / DATABASE} is not a run: {reason}. If it was one, it is damaged: take "
             "back a copy of it, or start the run anew."
         ) from error
+
+
+def _first_reason(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        first = error.errors(include_url=False, include_input=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        said = first["msg"].removeprefix("Value error, ")
+        return f"{error.title}: {where}: {said}" if where else said
+    return str(error).partition("\n")[0].rstrip(".")
 
 
 @contextmanager

@@ -59,6 +59,7 @@ class FinalPopulation:
             searched = np.array(latest.errors, dtype=float)
             if genes.shape[:1] != searched.shape:
                 raise ValueError(f"{len(genes)} models have {len(searched)} errors")
+            store.check_genes(genes)
             errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
             if finish is not None:
                 errors[list(finish.models)] = finish.simulated

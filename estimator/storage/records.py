@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from estimator.problem.values import Population
 from estimator.readings.observation import Observation, Program
-from estimator.storage.beliefs import UnexplainedInteraction, are_outliers
+from estimator.storage.beliefs import Count, UnexplainedInteraction, are_outliers
 
 _IDS_PER_CONNECTION: Final = 2**20
 
@@ -78,12 +78,12 @@ class Counters(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    simulations_requested: int = 0
-    simulations_run: int = 0
-    simulations_invalid: int = 0
-    simulations_undecided: int = 0
-    steps: int = 0
-    wall_seconds: float = 0.0
+    simulations_requested: Count = 0
+    simulations_run: Count = 0
+    simulations_invalid: Count = 0
+    simulations_undecided: Count = 0
+    steps: Count = 0
+    wall_seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0
 
     def including(self, finish: Finish, interactions: int) -> Counters:
         """The same with what the reference back-end cost at the end."""
@@ -113,12 +113,12 @@ class Finish(BaseModel):
 
     model_config = ConfigDict(frozen=True, ser_json_inf_nan="constants")
 
-    models: tuple[int, ...]
+    models: tuple[Count, ...]
     searched: tuple[float, ...]
     simulated: tuple[float, ...]
-    simulations: int
-    invalid: int = 0
-    steps: int
+    simulations: Count
+    invalid: Count = 0
+    steps: Count
 
 
 class BestFit(BaseModel):
@@ -133,10 +133,10 @@ class BestFit(BaseModel):
 
     model_config = ConfigDict(frozen=True)
 
-    interactions: int
+    interactions: Count
     unexplained: tuple[UnexplainedInteraction, ...]
     noisy: tuple[str, ...]
-    contradicting: tuple[int, ...]
+    contradicting: tuple[Count, ...]
 
     @property
     def explained(self) -> bool:

@@ -21,12 +21,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, Self
 
+import numpy as np
+
+from estimator.body.morphology import Array
 from estimator.errors import RunDirectoryError
 from estimator.physics.base import WorldSettings
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, Program
-from estimator.storage.beliefs import Belief
+from estimator.storage.beliefs import ROUNDING, Belief
 from estimator.storage.database import (
     DATABASE,
     RunDatabase,
@@ -291,10 +294,13 @@ class RunStore(Closable):
         """What was believed after each interaction, with what the run had cost by then."""
         with reading(self.directory):
             rows = self._database.execute("SELECT belief, counters FROM beliefs ORDER BY number")
-            return [
+            found = [
                 (Belief.model_validate_json(belief), Counters.model_validate_json(counters))
                 for belief, counters in rows
             ]
+            for belief, _ in found:
+                self.check_genes(np.array([belief.best]))
+            return found
 
     def checkpoint(self) -> Checkpoint | None:
         """The search's latest committed state."""
@@ -323,6 +329,18 @@ class RunStore(Closable):
                 )
                 for number, iteration, errors, best, counters in rows
             ]
+
+    def check_genes(self, genes: Array) -> None:
+        """Refuses genomes, shape (n, genes), that are none of the run's.
+
+        Raises:
+            ValueError: What is wrong.
+        """
+        size = self.genome.size
+        if genes.shape[1:] != (size,):
+            raise ValueError(f"its bodies do not have {size} genes, as the problem's do")
+        if not np.all((genes >= -ROUNDING) & (genes <= 1 + ROUNDING)):
+            raise ValueError("genes lie outside 0 to 1")
 
     @property
     def complete(self) -> bool:

@@ -113,7 +113,7 @@ def _belief(
     rng: np.random.Generator, size: int, interactions: int, *, simulated: int, explained: bool
 ) -> Belief:
     shares, modes = (0.6, 0.2, 0.15, 0.05), rng.random((4, size)).tolist()
-    outliers = () if explained else (0, 1)
+    outliers = range(0 if explained else min(2, interactions))
     return Belief(
         genes=tuple(map(tuple, rng.random((8, size)).tolist())),
         scales=((0.0, 0.1),) * 8,

@@ -1,5 +1,7 @@
 import errno
 import fcntl
+import json
+import math
 import os
 import resource
 import signal
@@ -29,6 +31,7 @@ from estimator.storage.records import (
 )
 from estimator.storage.store import LOCK, RunStore
 from tests.estimator.model_robot import PROBLEM, make_capabilities
+from tests.estimator.report.made_runs import made_run
 
 SETTINGS = RunSettings(
     robot="tcp://127.0.0.1:5750",
@@ -305,28 +308,63 @@ def test_a_full_disk_is_named_and_leaves_the_run_as_it_was(directory: Path) -> N
         ("interactions", "observation", '{"angles": [0.1]}'),
         ("generations", "errors", "[1.0, null]"),
         ("generations", "counters", "{"),
-        ("checkpoint", "value", '{"generation": 0, "stave": {}}'),
-        ("checkpoint", "value", '{"generation": 0, "state": {"populatiol": []}}'),
-        ("checkpoint", "value", '{"generation": 0, "state": {"population": [[0.1], [0.1, 0.2]]}}'),
-        ("checkpoint", "value", '{"generation": 0, "state": {"population": [[0.1]]}}'),
+        ("checkpoint", "value", '{"number": 0, "stave": {}}'),
+        ("checkpoint", "value", '{"number": 0, "state": {"populatiol": []}}'),
+        ("checkpoint", "value", '{"number": 0, "state": {"population": [[0.1], [0.1, 0.2]]}}'),
+        ("checkpoint", "value", '{"number": 0, "state": {"population": [[0.1]]}}'),
+        ("checkpoint", "value", '{"number": 0, "state": {"population": [[0.1], [0.2]]}}'),
+        ("checkpoint", "value", f'{{"number": 0, "state": {{"population": {[[9] * 4] * 2}}}}}'),
     ],
 )
 def test_a_damaged_run_is_a_sentence(directory: Path, table: str, column: str, value: str) -> None:
     with RunStore.open(directory) as store:
         store.plan(0, PROGRAM)
         store.observe(0, OBSERVATION)
-        store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
+        store.save(make_generation(0), {"population": [[0.1, 0.2, 0.3, 0.4], [0.3, 0.4, 0.5, 0.6]]})
     with closing(sqlite3.connect(directory / DATABASE, isolation_level=None)) as database:
         database.execute(f"UPDATE {table} SET {column} = ?", (value,))
     with pytest.raises(RunDirectoryError, match=r"run.sqlite is not a run: .* copy of it"):
         read_all(directory)
 
 
+def test_a_run_of_the_posterior_can_be_read(tmp_path: Path) -> None:
+    read_all(made_run(tmp_path / "run", PROBLEM, "posterior", capabilities=make_capabilities()))
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"weights": [-0.125, 0.375, *[0.125] * 6]},
+        {"weights": [0.1] * 8},
+        {"weights": [1.0]},
+        {"within_problem": 7},
+        {"met_in_common": -0.1},
+        {"departed": 1.5},
+        {"gained": math.inf},
+        {"simulated": -1},
+        {"effective": -1.0},
+        {"best": [0.5]},
+        {"best": [0.5, 0.5, 0.5, 1.5]},
+        {"unexplained": [{"interaction": 9, "sensors": []}]},
+        {"scales": [[0.0]] * 8},
+    ],
+)
+def test_a_belief_that_cannot_be_is_a_sentence(tmp_path: Path, damage: dict[str, object]) -> None:
+    run = made_run(tmp_path / "run", PROBLEM, "posterior", capabilities=make_capabilities())
+    with closing(sqlite3.connect(run / DATABASE, isolation_level=None)) as database:
+        (belief,) = database.execute("SELECT belief FROM beliefs WHERE number = 0").fetchone()
+        damaged = json.dumps({**json.loads(belief), **damage})
+        database.execute("UPDATE beliefs SET belief = ? WHERE number = 0", (damaged,))
+    with pytest.raises(RunDirectoryError, match=r"is not a run: .* copy of it") as refused:
+        read_all(run)
+    assert "validation error" not in str(refused.value)
+
+
 def test_any_flipped_bit_is_a_sentence_or_no_matter(directory: Path) -> None:
     with RunStore.open(directory) as store:
         store.plan(0, PROGRAM)
         store.observe(0, OBSERVATION)
-        store.save(make_generation(0), {"population": [[0.1, 0.2], [0.3, 0.4]]})
+        store.save(make_generation(0), {"population": [[0.1, 0.2, 0.3, 0.4], [0.3, 0.4, 0.5, 0.6]]})
         store.search_end.save_finish(
             Finish(models=(0,), searched=(1.0,), simulated=(2.0,), simulations=1, steps=1)
         )
