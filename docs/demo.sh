@@ -1,10 +1,9 @@
 #!/usr/bin/env bash
 # The whole path: a simulated robot, known only through the wire, is identified in two ways.
 # `make demo` runs it; each command is shown before it is run, so that it can be typed as well.
-# `make demo ELECTRONICS=pi` does it on the chips of a Raspberry Pi.
+# `make demo ELECTRONICS=pi` does it on the chips of a Raspberry Pi. The robot takes a free port.
 set -euo pipefail
 out=${1:-demo}
-robot=tcp://127.0.0.1:${PORT:-5750}
 seed=${SEED:-1}
 electronics=${ELECTRONICS:-pc104}
 
@@ -13,15 +12,18 @@ show() { printf '\n\033[1m$ %s\033[0m\n' "$*"; "$@"; }
 rm -rf "$out"
 mkdir -p "$out"
 
-printf '\033[1m$ sim-robotd --bind %s --seed %s --electronics %s &\033[0m\n' "$robot" "$seed" \
+bind='tcp://127.0.0.1:*'
+printf "\033[1m$ sim-robotd --bind '%s' --seed %s --electronics %s &\033[0m\n" "$bind" "$seed" \
     "$electronics"
-sim-robotd --bind "$robot" --seed "$seed" --electronics "$electronics" 2> "$out/sim-robotd.log" &
+sim-robotd --bind "$bind" --seed "$seed" --electronics "$electronics" 2> "$out/sim-robotd.log" &
 daemon=$!
 trap 'kill "$daemon" 2> /dev/null || true' EXIT
 until grep -q serving "$out/sim-robotd.log"; do
     kill -0 "$daemon" 2> /dev/null || { cat "$out/sim-robotd.log" >&2; exit 1; }
     sleep 0.1
 done
+robot=$(grep -m 1 -o 'serving [^,]*' "$out/sim-robotd.log" | grep -o 'tcp://.*')
+printf 'The robot is at %s\n' "$robot"
 
 # The paper's way: one population of models, optimised, and movements drawn at random.
 show estimator identify --robot "$robot" --problem parametric --method paper --seed "$seed" \
