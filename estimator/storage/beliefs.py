@@ -38,6 +38,7 @@ def are_outliers(unexplained: Sequence[UnexplainedInteraction], interactions: in
 ROUNDING: Final = 1e-6
 """By how much a share or a gene may lie outside 0 to 1."""
 
+Probability = Annotated[float, Field(ge=0, le=1)]
 Share = Annotated[float, Field(ge=0, le=1 + ROUNDING)]
 Gene = Annotated[float, Field(ge=-ROUNDING, le=1 + ROUNDING)]
 Count = Annotated[int, Field(ge=0)]
@@ -91,7 +92,7 @@ class Foretold(_Record):
     tilt: tuple[Reading, Reading]
     clearance: Reading
     deviations: dict[str, Reading]
-    outlier: Share
+    outlier: Probability
 
 
 class UnexplainedInteraction(_Record):
@@ -167,7 +168,7 @@ class Belief(_Record):
     within_problem: Share | None
     met_in_common: Share = 1.0
     few_draws: bool = False
-    departed: Share = 0.0
+    departed: Probability = 0.0
     gained: Reading | None = None
     foretold: tuple[Foretold, ...]
     unexplained: tuple[UnexplainedInteraction, ...]
