@@ -103,7 +103,7 @@ class AnswerChecks:
                 return (
                     f"an angle of {_degrees(angle)} of joint {joint.name}, which was told to go to "
                     f"{_degrees(target)} and has steps of {_degrees(joint.resolution)}"
-                    + (f"; {' and '.join(others)} was told to go there" if others else "")
+                    + (f"; that is the target of {' and '.join(others)}" if others else "")
                 )
         return None
 

@@ -132,7 +132,7 @@ class LyingRobot(ModelRobot):
         ),
         (
             {"angles": {"left": 0.3, "front": 0.1, "right": -0.2, "back": 0.4}},
-            r"an angle of 5.73° of joint front, .*; right was told to go there",
+            r"an angle of 5.73° of joint front, .*; that is the target of right",
         ),
         ({"angles": {"left": 0.3, "front": -0.2, "right": 0.1, "back": 0.4101}}, "joint back"),
     ],
