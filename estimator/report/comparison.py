@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -97,7 +96,7 @@ def comparison_picture(runs: Sequence[ComparedRun]) -> Figure:
         axes.spines[:].set_visible(False)
         axes.set_title(_label(number, runs[number - 1]), loc="left", fontsize="small")
         axes.title.set_parse_math(False)
-        if item and find_spec("pybullet"):  # which takes the pictures
+        if item:
             axes.imshow(take_picture(item, radius))
         else:
             axes.set_xlabel("no picture")

@@ -16,7 +16,6 @@ from estimator.physics.backends import BACKENDS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.report.bodies import camera
 from estimator.search.searches import SEARCHES
 from tests.estimator.dask_cluster import Dask, Process, dask
 from tests.estimator.two_unknown_rows import make_predictor
@@ -32,14 +31,6 @@ def no_parts_of_another_test() -> Iterator[None]:
     yield
     for registry in (BACKENDS, OBJECTIVES, RULES, SEARCHES):
         registry._added.clear()
-
-
-@pytest.fixture(scope="module", autouse=True)
-def coarse_pictures() -> Iterator[None]:
-    """Of bodies: a quarter of the time, and nobody looks at them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(camera, "_FINER", 1)
-        yield
 
 
 @pytest.fixture(scope="session")

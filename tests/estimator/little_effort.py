@@ -21,7 +21,6 @@ from estimator.posterior.model.possible_departures import possible_departures
 from estimator.posterior.sampling import weighing
 from estimator.posterior.sampling.sampler import Effort
 from estimator.problem.problem import Problem
-from estimator.report.bodies import camera
 
 _LITTLE: Final = Effort(levels=4, width=8, steps=10, rounds=1, draws=60, samples=16)
 
@@ -60,7 +59,6 @@ def little_effort() -> Iterator[None]:
         patch.setattr(departed, "_SIMULATED", 6)
         patch.setattr(left_out, "_DRAWS", 32)
         patch.setattr(left_out, "_SIMULATED", 4)
-        patch.setattr(camera, "_FINER", 1)
         yield
 
 

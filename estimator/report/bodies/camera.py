@@ -1,52 +1,36 @@
-"""Pictures of scenes without a screen, by PyBullet's software renderer."""
+"""Pictures of scenes without a screen, drawn by Matplotlib: shaded faces, the farthest first."""
 
 from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from estimator.body.morphology import Array
-from estimator.errors import EstimatorError
 from estimator.report.bodies.jointed_body import MAIN_BODY
 from estimator.report.bodies.scene import Solid
+from estimator.report.plots.canvas import DPI, new_figure
 from estimator.report.plots.leg_styles import leg_colour
-from protocol.system.native_output import native_output_discarded
 
 WIDTH: Final = 480
 HEIGHT: Final = 360
-_FINER: Final = 2  # pixels rendered for each pixel shown, along either side
-_VIEW: Final = 26.0  # degrees, from top to bottom
-_FROM: Final = (0.80, -0.50, 0.45)  # towards the camera; ahead of the robot and to its right
-_LIGHT: Final = (0.5, -0.7, 1.5)
-_LIGHT_DISTANCE: Final = 4.0
-_DEPTHS: Final = (0.05, 5.0)  # m, nearest and farthest
-_RADIUS: Final = 0.4
-"""Scenes are scaled to this size, m: shadows come out right for few combinations of lens and light,
-and these belong together."""
-_GROUND_COLOUR: Final = (0.93, 0.93, 0.90, 1.0)
-_LINE_SHADE: Final = 0.86
-_LINE_WIDTH: Final = 0.004  # m
-_BODY: Final = (0.36, 0.41, 0.50, 1.0)
-_NOTHING: Final = -1  # what a pixel sees that looks past everything
-_CLEAR: Final = 2.5
-"""Beyond so many radii the ground is plain: the shadow map does not reach farther."""
-_SAMPLED: Final = 37  # every so many pixels of the ground tell its colour
+_ELEVATION, _AZIMUTH = 25.0, -32.0  # degrees, towards the camera: ahead of the robot, to its right
+_FOCAL_LENGTH: Final = 4.0  # in half-widths of what is seen: hardly any perspective
+_ZOOM: Final = 1.3  # the sphere around the main body fills the height
+_LIGHT: Final = np.array([0.28, -0.39, 0.88])
+_AMBIENT: Final = 0.55  # share of the light that comes from everywhere
+_GROUND: Final = (0.93, 0.93, 0.90)
+_SHADE: Final = 0.86  # of shadows and lines on the ground, times the ground's colour
 _MESH: Final = 0.1
 """Lines on the ground, m apart, so that lengths can be read off."""
-
-_GROUND: Final = Solid(
-    kind="box",
-    size=(3.0, 3.0, 0.02),
-    turn=np.eye(3),
-    place=np.array([0.0, 0.0, -0.01]),
-    limb=MAIN_BODY,
-)
+_SEEN: Final = 3.0  # radii of ground on either side
+_BODY: Final = (0.36, 0.41, 0.50)
+_AROUND: Final = 20  # faces around a cylinder or a sphere
+_ALONG: Final = 6  # along a box's edge or a cylinder: small faces are sorted by distance rightly
 
 Picture = NDArray[np.uint8]
 
@@ -67,116 +51,105 @@ def take_picture(solids: Sequence[Solid], radius: float) -> Picture:
     Returns:
         Red, green and blue, shape (``HEIGHT``, ``WIDTH``, 3).
     """
-    scale = _RADIUS / radius
-    scaled = [
-        replace(item, size=tuple(scale * edge for edge in item.size), place=scale * item.place)
-        for item in sorted(solids, key=lambda item: item.limb != MAIN_BODY)
-    ]
-    with native_output_discarded():
-        try:
-            engine: Any = importlib.import_module("pybullet")
-        except ImportError as error:
-            raise EstimatorError(
-                f"pictures are taken with PyBullet, which cannot be imported ({error}): take them "
-                "with Python 3.11"
-            ) from error
-        client = engine.connect(engine.DIRECT)
-        try:
-            ground = _add(engine, client, _GROUND, _GROUND_COLOUR)
-            for item in scaled:
-                _add(engine, client, item, _colour(item.limb))
-            fine = _render(engine, client, ground, scaled[0].place, scale)
-        finally:
-            engine.disconnect(physicsClientId=client)
-    blocks = fine.reshape(HEIGHT, _FINER, WIDTH, _FINER, 3)
-    picture: Picture = blocks.mean(axis=(1, 3)).astype(np.uint8)
+    figure = new_figure(WIDTH / DPI, HEIGHT / DPI)
+    figure.set_layout_engine("none")  # one panel, all of it
+    figure.set_facecolor(_GROUND)
+    canvas = importlib.import_module("matplotlib.backends.backend_agg").FigureCanvasAgg(figure)
+    square = (0, (1 - WIDTH / HEIGHT) / 2, 1, WIDTH / HEIGHT)  # as wide as the picture
+    axes: Any = figure.add_axes(square, projection="3d", computed_zorder=False)
+    _aim(axes, next(item.place for item in solids if item.limb == MAIN_BODY), radius)
+    faces, colours = _shaded(solids)
+    art3d = importlib.import_module("mpl_toolkits.mplot3d.art3d")
+    dark = tuple(_SHADE * light for light in _GROUND)
+    # Along the light onto the ground; the same colour everywhere, so shadows do not add up.
+    shadows = faces - faces[..., 2:] * (_LIGHT / _LIGHT[2])
+    axes.add_collection3d(art3d.Line3DCollection(_mesh(radius), colors=[dark], linewidths=0.8))
+    axes.add_collection3d(art3d.Poly3DCollection(shadows, facecolors=[dark], edgecolors=[dark]))
+    axes.add_collection3d(
+        art3d.Poly3DCollection(faces, facecolors=colours, edgecolors=colours, linewidths=0.4)
+    )
+    for order, collection in enumerate(axes.collections):
+        collection.set_zorder(order)
+    canvas.draw()
+    picture: Picture = np.array(canvas.buffer_rgba())[..., :3].copy()
     return picture
 
 
-def _render(engine: Any, client: int, ground: int, middle: Array, scale: float) -> Array:
-    """Pixels, shape (height, width, 3)."""
-    distance = _RADIUS / math.sin(math.radians(_VIEW / 2))
-    target = np.array([middle[0], middle[1], 0.05])
-    eye = target + distance * np.array(_FROM) / np.linalg.norm(_FROM)
-    view = engine.computeViewMatrix(eye.tolist(), target.tolist(), (0, 0, 1))
-    projection = engine.computeProjectionMatrixFOV(_VIEW, WIDTH / HEIGHT, *_DEPTHS)
-    _, _, pixels, _, seen = engine.getCameraImage(
-        WIDTH * _FINER,
-        HEIGHT * _FINER,
-        view,
-        projection,
-        lightDirection=_LIGHT,
-        lightDistance=_LIGHT_DISTANCE,
-        shadow=1,
-        renderer=engine.ER_TINY_RENDERER,
-        physicsClientId=client,
-    )
-    shape = (HEIGHT * _FINER, WIDTH * _FINER)
-    image: Array = np.reshape(np.array(pixels, dtype=float), (*shape, 4))[..., :3]
-    place = _places(np.reshape(view, (4, 4)).T, np.reshape(projection, (4, 4)).T)
-    bare = np.isin(np.reshape(seen, shape), (ground, _NOTHING))
-    near = np.linalg.norm(place - middle[:2], axis=-1) < _CLEAR * _RADIUS
-    image[bare & ~near] = np.median(image[bare & near][::_SAMPLED], axis=0)
-    off = np.abs(place / (_MESH * scale) - np.round(place / (_MESH * scale))) * _MESH * scale
-    image[bare & near & np.any(off < _LINE_WIDTH / 2, axis=-1)] *= _LINE_SHADE
-    return image
+def _aim(axes: Any, middle: Array, radius: float) -> None:
+    for name, at in zip("xyz", middle.tolist(), strict=True):
+        getattr(axes, f"set_{name}lim")(at - radius, at + radius)
+    axes.set_proj_type("persp", focal_length=_FOCAL_LENGTH)
+    axes.view_init(_ELEVATION, _AZIMUTH)
+    axes.set_box_aspect((1, 1, 1), zoom=_ZOOM)
+    axes.set_axis_off()
+    axes.patch.set_visible(False)
 
 
-def _places(view: Array, projection: Array) -> Array:
-    """Where on the ground each pixel looks, m, shape (height, width, 2).
-
-    What looks up is told a place behind the camera.
-    """
-    right = (np.arange(WIDTH * _FINER) + 0.5) / (WIDTH * _FINER) * 2 - 1
-    above = 1 - (np.arange(HEIGHT * _FINER) + 0.5) / (HEIGHT * _FINER) * 2
-    ground = np.linalg.inv((projection @ view)[np.ix_((0, 1, 3), (0, 1, 3))])  # of the plane z = 0
-    x, y, scale = ((row[0] * right + row[2]) + row[1] * above[:, None] for row in ground)
-    places: Array = np.stack([x, y], axis=-1) / scale[..., None]
-    return places
+def _mesh(radius: float) -> Array:
+    """Lines on the ground as their two ends, m, shape (lines, 2, 3)."""
+    count = math.ceil(_SEEN * radius / _MESH)
+    at, end = _MESH * np.arange(-count, count + 1), _MESH * count
+    lines = np.zeros((2, len(at), 2, 3))
+    for line, along in zip(lines, (0, 1), strict=True):
+        line[..., 1 - along] = at[:, None]
+        line[..., along] = [-end, end]
+    return lines.reshape(-1, 2, 3)
 
 
-def _add(engine: Any, client: int, item: Solid, colour: tuple[float, ...]) -> int:
-    size: dict[str, Any]
+def _shaded(solids: Sequence[Solid]) -> tuple[Array, Array]:
+    """All faces, m, shape (n, 4, 3), and their colours, shape (n, 3)."""
+    faces, colours = [], []
+    for item in solids:
+        own = np.concatenate([grid.reshape(-1, 4, 3) for grid in _surfaces(item)])
+        placed = own @ item.turn.T + item.place
+        normals = np.cross(placed[:, 2] - placed[:, 0], placed[:, 3] - placed[:, 1])
+        sizes = np.linalg.norm(normals, axis=1, keepdims=True)
+        light = (normals / np.where(sizes, sizes, 1.0)) @ _LIGHT
+        shade = _AMBIENT + (1 - _AMBIENT) * np.clip(light, 0, None)
+        faces.append(placed)
+        colours.append(shade[:, None] * np.array(_colour(item.limb)))
+    return np.concatenate(faces), np.concatenate(colours).clip(0, 1)
+
+
+def _surfaces(item: Solid) -> Iterator[Array]:
+    """A solid's surface in its own frame, as grids of faces whose normals point outwards."""
+    steps = np.linspace(-1, 1, _ALONG + 1)
+    turn = np.linspace(0, 2 * np.pi, _AROUND + 1)
     if item.kind == "box":
-        kind, size = engine.GEOM_BOX, {"halfExtents": [extent / 2 for extent in item.size]}
+        across, up = np.meshgrid(steps, steps, indexing="ij")
+        for axis in range(3):
+            for side in (-1, 1):
+                grid = np.empty((*across.shape, 3))
+                grid[..., axis] = side
+                grid[..., (axis + 1) % 3], grid[..., (axis + 2) % 3] = (
+                    (across, up) if side > 0 else (up, across)
+                )
+                yield _quads(grid * np.array(item.size) / 2)
     elif item.kind == "cylinder":
-        kind, size = engine.GEOM_CYLINDER, {"radius": item.size[0], "length": item.size[1]}
+        radius, length = item.size
+        heights = steps * length / 2
+        yield _quads(_ring(turn[:, None], radius + 0 * heights, heights))
+        for side in (-1, 1):  # from the rim to the middle, or back
+            radii = np.array([radius, 0.0])[::side]
+            yield _quads(_ring(turn[:, None], radii, side * length / 2 + 0 * radii))
     else:
-        kind, size = engine.GEOM_SPHERE, {"radius": item.size[0]}
-    shape = engine.createVisualShape(kind, rgbaColor=colour, physicsClientId=client, **size)
-    number: int = engine.createMultiBody(
-        0, -1, shape, item.place.tolist(), _quaternion(item.turn), physicsClientId=client
-    )
-    return number
+        (radius,) = item.size
+        latitudes = np.linspace(-np.pi / 2, np.pi / 2, _AROUND // 2 + 1)
+        yield _quads(_ring(turn[:, None], radius * np.cos(latitudes), radius * np.sin(latitudes)))
+
+
+def _ring(turn: Array, radii: Array, heights: Array) -> Array:
+    """Points around z, shape (turns, heights, 3)."""
+    return np.stack([radii * np.cos(turn), radii * np.sin(turn), heights + 0 * turn], axis=-1)
+
+
+def _quads(grid: Array) -> Array:
+    """The faces between a grid's points, shape (n, m, 4, 3)."""
+    return np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], axis=2)
 
 
 def _colour(limb: int) -> tuple[float, ...]:
     if limb == MAIN_BODY:
         return _BODY
     text = leg_colour(limb)
-    return (*(int(text[start : start + 2], 16) / 255 for start in (1, 3, 5)), 1.0)
-
-
-def _quaternion(turn: Array) -> tuple[float, float, float, float]:
-    """A rotation as x, y, z, w; the largest component is computed first, so none is lost."""
-    squares = np.array(
-        [
-            1 + turn[0, 0] - turn[1, 1] - turn[2, 2],
-            1 - turn[0, 0] + turn[1, 1] - turn[2, 2],
-            1 - turn[0, 0] - turn[1, 1] + turn[2, 2],
-            1 + turn[0, 0] + turn[1, 1] + turn[2, 2],
-        ]
-    )
-    sums = np.array(
-        [
-            [0, turn[0, 1] + turn[1, 0], turn[0, 2] + turn[2, 0], turn[2, 1] - turn[1, 2]],
-            [0, 0, turn[1, 2] + turn[2, 1], turn[0, 2] - turn[2, 0]],
-            [0, 0, 0, turn[1, 0] - turn[0, 1]],
-            [0, 0, 0, 0],
-        ]
-    )
-    largest = int(np.argmax(squares))
-    row = (sums + sums.T)[largest]
-    row[largest] = squares[largest]
-    x, y, z, w = (row / np.linalg.norm(row)).tolist()
-    return x, y, z, w
+    return tuple(int(text[start : start + 2], 16) / 255 for start in (1, 3, 5))

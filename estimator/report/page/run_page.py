@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
@@ -49,7 +48,7 @@ class PageSources:
         result: The run in numbers.
         bodies: Its bodies.
         plots: Its plots.
-        picture: The bodies as a PNG; ``None`` where there are none, or no camera.
+        picture: The bodies as a PNG; ``None`` where there are none.
         score: The run against the truth, if it was scored as it stands.
         validation: Its prediction errors, if any were measured.
     """
@@ -90,7 +89,7 @@ class PageSources:
 
 
 def _picture(bodies: ShownBodies, legs: Sequence[str]) -> bytes | None:
-    if not bodies.bodies or find_spec("pybullet") is None:  # which takes the pictures
+    if not bodies.bodies:
         return None
     return as_png(body_picture(bodies.bodies, legs))
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
-_DPI: Final = 120
+DPI: Final = 120
 _NO_METADATA: Final = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 
 
@@ -24,7 +24,7 @@ def new_figure(width: float, height: float) -> Figure:
     with interrupts_deferred():
         make: type[Figure] = importlib.import_module("matplotlib.figure").Figure
         importlib.import_module("matplotlib.backends.backend_agg")  # which draws it
-    return make(figsize=(width, height), dpi=_DPI, layout="constrained")
+    return make(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def new_axes() -> tuple[Figure, Axes]:

@@ -14,12 +14,6 @@ from estimator.storage.store import RunStore
 from tests.estimator.report.made_runs import made_run
 
 
-@pytest.fixture(autouse=True)
-def plain_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = np.full((6, 8, 3), 200, dtype=np.uint8)
-    monkeypatch.setattr("estimator.report.comparison.take_picture", lambda *_: plain)
-
-
 @pytest.fixture
 def runs(tmp_path: Path) -> tuple[Path, Path]:
     """A finished run of one method and an unfinished one of the other."""

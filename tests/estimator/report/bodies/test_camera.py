@@ -2,24 +2,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.report.bodies.camera import (
     HEIGHT,
     WIDTH,
     Picture,
-    _quaternion,
     reach,
     take_picture,
 )
 from estimator.report.bodies.jointed_body import model_links
 from estimator.report.bodies.scene import Solid, at_rest, solids_of
-
-
-@pytest.fixture(scope="module", autouse=True)
-def coarse_pictures() -> None:
-    """Here they are what is looked at."""
 
 
 def scene(length: float) -> list[Solid]:
@@ -52,14 +45,3 @@ def test_the_same_camera_shows_a_longer_leg_longer() -> None:
 
 def test_pictures_repeat() -> None:
     assert np.array_equal(take_picture(scene(0.2), 0.4), take_picture(scene(0.2), 0.4))
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_quaternions_of_rotations(seed: int) -> None:
-    turn = Rotation.random(random_state=seed)
-    quaternion = np.array(_quaternion(turn.as_matrix()))
-    assert abs(float(quaternion @ turn.as_quat())) == pytest.approx(1)
-
-
-def test_the_quaternion_of_half_a_turn() -> None:
-    assert _quaternion(np.diag([1.0, -1.0, -1.0])) == pytest.approx((1, 0, 0, 0))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
 from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -37,15 +36,6 @@ def report(directory: Path, *options: str | Path) -> Path:
     ended = CliRunner().invoke(app, ["report", str(directory), *map(str, options)])
     assert ended.exit_code == 0, ended.output
     return directory / "report.html"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def plain_pictures() -> Iterator[None]:
-    """In place of those of the camera, which takes its time."""
-    with pytest.MonkeyPatch.context() as patch:
-        plain = np.full((6, 8, 3), 200, dtype=np.uint8)
-        patch.setattr("estimator.report.bodies.body_picture.take_picture", lambda *_: plain)
-        yield
 
 
 @pytest.fixture(scope="module")
