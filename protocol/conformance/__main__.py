@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.raw_connection import SuiteSettings
 from protocol.conformance.suite import NOT_CHECKED, CheckResult, CheckStatus, run
 from protocol.errors import BodyschemaError
 from protocol.security.keys import ClientKeys, KeyDirectory
@@ -35,13 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (BodyschemaError, ValueError) as error:
         print(f"conformance: {printable(str(error))}", file=sys.stderr)
         return 1
-    verdicts = Counter(result.verdict for result in results)
+    counts = Counter(result.status for result in results)
     print(
-        f"\n{verdicts[CheckStatus.HOLDS]} checks hold, {verdicts[CheckStatus.BROKEN]} are broken, "
-        f"{verdicts[CheckStatus.UNTRIED]} were not tried. Clauses that no check can try: "
+        f"\n{counts[CheckStatus.PASSED]} checks passed, {counts[CheckStatus.FAILED]} failed, "
+        f"{counts[CheckStatus.SKIPPED]} were skipped. Clauses that no check can try: "
         f"{', '.join(NOT_CHECKED)}."
     )
-    return 1 if verdicts[CheckStatus.BROKEN] else 0
+    return 1 if counts[CheckStatus.FAILED] else 0
 
 
 def _keys(place: str | None) -> ClientKeys | None:
@@ -54,7 +54,7 @@ def _command(text: str | None) -> Callable[[], object] | None:
 
 def _print(result: CheckResult) -> None:
     where = ", ".join(result.check.clauses)
-    print(f"{where:<12}{result.verdict.value:<11}{result.check.title}", flush=True)
+    print(f"{where:<12}{result.status.value:<11}{result.check.title}", flush=True)
     if result.sentence:
         print(f"{'':<23}{printable(result.sentence)}", flush=True)
 

@@ -1,19 +1,17 @@
-"""A connection that sends arbitrary frames and checks every reply."""
+"""A connection that sends arbitrary frames, checks every reply, and shows frames to people."""
 
 from __future__ import annotations
 
 import math
 import time
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Final
 
 import msgpack
 import zmq
 
-from protocol.conformance.expectations import Broken, expect
-from protocol.conformance.frame_trace import shown
-from protocol.conformance.settings import SuiteSettings
 from protocol.errors import ERROR_CODES, RemoteProtocolError
 from protocol.security.keys import ClientKeys
 from protocol.sockets.zmq_sockets import connected
@@ -29,7 +27,61 @@ FINAL: Final = frozenset(kind.TYPE for kind in FINAL_REPLIES)
 """Types of the replies that end a request."""
 
 
-class Unanswered(Broken):
+@dataclass(frozen=True, kw_only=True)
+class SuiteSettings:
+    """What the suite may do.
+
+    Attributes:
+        uri: Where the robot is.
+        keys: The suite's keys, or ``None``.
+        move: Whether the robot may be moved, and other clients be disturbed.
+        slow: Whether to try what takes half a minute.
+        far: Whether joints may be moved to the ends of their ranges.
+        other_keys: Keys of another client, or ``None``.
+        shut_down: Makes the robot's daemon end; ``None``: it may not end.
+        patience: Seconds to wait for an answer that must come.
+        motion: Seconds that one interaction may take.
+        clock: Measures the silences that ``slow`` needs, s.
+        trace: Takes each message that is sent or received, in words; ``None``: nobody does.
+    """
+
+    uri: str
+    keys: ClientKeys | None = None
+    move: bool = False
+    slow: bool = False
+    far: bool = False
+    other_keys: ClientKeys | None = None
+    shut_down: Callable[[], object] | None = None
+    patience: float = 3.0
+    motion: float = 120.0
+    clock: Callable[[], float] = time.monotonic
+    trace: Callable[[str], None] | None = None
+
+
+class Failed(Exception):  # noqa: N818 - a result, not an error of ours
+    """A clause does not hold.
+
+    Args:
+        sentence: What the robot did instead.
+        clause: The clause that does not hold, where it is another one than the check tries.
+    """
+
+    def __init__(self, sentence: str, clause: str | None = None):
+        super().__init__(sentence)
+        self.clause = clause
+
+
+class Skipped(Exception):  # noqa: N818
+    """A clause could not be tried; the message says why."""
+
+
+def expect(condition: bool, sentence: str, clause: str | None = None) -> None:
+    """Raises ``Failed`` with the sentence and clause, unless the condition holds."""
+    if not condition:
+        raise Failed(sentence, clause)
+
+
+class Unanswered(Failed):
     """A request was not answered, or its final reply is missing."""
 
 
@@ -76,7 +128,7 @@ class RawConnection:
         try:
             self.socket.send_multipart(list(parts))
         except zmq.Again:
-            raise Broken("The connection does not come about, or is stuck.") from None
+            raise Failed("The connection does not come about, or is stuck.") from None
 
     def reply(self, request_id: int | None, *, patience: float | None = None) -> Map | None:
         """The next reply with this id (``None``: without one), or ``None`` where none comes."""
@@ -131,7 +183,7 @@ class RawConnection:
         if stray is not None:
             sentence = f"An error ({said(stray)}) does not carry its id."
             self._noted["2.12"].append(sentence)
-            raise Broken(sentence, "2.12")
+            raise Failed(sentence, "2.12")
 
     @property
     def grace(self) -> float:
@@ -145,11 +197,11 @@ class RawConnection:
         try:
             reply = decode(parts[0])
         except RemoteProtocolError as error:
-            raise Broken(f"An answer is no frame: {error}", "2.1") from None
+            raise Failed(f"An answer is no frame: {error}", "2.1") from None
         try:
             parse_reply(reply)
         except RemoteProtocolError as error:
-            raise Broken(f"An answer is no valid reply: {error}", "7.1") from None
+            raise Failed(f"An answer is no valid reply: {error}", "7.1") from None
         if reply["type"] == "error":
             self._judge(reply)
         return reply
@@ -174,7 +226,7 @@ class RawConnection:
     def _judge(self, error: Map) -> None:
         kind = ERROR_CODES.get(error["code"])
         if kind is None:
-            raise Broken(f"An error has the code {error['code']:.60}, which is not known.", "8.1")
+            raise Failed(f"An error has the code {error['code']:.60}, which is not known.", "8.1")
         if kind.retryable != error["retryable"]:
             self._noted["8.1"].append(f"{error['code']} has retryable {error['retryable']}")
 
@@ -213,3 +265,53 @@ def said(reply: Mapping[str, Any] | None) -> str:
     if reply is None:
         return "nothing"
     return str(reply["code"]) if reply["type"] == "error" else str(reply["type"])
+
+
+_LONGEST: Final = 4096
+"""Bytes of a frame that are shown, and characters of what it says."""
+
+
+def shown(heading: str, parts: Sequence[bytes]) -> str:
+    """Formats a message: for each part a line of hex and a line with the decoded content."""
+    lines = []
+    for number, part in enumerate(parts, 1):
+        where = heading if len(parts) == 1 else f"{heading} part {number} of {len(parts)}"
+        lines += [f"{where}: {len(part)} bytes {_cut(part.hex(), 2)}", f"    {_meaning(part)}"]
+    return "\n".join(lines)
+
+
+def _meaning(part: bytes) -> str:
+    try:
+        return _cut(plain(decode(part)), 1)
+    except RemoteProtocolError as error:
+        return f"{_leniently(part)}no frame: {error}"
+
+
+def _leniently(part: bytes) -> str:
+    """The content of bytes that are MessagePack but no valid frame."""
+    try:
+        value = msgpack.unpackb(part, strict_map_key=False)
+    except Exception:
+        return ""
+    return f"{_cut(plain(value), 1)}; " if isinstance(value, Mapping) else ""
+
+
+def plain(value: Any) -> str:
+    """Formats a value as JSON; what JSON cannot express, as Python does."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{plain(key)}: {plain(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(plain, value)) + "]"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped) + '"'
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return repr(value)
+
+
+def _cut(text: str, each: int) -> str:
+    longest = _LONGEST * each
+    return text if len(text) <= longest else f"{text[:longest]}…"

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Final, TypeAlias
 
-from protocol.conformance.robot_on_trial import RobotOnTrial
+from protocol.conformance.robot_under_test import RobotUnderTest
 
-Run: TypeAlias = Callable[[RobotOnTrial], None]
+Run: TypeAlias = Callable[[RobotUnderTest], None]
 
 
 class Need(Enum):
@@ -32,8 +32,8 @@ class Check:
         need: What it needs.
         basic: The kind of request that it tries and that other checks need. Such checks come first;
             where one fails, the others do not try this kind of request again.
-        after: Clauses that it relies on: where one of them is broken, it is not tried.
-        run: Returns where the clauses hold; raises ``Broken`` or ``Untried``.
+        after: Clauses that it relies on: where one of them does not hold, it is skipped.
+        run: Returns where the clauses hold; raises ``Failed`` or ``Skipped``.
     """
 
     clauses: tuple[str, ...]

@@ -11,10 +11,9 @@ from importlib import resources
 from types import MappingProxyType
 from typing import Final
 
-from protocol.conformance.expectations import Broken, Untried
+from protocol.conformance.raw_connection import Failed, Skipped, SuiteSettings
 from protocol.conformance.registry import CHECKS, Check, Need
-from protocol.conformance.robot_on_trial import RobotOnTrial
-from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.robot_under_test import RobotUnderTest
 from protocol.errors import RobotUnreachableError
 from protocol.transport.connection_probe import probe
 
@@ -25,10 +24,8 @@ for _module in (
     "sessions",
     "request_ids",
     "control",
-    "floods",
     "readings",
     "motion",
-    "long_silences",
 ):
     importlib.import_module(f"protocol.conformance.checks.{_module}")  # each registers its checks
 
@@ -68,17 +65,17 @@ _TAG: Final = re.compile(r"\[(\d+\.\d+)\]")
 class CheckStatus(Enum):
     """Whether the clauses of a check hold."""
 
-    HOLDS = "holds"
-    BROKEN = "broken"
-    UNTRIED = "not tried"
+    PASSED = "passed"
+    FAILED = "failed"
+    SKIPPED = "skipped"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckResult:
-    """The result of a check; ``sentence`` says why a clause is broken or was not tried."""
+    """The result of a check; ``sentence`` says why a check failed or was skipped."""
 
     check: Check
-    verdict: CheckStatus
+    status: CheckStatus
     sentence: str = ""
 
 
@@ -133,7 +130,7 @@ def run(
     if not diagnosis.fine:
         raise RobotUnreachableError(diagnosis.sentence)
     results = []
-    with RobotOnTrial(settings) as robot:
+    with RobotUnderTest(settings) as robot:
         for result in _Suite(robot, only).results():
             results.append(result)
             on_result(result)
@@ -144,14 +141,14 @@ class _Suite:
     """One run.
 
     Args:
-        robot: The robot under trial.
+        robot: The robot under test.
         only: The clauses to try; empty: all of them.
     """
 
-    def __init__(self, robot: RobotOnTrial, only: Collection[str]):
+    def __init__(self, robot: RobotUnderTest, only: Collection[str]):
         self._robot = robot
         self._only = set(only)
-        self._broken: set[str] = set()  # clauses
+        self._failed: set[str] = set()  # clauses
 
     def results(self) -> Iterator[CheckResult]:
         """The checks, one after the other."""
@@ -162,7 +159,7 @@ class _Suite:
                 yield from self._results_of(each)
             elif each.basic is not None and each.need in needed:
                 for result in self._results_of(each):  # what is wanted builds on it
-                    if result.verdict is CheckStatus.BROKEN:
+                    if result.status is CheckStatus.FAILED:
                         yield result
 
     def _is_wanted(self, each: Check) -> bool:
@@ -171,43 +168,43 @@ class _Suite:
     def _results_of(self, each: Check) -> Iterator[CheckResult]:
         reason = _not_allowed(each, self._robot.settings) or self._lacks(each)
         if reason:
-            yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=reason)
+            yield CheckResult(check=each, status=CheckStatus.SKIPPED, sentence=reason)
             return
         try:
             each.run(self._robot)
-        except Untried as error:
-            yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=str(error))
-        except Broken as error:
+        except Skipped as error:
+            yield CheckResult(check=each, status=CheckStatus.SKIPPED, sentence=str(error))
+        except Failed as error:
             self._robot.close_connections()
             yield from self._blame(each, error)
         else:
-            yield CheckResult(check=each, verdict=CheckStatus.HOLDS)
+            yield CheckResult(check=each, status=CheckStatus.PASSED)
         finally:
             self._robot.close_connections()
 
     def _lacks(self, each: Check) -> str:
         if gone := self._robot.dead.get("hello"):
             return gone
-        broken = [clause for clause in each.after if clause in self._broken]
-        return f"Because {', '.join(broken)} is broken." if broken else ""
+        failed = [clause for clause in each.after if clause in self._failed]
+        return f"Because {', '.join(failed)} failed." if failed else ""
 
-    def _blame(self, each: Check, error: Broken) -> Iterator[CheckResult]:
-        """Reports a failure under the clause that is broken: the check's own or another."""
+    def _blame(self, each: Check, error: Failed) -> Iterator[CheckResult]:
+        """Reports a failure under the clause that does not hold: the check's own or another."""
         # Where answers come twice, each may have been taken for the answer to what came next.
         clause = error.clause or ("7.5" if self._robot.noted["7.5"] else each.clauses[0])
-        reason = f"Because {clause} is broken."
+        reason = f"Because {clause} failed."
         if clause in each.clauses:
-            yield CheckResult(check=each, verdict=CheckStatus.BROKEN, sentence=str(error))
+            yield CheckResult(check=each, status=CheckStatus.FAILED, sentence=str(error))
         else:
-            if clause not in self._broken:
+            if clause not in self._failed:
                 seen = replace(each, clauses=(clause,), title=f"Seen while trying: {each.title}")
-                yield CheckResult(check=seen, verdict=CheckStatus.BROKEN, sentence=str(error))
-            yield CheckResult(check=each, verdict=CheckStatus.UNTRIED, sentence=reason)
+                yield CheckResult(check=seen, status=CheckStatus.FAILED, sentence=str(error))
+            yield CheckResult(check=each, status=CheckStatus.SKIPPED, sentence=reason)
         if each.basic is not None:
             self._robot.dead[each.basic] = reason
-        elif clause not in self._broken:
+        elif clause not in self._failed:
             self._look_again(each)
-        self._broken.add(clause)
+        self._failed.add(clause)
 
     def _look_again(self, since: Check) -> None:
         """Finds out, after a failure, which basic requests the robot still answers."""
@@ -218,9 +215,9 @@ class _Suite:
                 continue
             try:
                 each.run(robot)
-            except Untried:
+            except Skipped:
                 pass
-            except Broken:
+            except Failed:
                 gone = "The robot" if each.basic == "hello" else f"A {each.basic}"
                 does = "does not answer" if each.basic == "hello" else "is not answered"
                 robot.dead[each.basic] = f"{gone} {does} any more, since: {since.title}."

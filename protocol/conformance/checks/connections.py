@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Sequence
 from typing import Any, Final
 
 import zmq
 
-from protocol.conformance.expectations import Broken, Untried, expect
-from protocol.conformance.raw_connection import Map, pack, said
+from protocol.conformance.raw_connection import (
+    FINAL,
+    GRACE,
+    Failed,
+    Map,
+    Skipped,
+    Unanswered,
+    expect,
+    pack,
+    said,
+)
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
+from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
 from protocol.rules.roles import MAY, Role
 from protocol.security.keys import ClientKeys, KeyPair
 from protocol.wire.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
@@ -19,13 +30,13 @@ _CURVE_OVERHEAD: Final = 33  # bytes that ZeroMQ adds to a part, and counts, whe
 
 
 @check("1.1")
-def one_part(robot: RobotOnTrial) -> None:
+def one_part(robot: RobotUnderTest) -> None:
     """A frame is one part, and so is its answer."""
     robot.client().status()  # a line takes nothing else for an answer
 
 
 @check("1.2")
-def several_parts(robot: RobotOnTrial) -> None:
+def several_parts(robot: RobotUnderTest) -> None:
     """A message of several parts is malformed."""
     client = robot.client()
     hello = pack(client.request("hello", versions=[1]))
@@ -53,7 +64,7 @@ def _padded(request: Map, size: int) -> bytes:
 
 
 @check("1.5")
-def long_frames(robot: RobotOnTrial) -> None:
+def long_frames(robot: RobotUnderTest) -> None:
     """A frame may have 64 KiB; a longer one is too_large."""
     client = robot.client()
     request = client.request("heartbeat")
@@ -69,7 +80,7 @@ def long_frames(robot: RobotOnTrial) -> None:
 
 
 @check("1.6")
-def enormous_frames(robot: RobotOnTrial) -> None:
+def enormous_frames(robot: RobotUnderTest) -> None:
     """Beyond 1 MiB the connection is closed without an answer, and the robot goes on."""
     connection = robot.connection()
     watch = connection.socket.get_monitor_socket(zmq.EVENT_DISCONNECTED)
@@ -92,7 +103,7 @@ def _nested(levels: int) -> list[Any]:
 
 
 @check("1.7")
-def nesting(robot: RobotOnTrial) -> None:
+def nesting(robot: RobotUnderTest) -> None:
     """Maps and arrays nest to 16 levels and no further."""
     client = robot.client()
     client.expect("status", "heartbeat", extra=_nested(MAX_NESTING - 1))
@@ -101,7 +112,7 @@ def nesting(robot: RobotOnTrial) -> None:
 
 
 @check("1.8")
-def lengths(robot: RobotOnTrial) -> None:
+def lengths(robot: RobotUnderTest) -> None:
     """Arrays and maps have up to 1024 items."""
     client = robot.client()
     short: tuple[Any, ...] = ([0] * MAX_LENGTH, {str(key): 0 for key in range(MAX_LENGTH)})
@@ -114,7 +125,7 @@ def lengths(robot: RobotOnTrial) -> None:
 
 
 @check("1.9")
-def field_lengths(robot: RobotOnTrial) -> None:
+def field_lengths(robot: RobotUnderTest) -> None:
     """An array or map field has up to 64 items."""
     client = robot.client()
     client.expect("welcome", "hello", versions=[1] * 64)
@@ -126,7 +137,7 @@ def field_lengths(robot: RobotOnTrial) -> None:
 
 
 @check("1.10")
-def names(robot: RobotOnTrial) -> None:
+def names(robot: RobotUnderTest) -> None:
     """A name has 1 to 64 characters, whatever bytes they take."""
     stranger = robot.stranger()
     robot.client(stranger.name[:30] + "ä€𝄞" + "é" * 31)
@@ -136,7 +147,7 @@ def names(robot: RobotOnTrial) -> None:
 
 
 @check("1.13", need=Need.KEYS)
-def strangers(robot: RobotOnTrial) -> None:
+def strangers(robot: RobotUnderTest) -> None:
     """Without a key, or with an unknown one, nothing is answered."""
     ours = robot.settings.keys
     assert ours is not None
@@ -151,7 +162,7 @@ def strangers(robot: RobotOnTrial) -> None:
                 TrialClient(robot, "stranger", connection).request("hello", versions=[1])
             )
             answer = connection.reply(None, patience=0.5) or connection.reply(2**52, patience=0.5)
-        except Broken:
+        except Failed:
             continue  # no connection came about
         finally:
             connection.close()
@@ -159,11 +170,11 @@ def strangers(robot: RobotOnTrial) -> None:
 
 
 @check("1.15", need=Need.KEYS)
-def a_viewers_key(robot: RobotOnTrial) -> None:
+def a_viewers_key(robot: RobotUnderTest) -> None:
     """A viewer's key allows what the table allows, and nothing else."""
     client = robot.client()
     if client.ask("release").get("code") != "unauthorised":
-        raise Untried("This key is a controller's.")
+        raise Skipped("This key is a controller's.")
     for kind in sorted(MAY[Role.CONTROLLER] - MAY[Role.VIEWER]):
         client.expect("unauthorised", kind, **({"targets": {}} if kind == "perform" else {}))
     client.status()
@@ -172,11 +183,11 @@ def a_viewers_key(robot: RobotOnTrial) -> None:
 
 
 @check("1.17", need=Need.KEYS)
-def a_borrowed_id(robot: RobotOnTrial) -> None:
+def a_borrowed_id(robot: RobotUnderTest) -> None:
     """A client's id, used with another key, is unauthorised."""
     others = robot.settings.other_keys
     if others is None:
-        raise Untried("This needs the keys of another client, --other-keys.")
+        raise Skipped("This needs the keys of another client, --other-keys.")
     owner = robot.client()
     connection = robot.connection_with(others)
     try:
@@ -188,3 +199,105 @@ def a_borrowed_id(robot: RobotOnTrial) -> None:
     finally:
         connection.close()
     owner.status()
+
+
+MOST: Final = 64
+"""Requests that a client may have under way."""
+
+_MOST_OF_A_KEY: Final = 8
+_FLOOD: Final = 200
+_TOO_QUICK: Final = "It reads too quickly for that."
+
+
+def _read_all(client: TrialClient, reads: Sequence[Map]) -> list[Map]:
+    """All replies to reads that were sent, in the order in which they came."""
+    waiting = {read["id"] for read in reads}
+    replies: list[Map] = []
+    while waiting:
+        reply = client.connection.first_of(waiting)
+        if reply is None:
+            client.connection.expect_ids()  # an error without its id may have ended a read
+            raise Unanswered(f"{len(waiting)} of {len(reads)} reads were not answered to the end.")
+        replies.append(reply)
+        if reply["type"] in FINAL:
+            waiting.remove(reply["id"])
+    return replies
+
+
+def _most_under_way(replies: Sequence[Map]) -> int:
+    """The most reads that had been accepted, and not ended, at the same time."""
+    under_way: set[int] = set()
+    most = 0
+    for reply in replies:
+        if reply["type"] == "accepted":
+            under_way.add(reply["id"])
+        elif reply["type"] in FINAL:
+            under_way.discard(reply["id"])
+        most = max(most, len(under_way))
+    return most
+
+
+def _time_of_a_read(client: TrialClient) -> float:
+    begun = time.monotonic()
+    client.expect("observation", "read")
+    return time.monotonic() - begun
+
+
+@check("4.11", need=Need.CONTROL, after=("5.9",))
+def a_flood(robot: RobotUnderTest) -> None:
+    """In a flood of reads all are answered, 64 at most are under way, and a stop ends it."""
+    with robot.controlled() as client:
+        reads = [client.request("read") for _ in range(_FLOOD)]
+        for read in reads:
+            client.connection.send(read)
+        client.expect("ok", "stop")
+        replies = _read_all(client, reads)
+        client.expect("ok", "clear")
+        most = _most_under_way(replies)
+        expect(most <= MOST, f"{most} reads of one client were under way at once.")
+        ends = {reply["id"]: reply for reply in replies if reply["type"] in FINAL}
+        if not any(end.get("code") == "busy" for end in ends.values()):
+            raise Skipped(_TOO_QUICK)
+        last = ends[reads[-1]["id"]]
+        if last.get("code") == "busy":
+            again = client.answer_to(reads[-1])[1]
+            expect(again.get("code") != "busy", "A read that was busy in a flood stays busy.")
+
+
+@check("1.18", need=Need.KEYS)
+def a_flood_of_a_key(robot: RobotUnderTest) -> None:
+    """Of the reads of a key without control, 8 at most are under way, and one more is busy."""
+    client = robot.client()
+    reads = [client.request("read") for _ in range(4 * _MOST_OF_A_KEY)]
+    for read in reads:
+        client.connection.send(read)
+    replies = _read_all(client, reads)
+    most = _most_under_way(replies)
+    expect(most <= _MOST_OF_A_KEY, f"{most} reads of one key were under way at once.")
+    if not any(reply.get("code") == "busy" for reply in replies):
+        raise Skipped(_TOO_QUICK)
+
+
+@check("5.16", "5.15", need=Need.CONTROL)
+def commands_go_before_reads(robot: RobotUnderTest) -> None:
+    """A command ends the reads before it, and waits for none of them."""
+    with robot.controlled() as client:
+        each = min(_time_of_a_read(client) for _ in range(3))
+        reads = [client.request("read") for _ in range(MOST - 1)]
+        clear = client.request("clear")
+        for request in (*reads, clear):
+            client.connection.send(request)
+        begun = time.monotonic()
+        reply = client.connection.final(clear["id"], patience=robot.settings.motion)[1]
+        waited = time.monotonic() - begun
+        expect(reply["type"] == "ok", f"A clear among reads was answered with {said(reply)}.")
+        ends = [reply for reply in _read_all(client, reads) if reply["type"] in FINAL]
+        wrong = {said(end) for end in ends} - {"observation", "aborted_read"}
+        expect(not wrong, f"Before a clear, reads ended with {', '.join(sorted(wrong))}.")
+        if any(end["type"] == "error" for end in ends):
+            return
+        expect(
+            waited < max(each * len(reads) / 2, GRACE),
+            f"A clear waited {waited:.2f} s for {len(reads)} reads.",
+        )
+        raise Skipped(_TOO_QUICK)

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from protocol.conformance.checks.motion import small_targets
-from protocol.conformance.expectations import Broken, Untried, expect
-from protocol.conformance.raw_connection import Unanswered, said
+import threading
+from typing import Final
+
+from protocol.conformance.checks.motion import observed, small_targets
+from protocol.conformance.raw_connection import (
+    FINAL,
+    Failed,
+    Map,
+    Skipped,
+    Unanswered,
+    expect,
+    said,
+)
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
+from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
+from protocol.rules.lease import EXPIRY, SILENCE
 
 HARMLESS = ("release", "clear", "perform")  # what cannot make a robot at rest move or go limp
 
@@ -17,7 +28,7 @@ def _without_control(client: TrialClient, kinds: tuple[str, ...] = HARMLESS) -> 
 
 
 @check("5.1", need=Need.CONTROL)
-def anybody(robot: RobotOnTrial) -> None:
+def anybody(robot: RobotUnderTest) -> None:
     """While another controls the robot, anybody may say hello, read and see who it is."""
     viewer = robot.client()
     with robot.controlled() as controller:
@@ -31,7 +42,7 @@ def anybody(robot: RobotOnTrial) -> None:
 
 
 @check("5.2", need=Need.CONTROL)
-def control_is_needed(robot: RobotOnTrial) -> None:
+def control_is_needed(robot: RobotUnderTest) -> None:
     """Without control, what needs it is not_controller."""
     viewer = robot.client()
     viewer.harmless(viewer.number())  # tells a viewer's key
@@ -41,7 +52,7 @@ def control_is_needed(robot: RobotOnTrial) -> None:
 
 
 @check("5.2", need=Need.MOTION)
-def control_is_needed_to_hold_and_relax(robot: RobotOnTrial) -> None:
+def control_is_needed_to_hold_and_relax(robot: RobotUnderTest) -> None:
     """Without control, hold and relax are not_controller."""
     viewer = robot.client()
     with robot.controlled():
@@ -49,7 +60,7 @@ def control_is_needed_to_hold_and_relax(robot: RobotOnTrial) -> None:
 
 
 @check("5.3", need=Need.CONTROL, after=("5.1", "5.2"))
-def acquire_and_release(robot: RobotOnTrial) -> None:
+def acquire_and_release(robot: RobotUnderTest) -> None:
     """The controller may acquire again; release ends control."""
     with robot.controlled() as client:
         client.expect("ok", "acquire")
@@ -64,7 +75,7 @@ def acquire_and_release(robot: RobotOnTrial) -> None:
 
 
 @check("5.4", need=Need.CONTROL, after=("5.1",))
-def held(robot: RobotOnTrial) -> None:
+def held(robot: RobotUnderTest) -> None:
     """A second controller is held, and told who has it."""
     other = robot.client()
     with robot.controlled() as client:
@@ -77,7 +88,7 @@ def held(robot: RobotOnTrial) -> None:
 
 
 @check("5.9", need=Need.CONTROL)
-def anybody_stops(robot: RobotOnTrial) -> None:
+def anybody_stops(robot: RobotUnderTest) -> None:
     """A stranger may stop the robot, without a session."""
     with robot.controlled() as client:
         reply = robot.stranger().expect("ok", "stop")
@@ -87,7 +98,7 @@ def anybody_stops(robot: RobotOnTrial) -> None:
 
 
 @check("5.11", need=Need.CONTROL, after=("5.2",))
-def stop_latches(robot: RobotOnTrial) -> None:
+def stop_latches(robot: RobotUnderTest) -> None:
     """After a stop everything is stopped, until the controller clears it."""
     viewer = robot.client()
     with robot.controlled() as client:
@@ -102,7 +113,7 @@ def stop_latches(robot: RobotOnTrial) -> None:
 
 
 @check("5.12", need=Need.CONTROL)
-def stop_twice(robot: RobotOnTrial) -> None:
+def stop_twice(robot: RobotUnderTest) -> None:
     """A stop that arrives twice stops twice, also after a clear."""
     with robot.controlled() as client:
         stop = client.request("stop")
@@ -115,7 +126,7 @@ def stop_twice(robot: RobotOnTrial) -> None:
 
 
 @check("6.1", need=Need.CONTROL)
-def states_at_rest(robot: RobotOnTrial) -> None:
+def states_at_rest(robot: RobotUnderTest) -> None:
     """At rest, read and clear are possible and change no state; stop and clear lead on."""
     with robot.controlled() as client:
         before = client.status()["state"]
@@ -129,7 +140,7 @@ def states_at_rest(robot: RobotOnTrial) -> None:
 
 
 @check("6.2", need=Need.CONTROL)
-def requests_that_change_no_state(robot: RobotOnTrial) -> None:
+def requests_that_change_no_state(robot: RobotUnderTest) -> None:
     """hello, heartbeat, acquire and release change no state, also while stopped."""
     with robot.controlled() as client:
         for expected in ("as it was", "stopped"):
@@ -145,11 +156,11 @@ def requests_that_change_no_state(robot: RobotOnTrial) -> None:
 
 
 @check("5.14", need=Need.CONTROL)
-def shutting_down(robot: RobotOnTrial) -> None:
+def shutting_down(robot: RobotUnderTest) -> None:
     """A daemon that ends says so: to what is under way, and to what is asked then."""
     shut_down = robot.settings.shut_down
     if shut_down is None:
-        raise Untried("This needs --shutdown.")
+        raise Skipped("This needs --shutdown.")
     with robot.controlled() as client:
         asked = client.request("read")
         if robot.settings.move:
@@ -161,10 +172,100 @@ def shutting_down(robot: RobotOnTrial) -> None:
             end = client.connection.final(asked["id"], patience=robot.settings.motion)[1]
             refused = client.ask("read")
         except Unanswered as error:
-            raise Broken("The daemon ended without a word.") from error
+            raise Failed("The daemon ended without a word.") from error
         if end["type"] == "observation" and refused.get("code") != "shutting_down":
-            raise Untried("The motion, or the daemon, was over too soon.")
+            raise Skipped("The motion, or the daemon, was over too soon.")
         for reply in (end, refused):
             over = reply is end and reply["type"] == "observation"
             sentence = f"A daemon that ended answered {said(reply)}."
             expect(over or reply.get("code") == "shutting_down", sentence)
+
+
+_TOLERANCE: Final = 2.0
+"""Seconds by which the robot may be late; it must not be early by more than a tenth of that."""
+
+
+def _silent_for(robot: RobotUnderTest, viewer: TrialClient, seconds: float) -> None:
+    """Lets time pass in which only a viewer gives signs of life."""
+    end = robot.settings.clock() + seconds
+    while robot.settings.clock() < end:
+        threading.Event().wait(0.02)
+        viewer.status()
+
+
+@check("5.7", need=Need.TIME)
+def control_expires(robot: RobotUnderTest) -> None:
+    """Control is kept for 30 s of silence, then it is free."""
+    viewer = robot.client()
+    with robot.controlled() as client:
+        name, begun = client.name, robot.settings.clock()
+        _silent_for(robot, viewer, EXPIRY - _TOLERANCE)
+        kept = viewer.status().get("controller")
+        silent = robot.settings.clock() - begun  # longer, if this computer stood still
+        expect(
+            kept == name or silent > EXPIRY - _TOLERANCE / 10,
+            f"Control was gone after {silent:.1f} s of silence.",
+        )
+        _silent_for(robot, viewer, 2 * _TOLERANCE)
+        kept = viewer.status().get("controller")
+        expect(kept is None, f"Control was kept for {EXPIRY + _TOLERANCE:g} s of silence.")
+
+
+@check("5.5", need=Need.TIME)
+def heartbeats_keep_control(robot: RobotUnderTest) -> None:
+    """Any valid request in the session is a sign of life; garbage and stop are none."""
+    viewer = robot.client()
+    with robot.controlled() as client:
+        for _ in range(2):
+            client.status()
+            _silent_for(robot, viewer, EXPIRY * 0.6)
+        expect(viewer.status().get("controller") == client.name, "Heartbeats did not keep control.")
+        client.status()
+        end = robot.settings.clock() + EXPIRY + _TOLERANCE
+        while robot.settings.clock() < end:
+            client.connection.send_parts(b"\xc1")
+            client.connection.reply(None)
+            client.ask("read", session="no such session")
+        kept = viewer.status().get("controller")
+        expect(kept is None, "Garbage, and requests in another session, kept control.")
+
+
+@check("5.6", need=Need.TIME)
+def silence_ends_a_motion(robot: RobotUnderTest) -> None:
+    """After 5 s of silence a perform ends with aborted_silent, and control is kept."""
+    if not robot.settings.move:
+        raise Skipped("This needs --move.")
+    viewer = robot.client()
+    clock = robot.settings.clock
+    with robot.controlled() as client:
+        targets = small_targets(robot.capabilities())
+        if robot.settings.far:  # there and back takes longest
+            targets = {joint.name: joint.upper for joint in robot.capabilities().joints}
+            observed(client, targets)
+        perform = client.request("perform", targets=targets)
+        client.connection.send(perform)
+        begun = clock()
+        expect(client.connection.reply(perform["id"]) is not None, "A perform was not accepted.")
+        end = None
+        while end is None and clock() - begun < SILENCE + _TOLERANCE:
+            viewer.status()
+            end = _end_of(client, perform)
+        silent = clock() - begun
+        end = end or _end_of(client, perform)  # it may have come while this computer stood still
+        expect(end is not None, f"A motion went on through {silent:.1f} s of silence.")
+        assert end is not None
+        if end["type"] == "observation":
+            hint = "" if robot.settings.far else "; with --far they take longer"
+            raise Skipped(f"Its motions take less than 5 s{hint}.")
+        expect(end.get("code") == "aborted_silent", f"The motion ended with {said(end)}.")
+        early = SILENCE - _TOLERANCE / 10
+        expect(silent > early, f"The motion ended after {silent:.1f} s of silence.")
+        expect(viewer.status().get("controller") == client.name, "Control was lost.")
+
+
+def _end_of(client: TrialClient, request: Map) -> Map | None:
+    """The final reply to a request that was sent, if it has come; says nothing to the robot."""
+    while (reply := client.connection.reply(request["id"], patience=0.02)) is not None:
+        if reply["type"] in FINAL:
+            return reply
+    return None

@@ -7,10 +7,17 @@ from collections.abc import Callable
 from importlib import resources
 from typing import Any, Final
 
-from protocol.conformance.expectations import Broken, expect
-from protocol.conformance.raw_connection import Map, pack, pack_small, pack_wide, said
+from protocol.conformance.raw_connection import (
+    Failed,
+    Map,
+    expect,
+    pack,
+    pack_small,
+    pack_wide,
+    said,
+)
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
+from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
 from protocol.wire.codec import MAX_FRAME
 
 VECTORS: Final[tuple[Map, ...]] = tuple(
@@ -39,7 +46,7 @@ def _by_vectors(clause: str, title: str) -> None:
     names = CLAUSE_OF[clause].split()
     chosen = [vector for vector in VECTORS if vector["name"] in names]
 
-    def run(robot: RobotOnTrial) -> None:
+    def run(robot: RobotUnderTest) -> None:
         client = robot.client()
         for vector in chosen:
             _answered(client, vector, with_id=False)
@@ -53,7 +60,7 @@ def _answered(client: TrialClient, vector: Map, *, with_id: bool) -> None:
     ids = {vector["id"]} if with_id else {vector["id"], None, 0}
     answer = client.ask_raw(bytes.fromhex(vector["hex"]), *ids)
     if answer is None and with_id:
-        raise Broken(f"The vector {vector['name']!r} has no answer with the id {vector['id']}.")
+        raise Failed(f"The vector {vector['name']!r} has no answer with the id {vector['id']}.")
     expect(
         answer is not None and answer.get("code") == vector["code"],
         f"The vector {vector['name']!r} was answered with {said(answer)}, not {vector['code']}.",
@@ -83,7 +90,7 @@ def _refused_for(client: TrialClient, frame: bytes, request: Map, what: str) -> 
 
 
 @check("2.1", after=("2.11",))
-def more_than_a_frame(robot: RobotOnTrial) -> None:
+def more_than_a_frame(robot: RobotUnderTest) -> None:
     """A request with anything before or after it is malformed."""
     client = robot.client()
     beat = client.request("heartbeat")
@@ -99,7 +106,7 @@ def more_than_a_frame(robot: RobotOnTrial) -> None:
 
 
 @check("2.2", after=("2.11",))
-def odd_keys(robot: RobotOnTrial) -> None:
+def odd_keys(robot: RobotUnderTest) -> None:
     """A request with a key twice, or one that is no string, is malformed."""
     client = robot.client()
     beat = client.request("heartbeat")
@@ -123,7 +130,7 @@ def odd_keys(robot: RobotOnTrial) -> None:
 
 
 @check("2.3", after=("2.11",))
-def odd_values(robot: RobotOnTrial) -> None:
+def odd_values(robot: RobotUnderTest) -> None:
     """A request with what no value may be is malformed, also in a field that is unknown."""
     client = robot.client()
     beat = client.request("heartbeat")
@@ -139,7 +146,7 @@ def odd_values(robot: RobotOnTrial) -> None:
 
 
 @check("2.12", after=("2.10", "2.11"))
-def ids_of_errors(robot: RobotOnTrial) -> None:
+def ids_of_errors(robot: RobotUnderTest) -> None:
     """An error carries the id of a frame that has a valid one, and else none."""
     client = robot.client()
     for vector in VECTORS:
@@ -147,7 +154,7 @@ def ids_of_errors(robot: RobotOnTrial) -> None:
 
 
 @check("2.4")
-def extreme_integers(robot: RobotOnTrial) -> None:
+def extreme_integers(robot: RobotUnderTest) -> None:
     """Integers of ±(2^53 − 1) are accepted, beyond they are not."""
     client = robot.client()
     extreme = 2**53 - 1
@@ -159,7 +166,7 @@ def extreme_integers(robot: RobotOnTrial) -> None:
 
 
 @check("2.5", after=("3.5", "5.2"))
-def any_encoding(robot: RobotOnTrial) -> None:
+def any_encoding(robot: RobotUnderTest) -> None:
     """Any encoding of a value is accepted, and keys in any order."""
     client = robot.client()
     hello = client.request("hello", versions=[1])
@@ -170,7 +177,7 @@ def any_encoding(robot: RobotOnTrial) -> None:
 
 
 @check("2.6", after=("5.2",))
-def integer_for_float(robot: RobotOnTrial) -> None:
+def integer_for_float(robot: RobotUnderTest) -> None:
     """An integer is accepted for a float."""
     client = robot.client()
     perform = client.request("perform", targets={"no joint": 1})
@@ -184,7 +191,7 @@ def _parsed(client: TrialClient, request: Map, packer: Callable[[Any], bytes], w
 
 
 @check("2.7")
-def no_float_for_integer(robot: RobotOnTrial) -> None:
+def no_float_for_integer(robot: RobotUnderTest) -> None:
     """A float or a boolean is not accepted for an integer, even 1.0 for 1."""
     client = robot.client()
     for versions in ([1.0], [True]):
@@ -193,7 +200,7 @@ def no_float_for_integer(robot: RobotOnTrial) -> None:
 
 
 @check("2.8")
-def nil(robot: RobotOnTrial) -> None:
+def nil(robot: RobotUnderTest) -> None:
     """A field that is nil is left out."""
     client = robot.client()
     hello = client.request("hello", versions=[1]) | {"software": None}
@@ -203,7 +210,7 @@ def nil(robot: RobotOnTrial) -> None:
 
 
 @check("2.9")
-def unknown_fields(robot: RobotOnTrial) -> None:
+def unknown_fields(robot: RobotUnderTest) -> None:
     """Unknown fields are ignored."""
     client = robot.client()
     client.expect("status", "heartbeat", future={"a": [1, None, {"b": 0.5}]}, targets={"x": 1})
@@ -214,7 +221,7 @@ def unknown_fields(robot: RobotOnTrial) -> None:
 
 
 @check("2.11", after=("3.5",))
-def garbage(robot: RobotOnTrial) -> None:
+def garbage(robot: RobotUnderTest) -> None:
     """Each invalid frame is answered, and changes nothing."""
     client = robot.client()
     before = client.status()
@@ -235,7 +242,7 @@ def garbage(robot: RobotOnTrial) -> None:
 
 
 @check("2.11", need=Need.CONTROL, after=("2.11", "5.1"))
-def garbage_and_control(robot: RobotOnTrial) -> None:
+def garbage_and_control(robot: RobotUnderTest) -> None:
     """No invalid frame, of the controller or of another, takes control away."""
     other = robot.client()
     with robot.controlled() as client:

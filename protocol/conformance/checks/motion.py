@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from protocol.conformance.expectations import Untried, expect
-from protocol.conformance.raw_connection import Map, said
+from protocol.conformance.raw_connection import Map, Skipped, expect, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
+from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
 from protocol.wire.capabilities import Capabilities
 
 REACH: Final = 0.5
@@ -28,7 +27,7 @@ def small_targets(capabilities: Capabilities, share: float = 1.0) -> dict[str, f
 
 
 def _performed(
-    robot: RobotOnTrial, client: TrialClient, share: float
+    robot: RobotUnderTest, client: TrialClient, share: float
 ) -> tuple[dict[str, float], Map]:
     targets = small_targets(robot.capabilities(), share)
     return targets, observed(client, targets)
@@ -43,13 +42,13 @@ def observed(client: TrialClient, targets: Mapping[str, float]) -> Map:
     return end
 
 
-def _rest(robot: RobotOnTrial, client: TrialClient) -> None:
+def _rest(robot: RobotUnderTest, client: TrialClient) -> None:
     """Back to zero."""
     _performed(robot, client, 0.0)
 
 
 def _under_way(
-    robot: RobotOnTrial, client: TrialClient, kind: str, other: TrialClient, code: str
+    robot: RobotUnderTest, client: TrialClient, kind: str, other: TrialClient, code: str
 ) -> None:
     """Interrupts a motion with a request; expects that the motion ends with this code."""
     for _ in range(_TRIALS):
@@ -68,11 +67,11 @@ def _under_way(
             client.ask("clear")
         if kind == "release":
             client.ask("acquire")
-    raise Untried("Its motions are over too soon to be interrupted.")
+    raise Skipped("Its motions are over too soon to be interrupted.")
 
 
 @check("7.2", need=Need.MOTION)
-def bad_targets(robot: RobotOnTrial) -> None:
+def bad_targets(robot: RobotUnderTest) -> None:
     """Missing and unknown joints are bad_targets."""
     with robot.controlled() as client:
         full = small_targets(robot.capabilities(), 0.0)
@@ -84,7 +83,7 @@ def bad_targets(robot: RobotOnTrial) -> None:
 
 
 @check("7.3", need=Need.MOTION, after=("7.2",))
-def out_of_range(robot: RobotOnTrial) -> None:
+def out_of_range(robot: RobotUnderTest) -> None:
     """Targets beyond a limit are out_of_range, and nothing is clamped."""
     capabilities = robot.capabilities()
     with robot.controlled() as client:
@@ -95,7 +94,7 @@ def out_of_range(robot: RobotOnTrial) -> None:
 
 
 @check("7.4", "4.3", need=Need.MOTION, after=("4.4",))
-def perform_reaches_its_targets(robot: RobotOnTrial) -> None:
+def perform_reaches_its_targets(robot: RobotUnderTest) -> None:
     """A perform is carried out once, to within one resolution of its targets."""
     capabilities = robot.capabilities()
     with robot.controlled() as client:
@@ -114,10 +113,10 @@ def perform_reaches_its_targets(robot: RobotOnTrial) -> None:
 
 
 @check("7.9", need=Need.MOTION)
-def joints_at_the_end(robot: RobotOnTrial) -> None:
+def joints_at_the_end(robot: RobotUnderTest) -> None:
     """Joints at the end of their range are named as saturated, and no others."""
     if not robot.settings.far:
-        raise Untried("This needs --far.")
+        raise Skipped("This needs --far.")
     capabilities = robot.capabilities()
     with robot.controlled() as client:
         joint = capabilities.joints[0]
@@ -132,7 +131,7 @@ def joints_at_the_end(robot: RobotOnTrial) -> None:
 
 
 @check("4.5", need=Need.MOTION, after=("3.5", "4.4"))
-def asked_again_under_way(robot: RobotOnTrial) -> None:
+def asked_again_under_way(robot: RobotUnderTest) -> None:
     """A request that is under way answers with its progress, then its end, once."""
     with robot.controlled() as client:
         request = client.request("perform", targets=small_targets(robot.capabilities()))
@@ -154,7 +153,7 @@ def asked_again_under_way(robot: RobotOnTrial) -> None:
 
 
 @check("5.10", need=Need.MOTION)
-def stop_in_motion(robot: RobotOnTrial) -> None:
+def stop_in_motion(robot: RobotUnderTest) -> None:
     """A stop from anybody ends a perform with aborted_stop."""
     with robot.controlled() as client:
         _under_way(robot, client, "stop", robot.stranger(), "aborted_stop")
@@ -166,7 +165,7 @@ def stop_in_motion(robot: RobotOnTrial) -> None:
 
 
 @check("5.8", need=Need.MOTION)
-def release_in_motion(robot: RobotOnTrial) -> None:
+def release_in_motion(robot: RobotUnderTest) -> None:
     """A release in mid-motion ends it with aborted_silent."""
     with robot.controlled() as client:
         _under_way(robot, client, "release", client, "aborted_silent")
@@ -175,7 +174,7 @@ def release_in_motion(robot: RobotOnTrial) -> None:
 
 
 @check("6.1", need=Need.MOTION)
-def busy(robot: RobotOnTrial) -> None:
+def busy(robot: RobotUnderTest) -> None:
     """While it moves, read, clear and a second perform are busy; hold ends the motion."""
     with robot.controlled() as client:
         for kind in ("read", "clear", "perform"):
@@ -185,7 +184,7 @@ def busy(robot: RobotOnTrial) -> None:
         _rest(robot, client)
 
 
-def _busy(robot: RobotOnTrial, client: TrialClient, kind: str) -> None:
+def _busy(robot: RobotUnderTest, client: TrialClient, kind: str) -> None:
     targets = small_targets(robot.capabilities())
     fields = {"targets": targets} if kind == "perform" else {}
     for _ in range(_TRIALS):
@@ -201,11 +200,11 @@ def _busy(robot: RobotOnTrial, client: TrialClient, kind: str) -> None:
             return
         over = reply.get("sequence", end["sequence"]) >= end["sequence"]
         expect(over, f"{kind} in mid-motion was answered with {said(reply)} instead of busy.")
-    raise Untried("Its motions are over too soon.")
+    raise Skipped("Its motions are over too soon.")
 
 
 @check("5.13", "6.1", need=Need.MOTION)
-def relaxed(robot: RobotOnTrial) -> None:
+def relaxed(robot: RobotUnderTest) -> None:
     """After relax it is relaxed, and perform wrong_state; hold brings it back."""
     with robot.controlled() as client:
         _rest(robot, client)
@@ -220,7 +219,7 @@ def relaxed(robot: RobotOnTrial) -> None:
 
 
 @check("6.1", "5.11", need=Need.MOTION)
-def limp_and_stopped(robot: RobotOnTrial) -> None:
+def limp_and_stopped(robot: RobotUnderTest) -> None:
     """A limp robot that was stopped holds, once it is cleared, and performs."""
     with robot.controlled() as client:
         _rest(robot, client)

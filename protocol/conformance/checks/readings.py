@@ -9,10 +9,9 @@ from typing import Any, Final
 
 import zmq
 
-from protocol.conformance.expectations import Broken, Untried, expect
-from protocol.conformance.raw_connection import Map, said
+from protocol.conformance.raw_connection import Failed, Map, Skipped, expect, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial
+from protocol.conformance.robot_under_test import RobotUnderTest
 from protocol.errors import BodyschemaError, RemoteProtocolError
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.zmq_sockets import connected
@@ -24,20 +23,20 @@ from protocol.wire.messages import parse_telemetry
 _LOOKS: Final = 3  # at the rate: this computer may have had something else to do
 
 
-def _reads(robot: RobotOnTrial, count: int = 1) -> tuple[Capabilities, list[Map]]:
+def _reads(robot: RobotUnderTest, count: int = 1) -> tuple[Capabilities, list[Map]]:
     client = robot.client()
     capabilities = Capabilities.from_map(client.hello()["capabilities"])
     observations = []
     for _ in range(count):
         reply = client.ask("read")
         if reply["type"] != "observation":
-            raise Untried(f"A read is answered with {said(reply)} now.")
+            raise Skipped(f"A read is answered with {said(reply)} now.")
         observations.append(reply)
     return capabilities, observations
 
 
 @check("7.1", "1.11")
-def fields_of_replies(robot: RobotOnTrial) -> None:
+def fields_of_replies(robot: RobotUnderTest) -> None:
     """Replies have their fields, with their types and ranges."""
     client = robot.client()  # welcome and capabilities; a line takes nothing else for a reply
     client.status()
@@ -46,7 +45,7 @@ def fields_of_replies(robot: RobotOnTrial) -> None:
 
 
 @check("7.5")
-def final_replies_come_once(robot: RobotOnTrial) -> None:
+def final_replies_come_once(robot: RobotUnderTest) -> None:
     """Final replies come once, and nothing after them."""
     client = robot.client()
     noted = robot.noted["7.5"]
@@ -60,7 +59,7 @@ def final_replies_come_once(robot: RobotOnTrial) -> None:
 
 
 @check("7.6")
-def ids_of_replies(robot: RobotOnTrial) -> None:
+def ids_of_replies(robot: RobotUnderTest) -> None:
     """Every reply has the id of its request."""
     client = robot.client()
     beats = [client.request("heartbeat", id=number) for number in (5, 3, 2**53 - 1, 0)]
@@ -72,7 +71,7 @@ def ids_of_replies(robot: RobotOnTrial) -> None:
 
 
 @check("7.7")
-def observations_fit(robot: RobotOnTrial) -> None:
+def observations_fit(robot: RobotUnderTest) -> None:
     """Readings and angles fit the capabilities."""
     capabilities, (felt,) = _reads(robot)
     joints = {joint.name for joint in capabilities.joints}
@@ -93,7 +92,7 @@ def observations_fit(robot: RobotOnTrial) -> None:
 
 
 @check("7.8")
-def sequences_grow(robot: RobotOnTrial) -> None:
+def sequences_grow(robot: RobotUnderTest) -> None:
     """Each observation has a larger sequence, and status knows the latest."""
     _, felt = _reads(robot, 4)
     sequences = [observation["sequence"] for observation in felt]
@@ -109,11 +108,11 @@ def sequences_grow(robot: RobotOnTrial) -> None:
 
 
 @check("9.1")
-def tilt(robot: RobotOnTrial) -> None:
+def tilt(robot: RobotUnderTest) -> None:
     """Tilt lies in ±π/2, and within what one body can have."""
     _, (felt,) = _reads(robot)
     if "tilt" not in felt:
-        raise Untried("The robot does not feel tilt.")
+        raise Skipped("The robot does not feel tilt.")
     left, forward = felt["tilt"]
     expect(
         max(abs(left), abs(forward)) <= math.pi / 2 + 1e-6, f"The tilt is {left}, {forward} rad."
@@ -124,13 +123,13 @@ def tilt(robot: RobotOnTrial) -> None:
 
 
 @check("9.2")
-def clearance(robot: RobotOnTrial) -> None:
+def clearance(robot: RobotUnderTest) -> None:
     """Clearance never exceeds the sensor's upper, and is saturated exactly there."""
     capabilities, (felt,) = _reads(robot)
     sensor = capabilities.sensor("clearance")
     if sensor is None:
         expect(not felt["clearance_saturated"], "clearance_saturated without a sensor.")
-        raise Untried("The robot does not feel clearance.")
+        raise Skipped("The robot does not feel clearance.")
     distance = felt["clearance"]
     upper = math.inf if sensor.upper is None else sensor.upper
     expect(distance <= upper + 1e-9, f"The clearance is {distance} m, beyond {upper} m.")
@@ -142,7 +141,7 @@ def clearance(robot: RobotOnTrial) -> None:
 
 
 @check("10.1")
-def clocks(robot: RobotOnTrial) -> None:
+def clocks(robot: RobotUnderTest) -> None:
     """No clock runs backwards."""
     client = robot.client()
     _, felt = _reads(robot, 2)
@@ -157,21 +156,21 @@ def clocks(robot: RobotOnTrial) -> None:
     expect(monotonic == sorted(monotonic), f"monotonic went {monotonic}.")
 
 
-def _publications(robot: RobotOnTrial, seconds: float) -> tuple[float, list[list[bytes]], float]:
+def _publications(robot: RobotUnderTest, seconds: float) -> tuple[float, list[list[bytes]], float]:
     """The promised rate, what was published, and the time in which it was (s)."""
     capabilities = robot.capabilities()
     settings = robot.settings
     try:
         place = Endpoint.parse(capabilities.telemetry).seen_from(settings.uri)
     except BodyschemaError as error:
-        raise Broken(f"telemetry: {error}") from None
+        raise Failed(f"telemetry: {error}") from None
     options: dict[int, Any] = {zmq.SUBSCRIBE: b"", zmq.RCVTIMEO: 1000}
     subscriber = connected(robot.context, zmq.SUB, str(place), settings.keys, options)
     published: list[list[bytes]] = []
     try:
         patience = max(settings.patience, 3.0 / capabilities.telemetry_rate)
         if not subscriber.poll(math.ceil(patience * 1000)):
-            raise Broken(f"Nothing is published at {place}.")
+            raise Failed(f"Nothing is published at {place}.")
         begun = time.monotonic()
         subscriber.recv_multipart()
         while (left := begun + seconds - time.monotonic()) > 0:
@@ -185,7 +184,7 @@ def _publications(robot: RobotOnTrial, seconds: float) -> tuple[float, list[list
 
 
 @check("11.1", "11.3")
-def publications(robot: RobotOnTrial) -> None:
+def publications(robot: RobotUnderTest) -> None:
     """Publications are the topic and a valid frame, and tell what status tells."""
     client = robot.client()
     before = client.status()
@@ -199,13 +198,13 @@ def publications(robot: RobotOnTrial) -> None:
         try:
             told = parse_telemetry(decode(parts[1]))
         except RemoteProtocolError as error:
-            raise Broken(f"A publication is invalid: {error}") from None
+            raise Failed(f"A publication is invalid: {error}") from None
         if before["state"] == after["state"]:
             expect(told.state == before["state"], f"Published is the state {told.state}.")
 
 
 @check("11.2", after=("11.1",))
-def publication_rate(robot: RobotOnTrial) -> None:
+def publication_rate(robot: RobotUnderTest) -> None:
     """Publications keep the rate that welcome promises, within a factor of two."""
     rate = robot.capabilities().telemetry_rate
     for _ in range(_LOOKS):
@@ -213,11 +212,11 @@ def publication_rate(robot: RobotOnTrial) -> None:
         measured = len(published) / seconds
         if 0.5 <= measured / rate <= 2.0:
             return
-    raise Broken(f"They come at {measured:.2f} Hz, not {rate:g} Hz.")
+    raise Failed(f"They come at {measured:.2f} Hz, not {rate:g} Hz.")
 
 
 @check("8.1", need=Need.NOTHING)
-def error_table(robot: RobotOnTrial) -> None:
+def error_table(robot: RobotUnderTest) -> None:
     """Errors have a code of the table, and its retryable."""
     client = robot.client()
     client.ask("dance")

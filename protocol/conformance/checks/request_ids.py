@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from protocol.conformance.expectations import Untried, expect
-from protocol.conformance.raw_connection import pack, said
+from protocol.conformance.raw_connection import Skipped, expect, pack, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial
+from protocol.conformance.robot_under_test import RobotUnderTest
 
 MEMORY = 64
 
 
 @check("4.2", after=("4.4",))
-def memory(robot: RobotOnTrial) -> None:
+def memory(robot: RobotUnderTest) -> None:
     """The last 64 outcomes of a client are remembered."""
     client = robot.client()
     first = client.number()
@@ -23,14 +22,14 @@ def memory(robot: RobotOnTrial) -> None:
 
 
 @check("4.4")
-def first_outcome(robot: RobotOnTrial) -> None:
+def first_outcome(robot: RobotUnderTest) -> None:
     """The same request again brings the first outcome."""
     client = robot.client()
     read = client.request("read")
     outcomes = [client.answer_to(read)[1] for _ in range(3)]
     expect(outcomes[1:] == outcomes[:-1], "A read under the same id brought another answer.")
     if outcomes[0]["type"] != "observation":
-        raise Untried(f"A read is answered with {said(outcomes[0])} now.")
+        raise Skipped(f"A read is answered with {said(outcomes[0])} now.")
     later = client.expect("observation", "read")
     expect(
         later["sequence"] > outcomes[0]["sequence"], "A repeated read was carried out once more."
@@ -38,7 +37,7 @@ def first_outcome(robot: RobotOnTrial) -> None:
 
 
 @check("4.6", after=("4.4",))
-def reused(robot: RobotOnTrial) -> None:
+def reused(robot: RobotUnderTest) -> None:
     """Another request under a remembered id is id_reused."""
     client = robot.client()
     number = client.number()
@@ -48,7 +47,7 @@ def reused(robot: RobotOnTrial) -> None:
 
 
 @check("4.7", after=("4.4",))
-def expired(robot: RobotOnTrial) -> None:
+def expired(robot: RobotUnderTest) -> None:
     """A smaller id that is not remembered is expired, and nothing is executed."""
     client = robot.client()
     skipped = client.number()
@@ -60,7 +59,7 @@ def expired(robot: RobotOnTrial) -> None:
 
 
 @check("4.7", after=("4.4",))
-def forgotten(robot: RobotOnTrial) -> None:
+def forgotten(robot: RobotUnderTest) -> None:
     """An id that was pushed out of the memory is expired, never executed again."""
     client = robot.client()
     read = client.request("read")
@@ -77,20 +76,20 @@ def forgotten(robot: RobotOnTrial) -> None:
 
 
 @check("4.8", after=("4.4", "4.6"))
-def the_same(robot: RobotOnTrial) -> None:
+def the_same(robot: RobotUnderTest) -> None:
     """The order of keys, and 1 against 1.0, make no other request; another value does."""
     client = robot.client()
     number = client.number()
     first = client.ask("perform", id=number, targets={"no joint": 1, "none": 0.5})
     if first.get("code") == "unauthorised":
-        raise Untried("This key is a viewer's.")
+        raise Skipped("This key is a viewer's.")
     again = client.ask("perform", id=number, targets={"none": 0.5, "no joint": 1.0})
     expect(again == first, f"The same targets in another form were answered {said(again)}.")
     client.expect("id_reused", "perform", id=number, targets={"no joint": 1, "none": 0.25})
 
 
 @check("4.9", need=Need.CONTROL, after=("4.4", "5.1"))
-def refusals_stand(robot: RobotOnTrial) -> None:
+def refusals_stand(robot: RobotUnderTest) -> None:
     """What was refused is refused again under its id, although it would be possible now."""
     other = robot.client()
     number = other.number()
@@ -109,7 +108,7 @@ def refusals_stand(robot: RobotOnTrial) -> None:
 
 
 @check("4.10", after=("2.10", "3.8"))
-def what_is_no_outcome(robot: RobotOnTrial) -> None:
+def what_is_no_outcome(robot: RobotUnderTest) -> None:
     """malformed, unknown_type and restarted leave an id free."""
     client = robot.client()
     number = client.number()
@@ -125,7 +124,7 @@ def what_is_no_outcome(robot: RobotOnTrial) -> None:
 
 
 @check("4.12", after=("2.10", "3.8", "4.4", "4.6", "5.2"))
-def order(robot: RobotOnTrial) -> None:
+def order(robot: RobotUnderTest) -> None:
     """Of several things that are wrong, the first in the order is answered."""
     client = robot.client()
     number = client.number()
@@ -142,7 +141,7 @@ def order(robot: RobotOnTrial) -> None:
 
 
 @check("4.12", need=Need.CONTROL, after=("7.2",))
-def order_in_control(robot: RobotOnTrial) -> None:
+def order_in_control(robot: RobotUnderTest) -> None:
     """The targets come before the state."""
     with robot.controlled() as client:
         client.expect("ok", "stop")
@@ -150,7 +149,7 @@ def order_in_control(robot: RobotOnTrial) -> None:
 
 
 @check("4.14", after=("3.5",))
-def not_numbered(robot: RobotOnTrial) -> None:
+def not_numbered(robot: RobotUnderTest) -> None:
     """Any id will do for hello and heartbeat, again and again."""
     client = robot.client()
     client.harmless(client.number())

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import time
 
-from protocol.conformance.expectations import Broken, expect
-from protocol.conformance.raw_connection import FINAL, GRACE, Map, pack, said
+from protocol.conformance.raw_connection import FINAL, GRACE, Failed, Map, expect, pack, said
 from protocol.conformance.registry import Need, check
-from protocol.conformance.robot_on_trial import RobotOnTrial, TrialClient
+from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
 
 PLACES = 64
 
 
 @check("3.2")
-def versions(robot: RobotOnTrial) -> None:
+def versions(robot: RobotUnderTest) -> None:
     """Version 1 is chosen where it is offered."""
     stranger = robot.stranger()
     for offered in ([1], [7, 1, 3]):
@@ -23,7 +22,7 @@ def versions(robot: RobotOnTrial) -> None:
 
 
 @check("3.3")
-def unsupported_versions(robot: RobotOnTrial) -> None:
+def unsupported_versions(robot: RobotUnderTest) -> None:
     """Versions that are not spoken are unsupported_version."""
     stranger = robot.stranger()
     for offered in ([999], []):
@@ -31,7 +30,7 @@ def unsupported_versions(robot: RobotOnTrial) -> None:
 
 
 @check("3.4")
-def session_is_needed(robot: RobotOnTrial) -> None:
+def session_is_needed(robot: RobotUnderTest) -> None:
     """Requests without client or session are malformed."""
     client = robot.client()
     for kind in ("heartbeat", "read", "release"):
@@ -42,7 +41,7 @@ def session_is_needed(robot: RobotOnTrial) -> None:
 
 
 @check("3.5")
-def same_client(robot: RobotOnTrial) -> None:
+def same_client(robot: RobotUnderTest) -> None:
     """A client keeps its session, over hellos and connections."""
     first = robot.client()
     session = first.session
@@ -55,7 +54,7 @@ def same_client(robot: RobotOnTrial) -> None:
 
 
 @check("3.6", after=("3.8",))
-def other_client(robot: RobotOnTrial) -> None:
+def other_client(robot: RobotUnderTest) -> None:
     """Another client has another session, and no right to this one."""
     first, second = robot.client(), robot.client()
     expect(first.session != second.session, "Two clients have the same session.")
@@ -63,7 +62,7 @@ def other_client(robot: RobotOnTrial) -> None:
 
 
 @check("3.7", need=Need.MOTION)
-def a_crowd(robot: RobotOnTrial) -> None:
+def a_crowd(robot: RobotUnderTest) -> None:
     """64 clients are remembered, and a 65th pushes out the one not heard of for longest."""
     first = robot.client()
     for number in range(PLACES - 1):
@@ -77,7 +76,7 @@ def a_crowd(robot: RobotOnTrial) -> None:
 
 
 @check("3.7", need=Need.MOTION, after=("5.1",))
-def a_crowd_and_the_controller(robot: RobotOnTrial) -> None:
+def a_crowd_and_the_controller(robot: RobotUnderTest) -> None:
     """A crowd never pushes out the controller."""
     with robot.controlled() as controller:
         for number in range(PLACES + 1):
@@ -89,7 +88,7 @@ def a_crowd_and_the_controller(robot: RobotOnTrial) -> None:
 
 
 @check("3.8")
-def unknown_session(robot: RobotOnTrial) -> None:
+def unknown_session(robot: RobotUnderTest) -> None:
     """A request in an unknown session is restarted, and nothing else."""
     client = robot.client()
     for kind in ("heartbeat", "read"):
@@ -100,7 +99,7 @@ def unknown_session(robot: RobotOnTrial) -> None:
 
 
 def _answer_on(
-    robot: RobotOnTrial, client: TrialClient, request: Map, *, instead: TrialClient
+    robot: RobotUnderTest, client: TrialClient, request: Map, *, instead: TrialClient
 ) -> Map:
     """The final reply on one connection; on another, which asked before, it would be wrong."""
     client.connection.send(request)
@@ -114,11 +113,11 @@ def _answer_on(
             break
         stray = instead.connection.reply(request["id"], patience=0.001)
         strayed = strayed or (stray is not None and stray["type"] in FINAL)
-    raise Broken(f"It went to {'the connection that had asked before' if strayed else 'nobody'}.")
+    raise Failed(f"It went to {'the connection that had asked before' if strayed else 'nobody'}.")
 
 
 @check("3.10", after=("4.4",))
-def answers_follow(robot: RobotOnTrial) -> None:
+def answers_follow(robot: RobotUnderTest) -> None:
     """The answer goes to the connection from which the request last came."""
     first = robot.client()
     second = robot.client(first.name)

@@ -12,12 +12,12 @@ import pytest
 
 from bench.daemons import simulator
 from protocol.conformance.__main__ import main
+from protocol.conformance.raw_connection import SuiteSettings
 from protocol.conformance.registry import CHECKS
-from protocol.conformance.settings import SuiteSettings
 from protocol.conformance.suite import NOT_CHECKED, CheckStatus, clauses, run
 from robot.control.controller import Controller
 from tests.protocol.conformance.spoilt import Fault
-from tests.protocol.conformance.trials import broken, serving, untried
+from tests.protocol.conformance.trials import failures, serving, skipped
 from tests.protocol.transport.faults import FAULTS
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 def test_our_daemon_holds_every_clause(calm: Controller) -> None:
     with serving(calm) as uri:
         results = run(SuiteSettings(uri=uri, move=True, far=True))
-    assert broken(results) == []
-    assert untried(results) == {
+    assert failures(results) == []
+    assert skipped(results) == {
         "This needs --slow.",
         "This needs a robot with keys, and --keys.",
         "This needs --shutdown.",
@@ -54,7 +54,7 @@ def test_without_move_it_never_moves(calm: Controller) -> None:
 
     with serving(Watched()) as uri:
         results = run(SuiteSettings(uri=uri))
-    assert broken(results) == []
+    assert failures(results) == []
     assert set(seen) == {"read", "stop", "clear"}
 
 
@@ -68,7 +68,7 @@ def test_the_simulated_robot_as_a_user_runs_it() -> None:
             check=False,
         )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert " 0 are broken" in done.stdout
+    assert " 0 failed" in done.stdout
 
 
 # --- robots of strangers --------------------------------------------------------------------------
@@ -82,7 +82,7 @@ def test_a_robot_that(name: str, calm: Controller, monkeypatch: pytest.MonkeyPat
         move = fault.move
         settings = SuiteSettings(uri=uri, move=move, far=move, patience=0.5, motion=10.0)
         results = run(settings, only=[clause])
-    assert broken(results)
+    assert failures(results)
 
 
 @pytest.mark.parametrize(
@@ -101,10 +101,10 @@ def test_one_fault_is_one_broken_clause_and_soon_told(
     begun = time.monotonic()
     with serving(calm, fault) as uri:
         results = run(SuiteSettings(uri=uri, patience=2.0))
-    assert {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN} == {
+    assert {each.check.clauses[0] for each in results if each.status is CheckStatus.FAILED} == {
         clause
     }
-    assert f"Because {clause} is broken." in untried(results)
+    assert f"Because {clause} failed." in skipped(results)
     assert time.monotonic() - begun < 60
 
 
@@ -122,7 +122,7 @@ def test_each_clause_that_is_checked_without_time_or_keys_has_a_fault() -> None:
 def test_answers_that_come_twice_are_no_other_fault(calm: Controller) -> None:
     with serving(calm, FAULTS["answers twice"][1]) as uri:
         results = run(SuiteSettings(uri=uri, patience=0.5), only=["3.3", "4.4", "4.6", "7.5"])
-    assert {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN} == {
+    assert {each.check.clauses[0] for each in results if each.status is CheckStatus.FAILED} == {
         "7.5"
     }
 
@@ -139,8 +139,8 @@ def test_a_robot_that_hangs_is_given_up(calm: Controller) -> None:
         begun = time.monotonic()
         results = run(SuiteSettings(uri=uri, patience=0.2))
         assert time.monotonic() - begun < 60
-    assert 1 <= len(broken(results)) <= 3
-    assert any("does not answer any more, since" in sentence for sentence in untried(results))
+    assert 1 <= len(failures(results)) <= 3
+    assert any("does not answer any more, since" in sentence for sentence in skipped(results))
 
 
 def test_a_robot_in_use_is_left_alone(calm: Controller) -> None:
@@ -149,13 +149,13 @@ def test_a_robot_in_use_is_left_alone(calm: Controller) -> None:
     with serving(calm) as uri, RobotClient(uri, software="estimator") as owner:
         owner.acquire()
         results = run(SuiteSettings(uri=uri, move=True), only=["5.4", "5.9", "5.11", "7.4", "6.1"])
-        assert {result.verdict for result in results} == {CheckStatus.UNTRIED}
-        assert untried(results) == {f"The robot is held by {owner.client_id}."}
+        assert {result.status for result in results} == {CheckStatus.SKIPPED}
+        assert skipped(results) == {f"The robot is held by {owner.client_id}."}
         assert owner.status().state in ("idle", "holding")
         owner.stop()
         owner.release()
         results = run(SuiteSettings(uri=uri, move=True), only=["5.4", "5.11"])
-        assert untried(results) == {"The robot is stopped, and was left so."}
+        assert skipped(results) == {"The robot is stopped, and was left so."}
         owner.acquire()
         owner.clear()
 
@@ -181,14 +181,14 @@ def test_the_command(calm: Controller, capsys: pytest.CaptureFixture[str]) -> No
     with serving(calm) as uri:
         assert main([uri, "--only", "2.5,2.6"]) == 0
         out = capsys.readouterr().out
-        assert "2.5         holds" in out
-        assert "2 checks hold, 0 are broken, 0 were not tried" in out
+        assert "2.5         passed" in out
+        assert "2 checks passed, 0 failed, 0 were skipped" in out
         assert main([uri, "--only", "99.1"]) == 1
         assert "no clauses of SPEC.md: 99.1" in capsys.readouterr().err
     with serving(calm, FAULTS["takes any version"][1]) as uri:
         assert main([uri, "--only", "3.3"]) == 1
         out = capsys.readouterr().out
-        assert "3.3         broken     Versions that are not spoken are unsupported_version" in out
+        assert "3.3         failed     Versions that are not spoken are unsupported_version" in out
         assert "hello was answered with welcome instead of unsupported_version" in out
 
 

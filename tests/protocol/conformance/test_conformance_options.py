@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from bench.still_robot import still_robot
-from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.raw_connection import SuiteSettings
 from protocol.conformance.suite import CheckStatus, run
 from protocol.errors import RobotError, RobotUnreachableError
 from protocol.rules import server_core
@@ -23,7 +23,7 @@ from protocol.wire.messages import ErrorReply, RobotRequest
 from robot.control.controller import Controller
 from robot.host.clock import WallClock
 from tests.protocol.conformance.spoilt import Fault
-from tests.protocol.conformance.trials import broken, quick_clock, serving, untried
+from tests.protocol.conformance.trials import failures, quick_clock, serving, skipped
 from tests.protocol.transport.faults import FAULTS
 
 if TYPE_CHECKING:
@@ -38,11 +38,11 @@ def test_with_keys(calm: Controller, keyring: Keyring) -> None:
     with serving(calm, keys=keyring.robot) as uri:
         chosen = ["1.2", "1.5", "1.6", "1.13", "1.15", "3.5", "5.2", "5.9", "8.1", "11.1"]
         results = run(SuiteSettings(uri=uri, keys=keys["controller"], move=True), only=chosen)
-        assert broken(results) == []
-        assert untried(results) == {"This key is a controller's."}
+        assert failures(results) == []
+        assert skipped(results) == {"This key is a controller's."}
         results = run(SuiteSettings(uri=uri, keys=keys["viewer"]), only=chosen)
-        assert broken(results) == []
-        assert untried(results) == {"This needs --move.", "This key is a viewer's."}
+        assert failures(results) == []
+        assert skipped(results) == {"This needs --move.", "This key is a viewer's."}
         with pytest.raises(RobotUnreachableError, match="asks for a key"):
             run(SuiteSettings(uri=uri))
 
@@ -51,8 +51,8 @@ def test_silence(serve: Serve, slow_robot: FakeRobot) -> None:
     server = serve(slow_robot, clock=quick_clock)
     settings = SuiteSettings(uri=server.endpoint, slow=True, move=True, clock=quick_clock)
     results = run(settings, only=["5.5", "5.6", "5.7"])
-    assert broken(results) == []
-    assert untried(results) == set()
+    assert failures(results) == []
+    assert skipped(results) == set()
 
 
 def test_a_silence_that_is_too_short_or_too_long(
@@ -62,7 +62,7 @@ def test_a_silence_that_is_too_short_or_too_long(
         monkeypatch.setattr("protocol.rules.lease.EXPIRY", expiry)
         server = serve(robot, clock=quick_clock)
         settings = SuiteSettings(uri=server.endpoint, slow=True, clock=quick_clock)
-        (complaint,) = broken(run(settings, only=["5.7"]))
+        (complaint,) = failures(run(settings, only=["5.7"]))
         assert sentence in complaint
 
 
@@ -94,12 +94,12 @@ class Orderly:
 
 
 def test_commands_that_wait_for_reads(calm: Controller, monkeypatch: pytest.MonkeyPatch) -> None:
-    floods = "protocol.conformance.checks.floods"  # our reads are quick, but on a busy machine
+    floods = "protocol.conformance.checks.connections"  # our reads are quick, but on a busy machine
     monkeypatch.setattr(f"{floods}.GRACE", 0.005)
     monkeypatch.setattr(f"{floods}._time_of_a_read", lambda client: 0.0)
     with serving(Orderly(calm)) as uri:
         (told,) = run(SuiteSettings(uri=uri, motion=10.0), only=["5.16"])
-    assert told.verdict is CheckStatus.BROKEN, told.sentence
+    assert told.status is CheckStatus.FAILED, told.sentence
     assert told.sentence.startswith("A clear waited ")
 
 
@@ -144,10 +144,12 @@ def test_reads_that_a_command_ends(
 ) -> None:
     fault = FAULTS[name][1] if name else Fault()
     fault.patch(monkeypatch)
-    monkeypatch.setattr("protocol.conformance.checks.floods._time_of_a_read", lambda client: 0.0)
+    monkeypatch.setattr(
+        "protocol.conformance.checks.connections._time_of_a_read", lambda client: 0.0
+    )
     with serving(Interrupted(calm), fault) as uri:
         results = run(SuiteSettings(uri=uri, patience=1.0), only=["5.16", "2.12"])
-    blamed = {each.check.clauses[0] for each in results if each.verdict is CheckStatus.BROKEN}
+    blamed = {each.check.clauses[0] for each in results if each.status is CheckStatus.FAILED}
     assert blamed == ({clause} if clause else set())
 
 
@@ -169,12 +171,12 @@ def test_what_needs_keys(
         alone = SuiteSettings(uri=uri, keys=keys, patience=1.0)
         both = replace(alone, other_keys=others)
         (told,) = run(both, only=[clause])
-        assert told.verdict is CheckStatus.HOLDS, told.sentence
+        assert told.status is CheckStatus.PASSED, told.sentence
         monkeypatch.setattr(*changed)
-        assert broken(run(both, only=[clause]))
+        assert failures(run(both, only=[clause]))
         if clause == "1.17":
             needed = "This needs the keys of another client, --other-keys."
-            assert untried(run(alone, only=[clause])) == {needed}
+            assert skipped(run(alone, only=[clause])) == {needed}
 
 
 @pytest.fixture
@@ -190,9 +192,9 @@ def test_silence_in_mid_motion(in_real_time: Controller, monkeypatch: pytest.Mon
     with serving(in_real_time, clock=quick_clock) as uri:
         settings = SuiteSettings(uri=uri, slow=True, move=True, clock=quick_clock)
         (told,) = run(settings, only=["5.6"])
-        assert told.verdict is CheckStatus.HOLDS, told.sentence
+        assert told.status is CheckStatus.PASSED, told.sentence
         monkeypatch.setattr(Controller, "silence", lambda *_: None)
-        (complaint,) = broken(run(settings, only=["5.6"]))
+        (complaint,) = failures(run(settings, only=["5.6"]))
     assert "A motion went on through " in complaint
 
 
@@ -201,7 +203,7 @@ def test_the_suite_is_no_silent_controller_while_a_motion_tells_of_itself(
 ) -> None:
     with serving(in_real_time, clock=lambda: time.monotonic() * 7) as uri:
         results = run(SuiteSettings(uri=uri, move=True), only=["7.2"])  # builds on a perform
-    assert broken(results) == []
+    assert failures(results) == []
 
 
 @pytest.mark.parametrize("silent", [False, True])
@@ -216,5 +218,5 @@ def test_a_daemon_that_ends(in_real_time: Controller, *, silent: bool) -> None:
         )
         (told,) = run(settings, only=["5.14"])
     ending.join()
-    assert told.verdict is (CheckStatus.BROKEN if silent else CheckStatus.HOLDS), told.sentence
+    assert told.status is (CheckStatus.FAILED if silent else CheckStatus.PASSED), told.sentence
     assert told.sentence == ("The daemon ended without a word." if silent else "")

@@ -1,4 +1,4 @@
-"""Robots on trial by the conformance suite, and what became of it."""
+"""Robots under test by the conformance suite, and what became of it."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def serving(robot: Robot, fault: Fault | None = None, **options: Any) -> Iterato
         thread.join()
 
 
-def broken(results: list[CheckResult]) -> list[str]:
+def failures(results: list[CheckResult]) -> list[str]:
     return [
         f"{', '.join(result.check.clauses)} {result.check.title}: {result.sentence}"
         for result in results
-        if result.verdict is CheckStatus.BROKEN
+        if result.status is CheckStatus.FAILED
     ]
 
 
-def untried(results: list[CheckResult]) -> set[str]:
-    return {result.sentence for result in results if result.verdict is CheckStatus.UNTRIED}
+def skipped(results: list[CheckResult]) -> set[str]:
+    return {result.sentence for result in results if result.status is CheckStatus.SKIPPED}
 
 
 def quick_clock() -> float:

@@ -1,4 +1,4 @@
-"""The robot under trial, and clients that talk to it."""
+"""The robot under test, and clients that talk to it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,16 @@ from typing import Any, Final
 
 import zmq
 
-from protocol.conformance.expectations import Broken, Untried, expect
-from protocol.conformance.raw_connection import Map, RawConnection, Unanswered, said
-from protocol.conformance.settings import SuiteSettings
+from protocol.conformance.raw_connection import (
+    Failed,
+    Map,
+    RawConnection,
+    Skipped,
+    SuiteSettings,
+    Unanswered,
+    expect,
+    said,
+)
 from protocol.security.keys import ClientKeys
 from protocol.system.closable import Closable
 from protocol.wire.capabilities import Capabilities
@@ -28,12 +35,12 @@ class TrialClient:
     """One client, with its own connection.
 
     Args:
-        robot: The robot under trial.
+        robot: The robot under test.
         name: The client's id.
         connection: Its connection.
     """
 
-    def __init__(self, robot: RobotOnTrial, name: str, connection: RawConnection):
+    def __init__(self, robot: RobotUnderTest, name: str, connection: RawConnection):
         self.name = name
         self.connection = connection
         self.session = ""
@@ -60,10 +67,10 @@ class TrialClient:
         """A request, not sent; ``None`` leaves a field out.
 
         Raises:
-            Untried: Requests of this kind do not work at all, as an earlier check has found out.
+            Skipped: Requests of this kind do not work at all, as an earlier check has found out.
         """
         if (reason := self._robot.dead.get(kind)) is not None:
-            raise Untried(reason)
+            raise Skipped(reason)
         loose = kind in ("hello", "heartbeat", "stop")
         message: Map = {"type": kind, "id": self.loose() if loose else None, "client": self.name}
         if kind != "hello" and (self.session or kind != "stop"):
@@ -132,7 +139,7 @@ class TrialClient:
         """The reply to a numbered request that does nothing: a release without control."""
         reply = self.ask("release", id=number, **fields)
         if reply.get("code") == "unauthorised":
-            raise Untried("This key is a viewer's.")
+            raise Skipped("This key is a viewer's.")
         return reply
 
     def wait_for(self, request_id: int) -> tuple[list[Map], Map]:
@@ -152,8 +159,8 @@ class TrialClient:
         raise Unanswered(f"A motion did not end within {self._robot.settings.motion:g} s.")
 
 
-class RobotOnTrial(Closable):
-    """The robot under trial, as the checks see it.
+class RobotUnderTest(Closable):
+    """The robot under test, as the checks see it.
 
     Use it as a context manager: it closes every connection.
 
@@ -229,19 +236,19 @@ class RobotOnTrial(Closable):
         client = self.client()
         status = client.status()
         if status["state"] not in _CALM:
-            raise Untried(f"The robot is {status['state']}, and was left so.")
+            raise Skipped(f"The robot is {status['state']}, and was left so.")
         if status.get("controller") is not None:
-            raise Untried(f"The robot is held by {status['controller']}.")
+            raise Skipped(f"The robot is held by {status['controller']}.")
         reply = client.ask("acquire")
         if reply.get("code") == "unauthorised":
-            raise Untried("This key is a viewer's.")
+            raise Skipped("This key is a viewer's.")
         sentence = f"acquire of a free robot was answered with {said(reply)}."
         expect(reply["type"] == "ok", sentence, "5.3")
         try:
             yield client
         finally:
-            with suppress(Broken, Untried):  # what went wrong before is what counts
+            with suppress(Failed, Skipped):  # what went wrong before is what counts
                 if client.status()["state"] == "stopped":
                     client.ask("clear")
-            with suppress(Broken, Untried):
+            with suppress(Failed, Skipped):
                 client.ask("release")
