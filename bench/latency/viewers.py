@@ -13,7 +13,7 @@ import time
 import zmq
 
 from protocol.sockets.endpoints import Endpoint
-from protocol.transport.publisher import TOPIC
+from protocol.transport.telemetry import TOPIC
 from protocol.wire.codec import decode, encode
 from protocol.wire.messages import PROTOCOL_VERSION, Heartbeat, Hello, Status, Welcome, parse_reply
 

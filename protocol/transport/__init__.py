@@ -6,9 +6,7 @@ Module                  What is in it
 ``client``              ``RobotClient``: controls a robot over the wire
 ``client_thread``       the thread behind it, which owns the socket
 ``server``              ``Server``: ZeroMQ sockets around ``rules.server_core``
-``publisher``           the robot's publications
-``telemetry``           ``TelemetrySubscriber``: listens to them
+``telemetry``           the robot's publications; ``TelemetrySubscriber`` listens to them
 ``connection_probe``    why nobody answers at an address, step by step
-``log_limiter``         limits how often events of the same kind are logged
 ======================= =========================================================================
 """

@@ -13,8 +13,7 @@ import zmq
 
 from protocol.rules.client_core import LOOK, Call, ClientCore
 from protocol.security.keys import ClientKeys
-from protocol.sockets.waker import Waker
-from protocol.sockets.zmq_sockets import connected
+from protocol.sockets.zmq_sockets import Waker, connected
 
 _Order: TypeAlias = Callable[[float], None]  # something to do in the thread, given the time
 

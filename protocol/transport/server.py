@@ -12,7 +12,7 @@ import os
 import selectors
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Final
@@ -23,16 +23,13 @@ from protocol.errors import RemoteProtocolError, RobotError
 from protocol.rules.robot_interface import Finished, Robot
 from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
 from protocol.rules.server_core import ServerCore, allow_all
-from protocol.security.access import Access
+from protocol.security.access import Access, ZapHandler
 from protocol.security.keys import KeyDirectory
-from protocol.security.zap import ZapHandler
 from protocol.sockets.endpoints import DEFAULT_BIND
 from protocol.sockets.tcp_listener import Arrival, TcpListener
-from protocol.sockets.waker import Waker
-from protocol.sockets.zmq_sockets import permitted
+from protocol.sockets.zmq_sockets import Waker, permitted
 from protocol.system.closable import Closable
-from protocol.transport.log_limiter import LogLimiter
-from protocol.transport.publisher import Publisher
+from protocol.transport.telemetry import Publisher
 from protocol.wire.codec import MAX_MESSAGE
 from protocol.wire.messages import ErrorReply, Request
 
@@ -295,3 +292,34 @@ class Server(Closable):
     def _dispose(self) -> None:
         self._closed = True
         self._made.close()
+
+
+PERIOD: Final = 60.0
+
+
+class LogLimiter:
+    """Lets one event of a kind through, then at most one in each period, and counts the others.
+
+    It remembers every kind, so there must be a bounded number of them.
+
+    Args:
+        period: Shortest time between two events of a kind that are let through, s.
+    """
+
+    def __init__(self, period: float = PERIOD):
+        self._period = period
+        self._kinds: dict[Hashable, tuple[float, int]] = {}
+
+    def count(self, kind: Hashable, now: float) -> int | None:
+        """Counts an event that happened at ``now`` (s).
+
+        Returns:
+            How many of its kind were kept back since the last one that was let through, or
+            ``None`` when this one is kept back too.
+        """
+        since, kept_back = self._kinds.get(kind, (-float("inf"), 0))
+        if now - since < self._period:
+            self._kinds[kind] = since, kept_back + 1
+            return None
+        self._kinds[kind] = now, 0
+        return kept_back

@@ -1,4 +1,4 @@
-"""Listening to what a robot publishes about itself."""
+"""What a robot publishes about itself, and how to listen to it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import zmq
 from protocol.errors import RemoteProtocolError, RobotUnreachableError
 from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.tcp_listener import TcpListener
 from protocol.sockets.zmq_sockets import connected
 from protocol.system.closable import Closable
-from protocol.transport.publisher import TOPIC
 from protocol.wire.codec import decode
 from protocol.wire.messages import Telemetry, parse_telemetry
 
@@ -88,3 +88,29 @@ class TelemetrySubscriber(Closable):
                 newest = parse_telemetry(decode(frames[-1]))
             except RemoteProtocolError:
                 self.garbage += 1
+
+
+TOPIC: Final = b"telemetry"
+
+MAX_SUBSCRIBED: Final = 1024
+"""Bytes of subscriptions, and of what ends them, that one connection may send."""
+
+_BUDGET: Final = 0.002  # s of one turn
+
+
+class Publisher(TcpListener):
+    """Publishes at one address."""
+
+    KIND = zmq.XPUB
+    WINDOW = 1 << 18  # heartbeats of ZeroMQ, which nobody sees, for most of an hour
+    CHUNK = MAX_SUBSCRIBED  # ZeroMQ keeps fifty times as much of each
+
+    def listen(self) -> None:
+        """Receives subscriptions, which ZeroMQ applies; disconnects peers that send too many."""
+        for peer, _, _ in self.arrivals(time.monotonic() + _BUDGET):
+            if self.received(peer) > MAX_SUBSCRIBED:
+                self.cut(peer, f"over {MAX_SUBSCRIBED} bytes of subscriptions")
+
+    def publish(self, frame: bytes) -> None:
+        """Sends to all who listen; never waits."""
+        self.broadcast([TOPIC, frame])

@@ -28,7 +28,7 @@ from typing import Any, Final
 
 from protocol.errors import BodyschemaError
 from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.waker import Waker
+from protocol.sockets.zmq_sockets import Waker
 from protocol.system.closable import Closable
 from robot.errors import CommandError
 from sim_robot.errors import FaultError

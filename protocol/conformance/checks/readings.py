@@ -15,7 +15,7 @@ from protocol.conformance.robot_under_test import RobotUnderTest
 from protocol.errors import BodyschemaError, RemoteProtocolError
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.zmq_sockets import connected
-from protocol.transport.publisher import TOPIC
+from protocol.transport.telemetry import TOPIC
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode
 from protocol.wire.messages import parse_telemetry

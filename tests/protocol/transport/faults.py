@@ -10,7 +10,7 @@ from protocol.rules import at_most_once, server_core
 from protocol.rules.at_most_once import Client, Clients
 from protocol.rules.server_core import ServerCore
 from protocol.sockets import zmq_sockets
-from protocol.transport import publisher
+from protocol.transport import telemetry
 from protocol.transport.server import Server
 from protocol.wire.messages import Clear
 from tests.protocol.conformance.spoilt import (
@@ -233,7 +233,7 @@ FAULTS: dict[str, tuple[str, Fault]] = {
         "10.1",
         replies("status", lambda f: f | {"robot_time": -f["robot_time"]}),
     ),
-    "publishes another topic": ("11.1", patches(publisher, "TOPIC", b"news")),
+    "publishes another topic": ("11.1", patches(telemetry, "TOPIC", b"news")),
     "publishes at another address": ("11.3", replies("welcome", _another_port)),
     "publishes too seldom": ("11.2", Fault(spoil=_slow_telemetry)),
     "takes any joints": ("7.2", patches(server_core, "check_targets", lambda *_: None, move=True)),

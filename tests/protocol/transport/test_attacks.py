@@ -17,10 +17,9 @@ import zmq
 from bench.raw_peer import GREETING, MORE, RawPeer, frame, guessed_identities
 from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.framing import FrameCounter
+from protocol.sockets.tcp_connection import FrameCounter
 from protocol.transport.client import RobotClient
-from protocol.transport.publisher import MAX_SUBSCRIBED
-from protocol.transport.telemetry import TelemetrySubscriber
+from protocol.transport.telemetry import MAX_SUBSCRIBED, TelemetrySubscriber
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, decode, encode
 from tests.protocol.transport.test_replays_and_floods import until
 

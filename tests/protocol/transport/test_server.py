@@ -17,9 +17,8 @@ from protocol.errors import EndpointError, RobotError, RobotUnreachableError
 from protocol.rules.robot_interface import Finished, Progressed
 from protocol.sockets.endpoints import Endpoint
 from protocol.transport.client import RobotClient
-from protocol.transport.publisher import TOPIC
-from protocol.transport.server import Server
-from protocol.transport.telemetry import TelemetrySubscriber
+from protocol.transport.server import LogLimiter, Server
+from protocol.transport.telemetry import TOPIC, TelemetrySubscriber
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, decode, encode
 from protocol.wire.messages import Ok
 
@@ -377,3 +376,13 @@ def test_a_subscriber_skips_garbage_and_returns_the_newest(stack: ExitStack) -> 
     while subscriber.garbage < 2:
         with pytest.raises(RobotUnreachableError):
             subscriber.next(0.01)
+
+
+def test_one_in_a_period_is_let_through_with_the_number_kept_back() -> None:
+    limiter = LogLimiter(period=60)
+    assert limiter.count("held", 0) == 0
+    assert [limiter.count("held", second) for second in (1, 2, 59.9)] == [None] * 3
+    assert limiter.count("busy", 2) == 0  # another kind
+    assert limiter.count("held", 60) == 3
+    assert limiter.count("held", 119) is None
+    assert limiter.count("held", 500) == 1
