@@ -6,7 +6,6 @@ import io
 import socket
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from html import escape
 from itertools import cycle
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +15,7 @@ import trimesh
 import viser
 
 from estimator.errors import EstimatorError
-from estimator.live.panel import panel, wrapped
+from estimator.live.panel import panel, sentence_alone
 from estimator.live.pose_ensemble import KINDS, Instances, instances, posed
 from estimator.live.run_view import RunState, RunView
 from estimator.report.bodies.jointed_body import Kind
@@ -98,7 +97,7 @@ class LivePage:
 
     def say(self, sentence: str) -> None:
         """Shows a sentence in the place of numbers that can no longer be read."""
-        self._text.content = wrapped([f"<b>{escape(sentence)}</b>"])
+        self._text.content = sentence_alone(sentence)
 
     def flicker(self) -> None:
         """Shows another of the bodies that are believed in; when the run rests, the best."""
