@@ -1,0 +1,40 @@
+"""The public names, and where each is; loaded when first asked for."""
+
+from .api import identify as identify
+from .api import resume as resume
+from .errors import EstimatorError as EstimatorError
+from .errors import SearchStateError as SearchStateError
+from .exploration.rules import RULES as RULES
+from .exploration.rules import Rule as Rule
+from .exploration.situation import Choice as Choice
+from .exploration.situation import Models as Models
+from .exploration.situation import Objective as Objective
+from .exploration.situation import Situation as Situation
+from .identification.listener import Listener as Listener
+from .identification.order import METHODS as METHODS
+from .identification.order import Order as Order
+from .identification.paper.objectives import OBJECTIVES as OBJECTIVES
+from .identification.paper.objectives import LargestError as LargestError
+from .identification.paper.objectives import RobustMeanError as RobustMeanError
+from .physics.backends import BACKENDS as BACKENDS
+from .physics.base import Abilities as Abilities
+from .physics.base import ArrayMarginPhysics as ArrayMarginPhysics
+from .physics.base import BackEnd as BackEnd
+from .physics.base import Pair as Pair
+from .physics.base import Physics as Physics
+from .physics.base import Readings as Readings
+from .physics.base import WorldSettings as WorldSettings
+from .physics.pybullet import PyBulletPhysics as PyBulletPhysics
+from .physics.statics import StaticsPhysics as StaticsPhysics
+from .plugins import Registry as Registry
+from .problem.genome import Genome as Genome
+from .problem.problem import Problem as Problem
+from .readings.observation import Observation as Observation
+from .readings.observation import ObservedReadings as ObservedReadings
+from .report.result import Result as Result
+from .search.deterministic_crowding import DeterministicCrowding as DeterministicCrowding
+from .search.operators import Operators as Operators
+from .search.searches import SEARCHES as SEARCHES
+from .search.searches import Search as Search
+
+__all__: list[str]
