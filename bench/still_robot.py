@@ -12,6 +12,7 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
+from typing import cast
 
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
@@ -195,10 +196,9 @@ def still_robot(
             log=log,
             manager=manager,
         ) as robot:
-            assert isinstance(robot.devices.servos, SV203)
             yield StillRobot(
                 **vars(robot),
-                servos=robot.devices.servos,
+                servos=cast(SV203, robot.devices.servos),
                 world=world,
                 servo_board=board,
                 daq=daq,

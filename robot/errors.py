@@ -9,7 +9,8 @@ The tree::
     └── DeviceError                  a device failed; the robot freezes until a person clears it
         ├── DeviceMissingError       nothing answers: unplugged, unpowered, wrong address
         ├── DeviceTimeoutError       it is there and did not finish in time
-        └── DeviceDataError          it answered nonsense
+        ├── DeviceDataError          it answered nonsense
+        └── DriverError              its driver raised what no driver may raise
 
 ``DeviceTimeoutError`` is no ``TimeoutError`` on purpose: that one is an ``OSError``, so every
 handler for a failed link would swallow it.
@@ -18,6 +19,7 @@ handler for a failed link would swallow it.
 from __future__ import annotations
 
 from protocol.errors import BodyschemaError
+from protocol.text.printable import brief, told
 
 
 class ConfigError(BodyschemaError, ValueError):
@@ -48,14 +50,15 @@ class DeviceError(BodyschemaError):
     """A device failed.
 
     Attributes:
-        message: What happened, one sentence.
-        advice: What to check, one sentence.
+        message: What happened, one sentence; ``brief``, for libraries and drivers of others have
+            their words in it.
+        advice: What to check, one sentence; likewise.
     """
 
     def __init__(self, message: str, advice: str):
-        self.message = message
-        self.advice = advice
-        super().__init__(f"{message} {advice}")
+        self.message = brief(message)
+        self.advice = brief(advice)
+        super().__init__(f"{self.message} {self.advice}")
 
 
 class DeviceMissingError(DeviceError):
@@ -68,3 +71,19 @@ class DeviceTimeoutError(DeviceError):
 
 class DeviceDataError(DeviceError):
     """The device answered nonsense: garbage on the line, FIFO overflow, an error code."""
+
+
+class DriverError(DeviceError):
+    """A driver raised what no driver may raise: anything but a ``DeviceError``, ``SystemExit`` too.
+
+    Args:
+        device: What the device is called in sentences.
+        doing: The driver's method.
+        cause: What it raised.
+    """
+
+    def __init__(self, device: str, doing: str, cause: BaseException):
+        super().__init__(
+            f"The driver of the {device} failed in {doing}: {told(cause)}.",
+            "This is a mistake in the driver: tell whoever wrote it.",
+        )

@@ -4,6 +4,6 @@
 Module                  What is in it
 ======================= =========================================================================
 ``toml``                TOML from a file that anybody may have written
-``printable``           text made harmless for whoever reads it at a terminal
+``printable``           text made harmless and short for whoever reads it
 ======================= =========================================================================
 """

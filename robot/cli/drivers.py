@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections import Counter
 
-from robot.drivers.registry import InstalledDriver, installed
+from robot.drivers.registry import InstalledDriver, installed, load
 
 HELP = "list the drivers that robot.toml can name: ours, and those of other distributions"
 
@@ -38,9 +38,9 @@ def run(options: argparse.Namespace) -> int:
 def _about(driver: InstalledDriver) -> tuple[str, bool]:
     """What a driver calls its device, or why it cannot be used; and whether it can."""
     try:
-        return str(driver.point.load().name), True
-    except Exception as error:  # whatever a module does when it is imported
-        return f"{driver.point.value} cannot be imported: {type(error).__name__}: {error}", False
+        return str(load(driver.point).name), True
+    except (ImportError, AttributeError) as error:
+        return f"{driver.point.value} {error}", False
 
 
 def _place(table: str) -> int:

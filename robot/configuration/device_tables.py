@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Final
 
 from robot.configuration.joint_calibration import DrivenJoint, JointScale, slopes
-from robot.drivers.registry import SENSORS, driver_class
+from robot.drivers.registry import SENSORS, read_settings
 from robot.drivers.sensors.contracts import BoardSettings, DistanceSettings, SensorSettings
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.sensing.sensors import BellySensor
@@ -105,23 +105,21 @@ def read_scale(section: Section, counts: range) -> JointScale:
 
 def read_board(section: Section) -> BoardSettings:
     """The ``[daq]`` table."""
-    board: BoardSettings = driver_class(section, SENSORS, "dmm32", kind="daq").read(section)
+    board: BoardSettings = read_settings(section, SENSORS, "dmm32", kind="daq")
     section.done()
     return board
 
 
 def read_accelerometer(section: Section) -> SensorSettings:
     """The ``[accelerometer]`` table."""
-    driver: SensorSettings = driver_class(section, SENSORS, "analogue", kind="accelerometer").read(
-        section
-    )
+    driver: SensorSettings = read_settings(section, SENSORS, "analogue", kind="accelerometer")
     section.done()
     return driver
 
 
 def read_touch(section: Section) -> TouchPoint:
     """A ``[[touch]]`` table."""
-    driver: SensorSettings = driver_class(section, SENSORS, "analogue", kind="touch").read(section)
+    driver: SensorSettings = read_settings(section, SENSORS, "analogue", kind="touch")
     on, off = read_thresholds(section)
     point = TouchPoint(
         name=section.text("name"),
@@ -145,9 +143,7 @@ def read_thresholds(section: Section) -> tuple[float, float]:
 
 def read_distance(section: Section) -> DistanceConfig:
     """The ``[distance]`` table."""
-    driver: DistanceSettings = driver_class(section, SENSORS, "vl6180x", kind="distance").read(
-        section
-    )
+    driver: DistanceSettings = read_settings(section, SENSORS, "vl6180x", kind="distance")
     zero, scale = read_ruler(section)
     reach = section.number("range_mm", 20, driver.reach * 1000) / 1000
     section.done()

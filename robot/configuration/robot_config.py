@@ -26,7 +26,7 @@ from robot.configuration.device_tables import (
     read_touch,
 )
 from robot.configuration.joint_calibration import DrivenJoint
-from robot.drivers.registry import SERVOS, driver_class
+from robot.drivers.registry import SERVOS, read_settings
 from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.axes import CalibratedAxes
 from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
@@ -309,7 +309,7 @@ def read_config(path: Path) -> tuple[RobotConfig, Path | None]:
         table.done()
     body = root.table("body")
     board = root.table("servos")
-    servos: ServoSettings = driver_class(board, SERVOS, "sv203").read(board)
+    servos: ServoSettings = read_settings(board, SERVOS, "sv203")
     motion = root.table("motion")
     settling = root.table("settling")
     noise = root.table("noise")

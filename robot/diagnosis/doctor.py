@@ -19,6 +19,7 @@ from robot.diagnosis.sensors import (
 )
 from robot.diagnosis.servos import check_board, check_joints, move_joints
 from robot.drivers.buses import Buses
+from robot.drivers.guard import open_driver
 from robot.drivers.sensors.contracts import SensorSettings, attach_board
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceError, DeviceMissingError
@@ -46,7 +47,7 @@ class Doctor:
         """Finding by finding, as they are made; closes what it opened."""
         with ExitStack() as stack:
             try:
-                servos: ServoBus | None = self._config.servos.open(self._buses)
+                servos: ServoBus | None = open_driver(self._config.servos, self._buses)
             except DeviceError as error:
                 servos = None
                 yield failed("servo board", error)
@@ -93,7 +94,7 @@ class Doctor:
                 if inputs is None:
                     continue
             try:
-                driver = settings.open(buses, called)
+                driver = open_driver(settings, buses, called)
                 stack.callback(driver.close)
                 driver.start()
             except DeviceError as error:

@@ -9,6 +9,7 @@ Room or module  What is in it
 ``daq``         boards of analogue inputs, for the sensors that are connected to one
 ``buses``       how a driver opens its link; the seam to a simulated robot
 ``links``       serial lines, I²C buses, I/O ports, output lines, the inputs of a board
+``guard``       opens a driver, and stands between it and whoever uses it
 =============== =================================================================================
 
 A room imports only from those below it; ``servos``, ``sensors`` and ``daq`` know nothing of each

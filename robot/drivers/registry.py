@@ -19,6 +19,8 @@ from importlib import metadata
 from types import MappingProxyType
 from typing import Any, Final
 
+from protocol.text.printable import told
+from robot.errors import ConfigError
 from robot.toml_sections import Section
 
 SERVOS: Final = "bodyschema.servos"
@@ -83,8 +85,8 @@ def installed() -> list[InstalledDriver]:
     return drivers
 
 
-def driver_class(table: Section, group: str, default: str, *, kind: str = "") -> Any:
-    """The settings class of the driver that a table's key ``driver`` names.
+def read_settings(table: Section, group: str, default: str, *, kind: str = "") -> Any:
+    """The settings, in a table, of the driver that its key ``driver`` names.
 
     Args:
         table: The table.
@@ -93,8 +95,8 @@ def driver_class(table: Section, group: str, default: str, *, kind: str = "") ->
         kind: For a sensor, the name of its table.
 
     Raises:
-        ConfigError: There is no such driver, more than one, or it cannot be imported; names file,
-            key and reason.
+        ConfigError: There is no such driver, or more than one; it cannot be imported, or refuses
+            its keys or fails on them. Names file, key and reason.
     """
     prefix = f"{kind}." if kind else ""
     driver = table.text("driver", default)
@@ -114,9 +116,28 @@ def driver_class(table: Section, group: str, default: str, *, kind: str = "") ->
         )
     (point,) = points
     try:
-        return point.load()
-    except Exception as error:  # whatever a module does when it is imported
-        cause = f"{type(error).__name__}: {error}"
+        settings = load(point)
+    except ImportError as error:
+        raise table.refuse("driver", f"is {point.value}, which {error}.") from error
+    try:
+        return settings.read(table)
+    except (ConfigError, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # whatever it does with the table
         raise table.refuse(
-            "driver", f"is {point.value}, which cannot be imported: {cause}."
+            "driver", f"is {point.value}, which failed on this table: {told(error)}."
         ) from error
+
+
+def load(point: metadata.EntryPoint) -> Any:
+    """The settings class at an entry point.
+
+    Raises:
+        ImportError: Whatever its module did when it was imported, ``sys.exit`` included.
+    """
+    try:
+        return point.load()
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
+        raise ImportError(f"cannot be imported: {told(error)}") from error

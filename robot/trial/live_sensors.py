@@ -10,6 +10,7 @@ from typing import Any
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
+from robot.drivers.guard import open_driver
 from robot.drivers.sensors.contracts import (
     Accelerometer,
     DistanceSensor,
@@ -51,7 +52,7 @@ class LiveSensor:
         if self._settings.channels and buses.analogue is None:
             return self._fail("not read: it is on analogue inputs, which do not work.")
         try:
-            self._driver = self._settings.open(buses, called)
+            self._driver = open_driver(self._settings, buses, called)
             self._driver.start()
             self.failed = False
         except DeviceError as error:

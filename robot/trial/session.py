@@ -9,6 +9,8 @@ from typing import Final, Protocol
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
+from robot.drivers.guard import open_driver
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceError
 from robot.host.clock import Clock
 from robot.trial.joints import JointsOnTrial
@@ -60,7 +62,7 @@ class Trial:
         Raises:
             DeviceError: The servo driver cannot be opened, or does not answer.
         """
-        servos = self._config.servos.open(self._buses)
+        servos: ServoBus = open_driver(self._config.servos, self._buses)
         try:
             self._joints = JointsOnTrial(self._config, servos, self._clock)
             self._sensors.open()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final
+from typing import Final, cast
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
@@ -92,8 +92,7 @@ class PC104Set:
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """Waits for the thread that reads the serial line."""
-        assert isinstance(servos, SV203)
-        return Follower(self.servo_board, servos)
+        return Follower(self.servo_board, cast(SV203, servos))
 
     def begin_interaction(self) -> None:
         """Nothing here counts samples."""

@@ -9,6 +9,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, Protocol
 
 from robot.drivers.buses import Buses
+from robot.drivers.guard import open_driver
 from robot.drivers.links.analogue_inputs import AnalogueBoard, AnalogueInputs
 from robot.toml_sections import Section
 
@@ -166,7 +167,7 @@ def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
     Raises:
         DeviceError: It cannot be opened, or is not what it should be.
     """
-    board = settings.open(buses)
+    board: AnalogueBoard = open_driver(settings, buses)
     try:
         board.probe()
     except BaseException:

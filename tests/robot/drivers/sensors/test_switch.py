@@ -6,7 +6,7 @@ import pytest
 
 from robot.drivers.buses import Buses
 from robot.drivers.daq.ads1115 import ADS1115Settings
-from robot.drivers.registry import SENSORS, driver_class
+from robot.drivers.registry import SENSORS, read_settings
 from robot.drivers.sensors.contracts import attach_board
 from robot.drivers.sensors.switch import Switch, SwitchSettings
 from robot.errors import ConfigError, DeviceDataError
@@ -17,7 +17,7 @@ from tests.robot.clocks import InstantClock
 
 def settings(text: str) -> SwitchSettings:
     section = toml_section(f'[touch]\ndriver = "switch"\n{text}', "robot.toml").table("touch")
-    found: SwitchSettings = driver_class(section, SENSORS, "analogue", kind="touch").read(section)
+    found: SwitchSettings = read_settings(section, SENSORS, "analogue", kind="touch")
     return found
 
 

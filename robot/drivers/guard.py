@@ -1,0 +1,150 @@
+"""Between a driver and whoever uses it: what it raises, what it gives, and whether it returns.
+
+A driver may come from anywhere. What it raises besides a ``DeviceError`` becomes one,
+``SystemExit`` included, which would end a thread or the whole program in silence; a number that is
+not finite, which compares as false with every threshold, is never taken for a reading; and while
+one does not return, others can tell which.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any, Final, Protocol
+
+from robot.errors import CommandError, DeviceDataError, DeviceError, DriverError
+
+
+class Settings(Protocol):
+    """The settings of any driver."""
+
+    @property
+    def name(self) -> str:
+        """What the device is called in sentences."""
+
+    @property
+    def open(self) -> Callable[..., Any]:
+        """Opens the link."""
+
+
+def open_driver(settings: Settings, *where: Any) -> Any:
+    """Opens a device, and guards its driver.
+
+    The guarded driver has the attributes of the driver, which may also be set and deleted there.
+
+    Args:
+        settings: Those of the driver.
+        where: What ``settings.open`` is given.
+
+    Raises:
+        DeviceError: It cannot be opened.
+    """
+    return _Guarded(_called(settings.name, "open", settings.open, *where), settings.name)
+
+
+def under_way(thread: int | None) -> str:
+    """Which driver a thread waits for and in what, for a sentence; empty: for none."""
+    waiting = _under_way.get(thread or 0)
+    return f"the driver of the {waiting[0]} does not return from {waiting[1]}" if waiting else ""
+
+
+_under_way: Final[dict[int, tuple[str, str]]] = {}  # by thread: a device and a method
+
+
+class _Guarded:
+    def __init__(self, driver: Any, name: str):
+        vars(self).update(_driver=driver, _name=name)
+
+    def __getattr__(self, attribute: str) -> Any:
+        found = getattr(self._driver, attribute)
+        if not callable(found):
+            return found
+
+        def guarded(*values: Any, **named: Any) -> Any:
+            given = _called(self._name, attribute, found, *values, **named)
+            check = _CHECKS.get(attribute)
+            return given if check is None else check(self._name, given)
+
+        return guarded
+
+    def __setattr__(self, attribute: str, value: Any) -> None:
+        setattr(self._driver, attribute, value)
+
+    def __delattr__(self, attribute: str) -> None:
+        delattr(self._driver, attribute)
+
+
+def _called(device: str, doing: str, method: Callable[..., Any], *values: Any, **named: Any) -> Any:
+    thread = threading.get_ident()
+    outer = _under_way.get(thread)
+    _under_way[thread] = device, doing
+    try:
+        return method(*values, **named)
+    except (DeviceError, CommandError):
+        raise
+    except KeyboardInterrupt as error:
+        if threading.current_thread() is threading.main_thread():  # Ctrl-C
+            raise
+        raise DriverError(device, doing, error) from error
+    except BaseException as error:
+        raise DriverError(device, doing, error) from error
+    finally:
+        if outer is None:
+            del _under_way[thread]
+        else:
+            _under_way[thread] = outer
+
+
+def _number(device: str, value: Any) -> float:
+    try:
+        number = math.nan if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise DeviceDataError(
+            f"The {device} gave {value!r:.60} for a reading, which is no finite number.",
+            "Check its wires and supply; if they are sound, its driver is wrong.",
+        )
+    return number
+
+
+def _numbers(device: str, values: Any) -> list[float]:
+    try:
+        parts = list(values)
+    except TypeError:
+        parts = [math.nan]
+    return [_number(device, part) for part in parts]
+
+
+def _axes(device: str, values: Any) -> tuple[float, ...]:
+    axes = tuple(_numbers(device, values))
+    if len(axes) != 3:
+        raise DeviceDataError(
+            f"The {device} gave {len(axes)} axes instead of 3.", "Its driver is wrong."
+        )
+    return axes
+
+
+def _counts(device: str, counts: Any) -> dict[int, int]:
+    if isinstance(counts, Mapping) and all(isinstance(count, int) for count in counts.values()):
+        return dict(counts)
+    raise DeviceDataError(
+        f"The {device} gave {counts!r:.60} for its counts, which are not integers by output.",
+        "Its driver is wrong.",
+    )
+
+
+_CHECKS: Final[Mapping[str, Callable[[str, Any], Any]]] = MappingProxyType(
+    {
+        "acceleration": _axes,
+        "raw": _axes,
+        "load": lambda device, load: load if isinstance(load, bool) else _number(device, load),
+        "distance": lambda device, value: None if value is None else _number(device, value),
+        "scan": _numbers,
+        "read_counts": _counts,
+        "seconds_for": _number,
+    }
+)
+"""What is made sure of what a driver gives, by its method."""
