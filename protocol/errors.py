@@ -170,6 +170,11 @@ ERROR_CODES: Final = MappingProxyType(
         "fault": _kind(
             False, "A device failed and the robot is down.", f"Mend the cause, then: {CLEAR}"
         ),
+        "not_confirmed": _kind(
+            True,
+            "The robot did not confirm a stop in time: its control loop does not turn.",
+            "Cut the servos' power if anything moves; the robot freezes as soon as the loop turns.",
+        ),
         "not_planar": _kind(
             True,
             "In its zero pose the robot does not lie flat, or stand as it did at first.",

@@ -41,6 +41,7 @@ NOT_CHECKED: Final = MappingProxyType(
         "4.1": "for clients",
         "4.13": "for clients",
         "5.17": "needs a robot that acts slowly",
+        "5.18": "needs a robot whose control loop hangs",
         "6.3": "needs to see the robot",
         "6.4": "needs a robot that acts slowly",
         "8.2": "for clients",

@@ -99,7 +99,9 @@ class Robot(Protocol):
         """Takes on a request; exactly one ``Finished`` with this ticket must follow.
 
         Commands are carried out in their order and before every ``Read``. They end each ``Read``
-        that was taken on before them; a ``Stop`` ends every command, too, that is not done.
+        that was taken on before them; a ``Stop`` ends every command, too, that is not done. One
+        that has not ended within ``server_core.CONFIRMATION`` is answered ``not_confirmed``, and
+        its end is told to nobody.
 
         ``Perform`` names every joint once and within its limits. Tickets grow and are never
         reused. After a refusal no event with this ticket may follow.

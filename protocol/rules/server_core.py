@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 import secrets
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
 from typing import Final, TypeAlias
 
 from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
@@ -46,6 +47,9 @@ from protocol.wire.messages import (
 Authorise: TypeAlias = Callable[[str | None, Request], None]
 OnRefusal: TypeAlias = Callable[[Request, RobotError], None]
 RoleOf: TypeAlias = Callable[[str | None], Role | None]
+
+CONFIRMATION: Final = 0.2
+"""Seconds within which a robot confirms a ``stop``; then its sender is told that it did not."""
 
 MAX_READS: Final = 8
 """Reads that the clients of one key may have under way without control of the robot."""
@@ -93,11 +97,14 @@ class ServerCore:
         self._lease = Lease()
         self._tickets = itertools.count(1)
         self._in_flight: dict[int, RememberedRequest] = {}
+        self._stops: deque[tuple[float, int]] = deque()  # when to be confirmed, and the ticket
+        self._unconfirmed: set[int] = set()  # tickets
 
     @property
     def deadline(self) -> float | None:
         """When ``tick`` is due at the latest; ``None``: not before the next frame."""
-        return self._lease.deadline
+        dues = [self._lease.deadline, self._stops[0][0] if self._stops else None]
+        return min((due for due in dues if due is not None), default=None)
 
     @property
     def controller(self) -> str | None:
@@ -126,7 +133,9 @@ class ServerCore:
             if isinstance(request, Hello):
                 return [self._hello(peer, request, now, user)]
             if isinstance(request, Stop):
-                return [self._submit(request, RememberedRequest.of(request, peer))]
+                action = self._submit(request, RememberedRequest.of(request, peer))
+                self._stops.append((now + CONFIRMATION, action.ticket))
+                return [action]
             assert isinstance(request, SessionRequest)
             client = self._clients.find(request.client, session=request.session, user=user)
             self._lease.hear(client.name, now)
@@ -153,7 +162,7 @@ class ServerCore:
 
     def tick(self, now: float) -> list[Action]:
         """Handles the passing of time, given on the transport clock, s."""
-        actions: list[Action] = []
+        actions: list[Action] = [*self._unconfirmed_by(now)]
         holder = self._lease.holder or ""
         for lapse in self._lease.lapse(now):
             if lapse is Lapse.SILENT:
@@ -209,11 +218,15 @@ class ServerCore:
         return _to(outcome, outcome.progress)
 
     def finish(self, event: Finished) -> list[Send]:
-        """Handles the end of a request.
+        """Handles the end of a request; nobody waits any more for that of a stop that came late.
 
         Raises:
-            ValueError: The reply carries another id than its request: a bug of the robot.
+            KeyError: No such request is under way: a bug of the robot.
+            ValueError: The reply carries another id than its request: likewise.
         """
+        if event.ticket in self._unconfirmed:
+            self._unconfirmed.remove(event.ticket)
+            return []
         outcome = self._in_flight[event.ticket]
         request = outcome.request
         assert request is not None
@@ -273,6 +286,19 @@ class ServerCore:
         except RobotError as error:
             self._on_refusal(request, error)
             return [*_end(outcome, ErrorReply.of(error, request_id=request.id))]
+
+    def _unconfirmed_by(self, now: float) -> Iterator[Send]:
+        """Answers stops that the robot has not carried out in time."""
+        while self._stops and (
+            self._stops[0][0] <= now or self._stops[0][1] not in self._in_flight
+        ):
+            _, ticket = self._stops.popleft()
+            outcome = self._in_flight.pop(ticket, None)
+            if outcome is not None:
+                assert outcome.request is not None
+                self._unconfirmed.add(ticket)
+                error = RobotError("not_confirmed", ERROR_CODES["not_confirmed"].meaning)
+                yield from _end(outcome, ErrorReply.of(error, request_id=outcome.request.id))
 
     def _needs_room(self, client: Client) -> None:
         """Bounds the reads under way with the key of a client that is not in control."""

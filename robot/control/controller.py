@@ -8,7 +8,10 @@ which it meets before its next line, query or sample. A request is judged by the
 accepted ones lead; a ``snapshot`` shows the state that the devices have reached.
 
 A fault ends all that waits in the queue, too: after it the robot does nothing until a ``clear`` has
-found every device in order. Until then, and when it has not, the state remains ``fault``.
+found every device in order. Until then, and when it has not, the state remains ``fault``. Whatever
+a driver raises is one. So is a driver that does not return: a watch says so in the place of the
+control thread, which goes no further when the driver does return; and so is the end of that thread,
+after which nothing moves until the daemon is started again.
 """
 
 from __future__ import annotations
@@ -23,14 +26,17 @@ from functools import partial
 from protocol.errors import CLEAR, RobotError
 from protocol.rules.robot_interface import FinalReply, RobotEvent, Snapshot
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
+from protocol.text.printable import brief, told
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform, RobotRequest
 from protocol.wire.states import State
 from robot.control.interaction import InteractionResult, MotorProgramRunner
 from robot.control.job_queue import JobQueue
 from robot.control.jobs import ENDS, LEAVING, NEWS, OFF, STOPPED, Job, ended_by
+from robot.control.loop_watch import LATE, LoopWatch
 from robot.control.outbox import Outbox
-from robot.errors import DeviceError
+from robot.drivers.guard import under_way
+from robot.errors import DeviceError, DriverError
 from robot.host.service_manager import ServiceManager
 
 _RARELY = 86_400.0  # s; a wait that needs no end
@@ -70,9 +76,13 @@ class Controller:
         self._leaving = False
         self._late = False
         self._ended = False
+        self._died: RobotError | None = None
         self._sequence = 0
         self._jobs = JobQueue()
         self._outbox = Outbox()
+        self._watch = LoopWatch(
+            lambda: self._manager.heard, on_hang=self._give_up, on_return=self._returned
+        )
         self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
     # --- called by the server's thread ------------------------------------------------------------
@@ -89,18 +99,24 @@ class Controller:
         """
         job = Job(ticket, request)
         with self._lock:
-            if self._leaving and job.event is not Event.STOP:
+            if job.event is Event.STOP:
+                self._stop_blindly(job)
+            elif self._leaving:
                 raise ended_by("shutting_down")
+            elif self._died is not None:
+                raise self._died
+            elif self._watch.hangs:
+                raise RobotError("fault", self._stuck())
             state = self._jobs.leads_to(self._state)
             if (state, job.event) not in TRANSITIONS:
                 raise self._refusal(state, job.event)
             overtaken = self._jobs.end(
                 {event: ended_by(code) for event, code in ENDS[job.event].items()}
             )
-            if under_way := not self._ended:
+            if queued := not self._ended:
                 self._jobs.put(job)
                 self._lock.notify()
-        if not under_way:
+        if not queued:
             self._carry_out(job)  # a stop, and nothing moves any more
         self._tell(overtaken)  # after the control thread has heard of it: they may be very many
 
@@ -117,13 +133,14 @@ class Controller:
 
     def snapshot(self) -> Snapshot:
         """What the robot is doing at this moment."""
+        stuck = self._watch.silence > LATE and under_way(self._thread.ident)
         with self._lock:
             return Snapshot(
                 state=self._state,
                 robot_time=self._interaction.now(),
                 sequence=self._sequence,
                 angles=self._interaction.angles(),
-                reason=self._reason,
+                reason=self._stuck() if stuck and self._state is not State.FAULT else self._reason,
             )
 
     def events(self) -> list[RobotEvent]:
@@ -136,6 +153,7 @@ class Controller:
         """Starts the control thread."""
         if self._reason is not None:
             self._announce(logging.WARNING, self._reason)
+        self._watch.start()
         self._thread.start()
 
     def shut_down(self, timeout: float = 5.0) -> bool:
@@ -149,29 +167,54 @@ class Controller:
             timeout: For the parking, s.
 
         Returns:
-            Whether the thread ended.
+            Whether the thread ended, and not before its time; a driver that does not return is not
+            waited for.
         """
         with self._lock:
             self._leaving = True
             overtaken = self._jobs.end({event: ended_by(code) for event, code in LEAVING.items()})
             self._lock.notify()
         self._tell(overtaken)
-        self._thread.join(timeout)
+        self._join(timeout)
         if self._thread.is_alive():
             with self._lock:
                 self._late = True
-            self._thread.join(_STOPPING)
-        return not self._thread.is_alive()
+            self._join(_STOPPING)
+        return not self._thread.is_alive() and self._died is None
+
+    def _join(self, timeout: float) -> None:
+        end = time.monotonic() + timeout
+        while (left := end - time.monotonic()) > 0 and not self._watch.hangs:
+            self._thread.join(min(left, LATE))
+            if not self._thread.is_alive():
+                return
 
     # --- the control thread -----------------------------------------------------------------------
 
     def _run(self) -> None:
-        self._work()
-        self._guarded(self._park)
-        while not self._ended:
-            self._work()  # a stop that came meanwhile
-            with self._lock:
-                self._ended = not self._jobs
+        try:
+            self._work()
+            self._guarded(self._park)
+            while not self._ended:
+                self._work()  # a stop that came meanwhile
+                with self._lock:
+                    self._ended = not self._jobs
+        except BaseException as error:  # of ours, whatever it is: nobody else would ever hear of it
+            self._die(error)
+        finally:
+            self._watch.end()
+
+    def _die(self, error: BaseException) -> None:
+        """The end of the control thread: nothing moves any more, and everybody is answered."""
+        sentence = f"The control loop has ended: {told(error)}."
+        with self._lock:
+            self._died = RobotError("fault", sentence, advice="Start the daemon again.")
+            self._ended = True
+            job = self._jobs.under_way
+        self._log.critical("the control loop ended", exc_info=error)
+        self._fail(sentence, job)
+        while (stop := self._jobs.take()) is not None:
+            self._carry_out(stop)
 
     def _work(self) -> None:
         while (job := self._next_job()) is not None:
@@ -185,7 +228,9 @@ class Controller:
             patience = min(due - time.monotonic(), self._manager.period or _RARELY)
             with self._lock:
                 if not (self._jobs or self._leaving):
+                    self._watch.rest()
                     self._lock.wait(max(patience, 0.0))
+                    self._watch.work()
                 if self._jobs or self._leaving:
                     return self._jobs.take()
             if self._housekeeping is not None and time.monotonic() >= due:
@@ -195,11 +240,11 @@ class Controller:
     def _guarded(self, action: Callable[[], None], job: Job | None = None) -> None:
         try:
             action()
-        except DeviceError as error:
-            self._fail(str(error), job)
-        except Exception as error:  # a bug must bring the robot down visibly, not silently
-            self._log.exception("the control loop failed")
-            self._fail(f"internal error: {error!r}", job)
+        except BaseException as error:  # also SystemExit: it must not end the thread in silence
+            known = isinstance(error, DeviceError)
+            if not known or isinstance(error, DriverError):
+                self._log.exception("the control loop failed")
+            self._fail(str(error) if known else f"internal error: {told(error)}", job)
 
     def _carry_out(self, job: Job) -> None:
         if job.event in (Event.PERFORM, Event.READ):
@@ -213,6 +258,8 @@ class Controller:
         else:
             event = job.event
         with self._lock:
+            if job.interrupt is not None and job.interrupt.code == "fault":  # given up meanwhile
+                event = Event.DONE
             self._enter(event)
             if event in (Event.HOLD, Event.RELAX, Event.CLEAR):
                 self._reason = None
@@ -263,6 +310,8 @@ class Controller:
         self._check(job)
         if job.event is Event.PERFORM:
             with self._lock:
+                if job.interrupt is not None:
+                    raise job.interrupt
                 if self._state not in (State.MOVING, State.SETTLING):
                     self._enter(Event.PERFORM)
                     self._reason = None
@@ -270,6 +319,7 @@ class Controller:
         self._outbox.progress(job, phase, fraction, self._interaction.now())
 
     def _check(self, job: Job) -> None:
+        self._manager.alive()
         with self._lock:
             if job.interrupt is not None:
                 raise job.interrupt
@@ -282,8 +332,9 @@ class Controller:
                 self._interaction.check_board(self._unless_wanted)
 
     def _unless_wanted(self) -> None:
+        self._manager.alive()
         with self._lock:
-            if self._jobs:
+            if self._jobs or self._state is State.FAULT:  # given up meanwhile
                 raise ended_by("aborted_stop")
             if self._late:
                 raise RobotError(
@@ -323,17 +374,44 @@ class Controller:
             assert job.interrupt is not None
             self._outbox.finish(job, job.error(job.interrupt))
 
+    # --- any thread -------------------------------------------------------------------------------
+
+    def _stop_blindly(self, job: Job) -> None:
+        """Takes a stop for later where the loop does not turn, and says so at once."""
+        if self._watch.hangs and not self._ended:
+            if not self._jobs.stops:
+                job.ended = True
+                self._jobs.put(job)
+            raise RobotError("not_confirmed", f"The stop is not confirmed. {self._stuck()}")
+
+    def _stuck(self) -> str:
+        what = under_way(self._thread.ident) or "something does not return"
+        return f"The control loop does not turn: {what}."
+
+    def _give_up(self) -> None:
+        with self._lock:
+            job = self._jobs.under_way
+        self._fail(self._stuck(), job)
+
+    def _returned(self) -> None:
+        self._log.warning("the control loop turns again; the robot stays down")
+
     def _fail(self, sentence: str, job: Job | None) -> None:
-        self._announce(logging.ERROR, f"fault: {sentence} Once it is mended: {CLEAR}")
+        sentence = brief(sentence)
+        failed = self._died or RobotError("fault", sentence)
         overtaken = RobotError("fault", f"The robot went down before this was done: {sentence}")
         with self._lock:
             self._jobs.under_way = None
             self._state = TRANSITIONS[self._state, Event.FAILED]
-            self._reason = sentence[:500]
+            self._reason = sentence
             withdrawn = self._jobs.end(dict.fromkeys(ENDS[Event.STOP], overtaken))
+            if job is not None:
+                job.interrupt = failed  # the driver may return
+        what_next = failed.advice if self._died else f"Once it is mended: {CLEAR}"
+        self._announce(logging.ERROR, f"fault: {sentence} {what_next}")
         self._tell(withdrawn)
         if job is not None:
-            self._outbox.finish(job, job.error(RobotError("fault", sentence)))
+            self._outbox.finish(job, job.error(failed))
 
     def _announce(self, level: int, sentence: str) -> None:
         self._log.log(level, "%s", sentence)

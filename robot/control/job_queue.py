@@ -27,6 +27,11 @@ class JobQueue:
         """Whether any request is waiting."""
         return bool(self._commands or self._reads)
 
+    @property
+    def stops(self) -> bool:
+        """Whether a ``stop`` is waiting."""
+        return any(job.event is Event.STOP for job in self._commands)
+
     def put(self, job: Job) -> None:
         """Appends a request to those of its kind."""
         (self._reads if job.event is Event.READ else self._commands).append(job)

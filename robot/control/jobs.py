@@ -74,12 +74,14 @@ class Job:
         request: What was asked.
         interrupt: The error with which it shall end.
         reported: Phase and robot time of the last progress that was told.
+        ended: Whether its final reply was given, or nobody waits for one.
     """
 
     ticket: int
     request: RobotRequest
     interrupt: RobotError | None = None
     reported: tuple[str, float] = ("", 0.0)
+    ended: bool = False
 
     @cached_property
     def event(self) -> Event:

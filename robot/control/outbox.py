@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Final
@@ -23,16 +24,21 @@ class Outbox:
 
     def __init__(self) -> None:
         self.notify: Callable[[], None] = lambda: None
+        self._lock = threading.Lock()
         self._of_commands: deque[RobotEvent] = deque()
         self._of_reads: deque[RobotEvent] = deque()
 
     def finish(self, job: Job, reply: FinalReply) -> None:
-        """Adds the reply with which a request ended."""
+        """Adds the reply with which a request ended, unless there was one: a fault came before."""
+        with self._lock:
+            if job.ended:
+                return
+            job.ended = True
         self._put(job, Finished(ticket=job.ticket, reply=reply))
 
     def progress(self, job: Job, phase: str, fraction: float, now: float) -> None:
         """Adds progress at robot time ``now`` (s), unless some was added a moment before."""
-        if job.progresses(phase, now):
+        if not job.ended and job.progresses(phase, now):
             self._put(
                 job, Progressed(ticket=job.ticket, phase=phase, fraction=fraction, robot_time=now)
             )

@@ -31,11 +31,13 @@ class ServiceManager:
         period: Seconds between signs of life, a quarter of what the manager bears, so that a loop
             that turns at least this often is never silent for more than half of it; ``None``: it
             wants none.
+        heard: When ``alive`` was last called, monotonic, s.
     """
 
     def __init__(self, environment: Mapping[str, str] = os.environ):
         self._address = environment.get("NOTIFY_SOCKET", "")
         self.period = _watchdog_period(environment) if self._address else None
+        self.heard = 0.0
         self._told_at = -float("inf")
 
     def ready(self, status: str) -> None:
@@ -52,11 +54,9 @@ class ServiceManager:
 
     def alive(self) -> None:
         """Notifies the watchdog; cheap enough to be called at every turn of the control loop."""
-        if self.period is None:
-            return
-        now = time.monotonic()
-        if now - self._told_at >= self.period:
-            self._told_at = now
+        self.heard = time.monotonic()
+        if self.period is not None and self.heard - self._told_at >= self.period:
+            self._told_at = self.heard
             self._tell("WATCHDOG=1")
 
     def _tell(self, *assignments: str, patience: float = 0.0) -> None:

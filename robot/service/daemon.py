@@ -18,6 +18,7 @@ from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.control.interaction import Attendant, MotorProgramRunner
 from robot.drivers.servos.servo_bus import ServoBus
+from robot.errors import DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.host.service_manager import ServiceManager
 from robot.host.trusted_clock import SteadyClock
@@ -161,14 +162,19 @@ def serve(
     *,
     manager: ServiceManager | None = None,
 ) -> None:
-    """Serves until SIGTERM, SIGINT or SIGHUP; then ends a motion, parks and returns."""
+    """Serves until SIGTERM, SIGINT or SIGHUP; then ends a motion, parks and returns.
+
+    Raises:
+        DeviceTimeoutError: The control loop did not end in time, or had ended before.
+    """
     manager = manager or ServiceManager({})
+    ended = True
 
     def shut_down(reason: signal.Signals) -> None:
+        nonlocal ended
         log.info("%s: shutting down", reason.name)
         manager.stopping("parking")
-        if not controller.shut_down():
-            log.error("the control loop did not end in time; the servos keep their last commands")
+        ended = controller.shut_down()
         server.request_stop()
 
     with _quick_turns(), _on_signals(shut_down):
@@ -178,6 +184,11 @@ def serve(
         manager.ready(status)
         with server:
             server.run()
+    if not ended:
+        raise DeviceTimeoutError(
+            "The control loop did not end as it should; the servos keep their last commands.",
+            "See the log for what failed.",
+        )
     log.info("shut down")
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
+from robot.drivers.guard import open_driver, under_way
 from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.drivers.sensors.contracts import (
     Accelerometer,
@@ -20,8 +22,11 @@ from robot.drivers.sensors.contracts import (
     attach_board,
 )
 from robot.drivers.servos.servo_bus import ServoBus
-from robot.errors import DeviceError
+from robot.errors import DeviceError, DeviceTimeoutError
 from robot.toml_sections import numbered
+
+CLOSING: Final = 2.0
+"""Seconds that all drivers together may take to close."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +46,30 @@ class Devices:
         return (self.accelerometer, *self.touch, *distance)
 
     def close(self) -> None:
-        """Closes all of them."""
-        self.servos.close()
-        for sensor in self.sensors:
-            sensor.close()
-        if self.inputs is not None:
-            self.inputs.board.close()
+        """Closes all of them, one that fails not keeping the others open.
+
+        Raises:
+            DeviceError: One failed, or did not return in time; it is left alone then.
+        """
+        failed: list[DeviceError] = []
+
+        def close_all() -> None:
+            board = [] if self.inputs is None else [self.inputs.board.close]
+            for close in [self.servos.close, *(one.close for one in self.sensors), *board]:
+                try:
+                    close()
+                except DeviceError as error:
+                    failed.append(error)
+
+        thread = threading.Thread(target=close_all, name="closing", daemon=True)
+        thread.start()
+        thread.join(CLOSING)
+        if thread.is_alive():
+            raise DeviceTimeoutError(
+                f"Not everything is closed: {under_way(thread.ident)}.", "See to that driver."
+            )
+        if failed:
+            raise failed[0]
 
 
 def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Devices:
@@ -63,7 +86,7 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
     """
     with ExitStack() as opened:
         with _named(file, "servos"):
-            servos = config.servos.open(buses)
+            servos: ServoBus = open_driver(config.servos, buses)
         opened.callback(servos.close)
         if config.daq is not None:
             with _named(file, "daq"):
@@ -73,7 +96,7 @@ def open_devices(config: RobotConfig, buses: Buses, *, file: str = "") -> Device
 
         def start(table: str, settings: SensorSettings, called: str) -> Any:
             with _named(file, table):
-                driver: SensorDriver = settings.open(buses, called)
+                driver: SensorDriver = open_driver(settings, buses, called)
                 opened.callback(driver.close)
                 driver.start()
             return driver

@@ -139,7 +139,8 @@ def test_other_frames_are_no_sign_of_life(bench: ServerCoreBench, kind: str) -> 
     bench.control()
     bench.now = 104.0
     if kind == "stop":
-        bench.send("c", "stop", 0)
+        ticket = one(Submit, bench.send("c", "stop", 0)).ticket
+        bench.core.finish(Finished(ticket=ticket, reply=Ok(id=0, state="stopped")))
     elif kind == "hello-of-another":
         bench.hello("d")
     elif kind == "garbage":
@@ -161,6 +162,33 @@ def test_a_stop_is_carried_out_whoever_it_says_it_is_from(
     bench.hello("d", user="one")
     actions = bench.send("d", "stop", 1, user="another", peer=b"p", session=session)
     assert one(Submit, actions).request.TYPE == "stop"
+
+
+def test_a_stop_that_is_not_carried_out_is_answered_in_time_as_not_confirmed(
+    bench: ServerCoreBench,
+) -> None:
+    ticket = one(Submit, bench.send("d", "stop", 7)).ticket
+    due = bench.core.deadline
+    assert due is not None
+    assert bench.now < due <= bench.now + 0.25
+    assert bench.core.tick(due - 1e-6) == []
+    reply = bench.reply(bench.core.tick(due))
+    assert (reply["id"], reply["code"], reply["retryable"]) == (7, "not_confirmed", True)
+    assert bench.core.tick(due + 1) == []
+    assert bench.core.deadline is None
+    late = Finished(ticket=ticket, reply=Ok(id=7, state="stopped"))
+    assert bench.core.finish(late) == []  # it was told already
+    with pytest.raises(KeyError):
+        bench.core.finish(late)
+
+
+def test_a_stop_that_is_carried_out_is_answered_once(bench: ServerCoreBench) -> None:
+    tickets = [one(Submit, bench.send("d", "stop", number)).ticket for number in (7, 8)]
+    reply = bench.reply(
+        bench.core.finish(Finished(ticket=tickets[0], reply=Ok(id=7, state="idle")))
+    )
+    assert reply["type"] == "ok"
+    assert bench.reply(bench.core.tick(bench.now + 1))["id"] == 8
 
 
 def test_letting_go_in_mid_motion_lets_the_robot_hold(bench: ServerCoreBench) -> None:
