@@ -36,7 +36,7 @@ from sim_robot.faults.fault_panel import FaultPanel, FaultSpec
 
 _IPC: Final = "ipc://"
 _MAX_REQUEST: Final = 65536  # bytes of a line
-_HASTE: Final = 0.5  # s that a client may take to say what it wants; others wait meanwhile
+_MOST: Final = 64  # connections that have yet to say what they want
 _PATIENCE: Final = 10.0  # s that a client waits for an answer
 
 
@@ -85,22 +85,47 @@ class FaultSocket(Closable):
                 os.unlink(self.endpoint.removeprefix(_IPC))
 
     def _run(self) -> None:
+        asking: dict[socket.socket, bytes] = {}  # what each said so far; who came first, first
         with selectors.DefaultSelector() as selector:
             selector.register(self._listener, selectors.EVENT_READ)
             selector.register(self._waker.fileno(), selectors.EVENT_READ)
-            while True:
-                selector.select()
-                if self._stopping:
-                    return
-                with suppress(OSError):  # whoever asked is gone
-                    connection, _ = self._listener.accept()
-                    self._serve(connection)
+            while not self._stopping:
+                for key, _ in selector.select():
+                    if key.fileobj is self._listener:
+                        self._admit(asking, selector)
+                    elif isinstance(key.fileobj, socket.socket) and key.fileobj in asking:
+                        self._hear(key.fileobj, asking, selector)
+            for connection in asking:
+                connection.close()
 
-    def _serve(self, connection: socket.socket) -> None:
-        connection.settimeout(_HASTE)
-        with connection, connection.makefile("rwb") as stream:
-            answer = self._answer(stream.readline(_MAX_REQUEST))
-            stream.write(json.dumps(answer).encode() + b"\n")
+    def _admit(self, asking: dict[socket.socket, bytes], selector: selectors.BaseSelector) -> None:
+        """Lets one in; the one that has been silent for longest makes room for it."""
+        with suppress(OSError):  # whoever knocked is gone
+            connection, _ = self._listener.accept()
+            if len(asking) == _MOST:
+                _dismiss(next(iter(asking)), asking, selector)
+            connection.setblocking(False)
+            asking[connection] = b""
+            selector.register(connection, selectors.EVENT_READ)
+
+    def _hear(
+        self,
+        connection: socket.socket,
+        asking: dict[socket.socket, bytes],
+        selector: selectors.BaseSelector,
+    ) -> None:
+        """Takes what one has sent; answers it, and hangs up, once that is a whole line."""
+        try:
+            chunk = connection.recv(_MAX_REQUEST)
+            asking[connection] += chunk
+            line, ended, _ = asking[connection].partition(b"\n")
+            if chunk and not ended and len(line) < _MAX_REQUEST:
+                return
+            answer = self._answer(line[:_MAX_REQUEST])
+            connection.sendall(json.dumps(answer).encode() + b"\n")
+        except OSError:
+            pass  # it is gone, or does not read
+        _dismiss(connection, asking, selector)
 
     def _answer(self, line: bytes) -> dict[str, Any]:
         try:
@@ -133,6 +158,16 @@ class FaultSocket(Closable):
             "interactions": self._panel.interactions,
             **self._report(),
         }
+
+
+def _dismiss(
+    connection: socket.socket,
+    asking: dict[socket.socket, bytes],
+    selector: selectors.BaseSelector,
+) -> None:
+    del asking[connection]
+    selector.unregister(connection)
+    connection.close()
 
 
 class FaultClient:
