@@ -38,7 +38,15 @@ ROLES: Final = (*(role.value for role in Role), ROBOT)
 
 _SECRET: Final = "secret.toml"
 _KNOWN: Final = "known.toml"
-_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
+_PRIME: Final = 2**255 - 19
+_SHARED_BY_ALL: Final = (  # the points of small order, as RFC 7748 and the curve's author list them
+    0,
+    1,
+    _PRIME - 1,
+    325606250916557431795983626356110631294008115727848805560023387167927233504,
+    39382357235489614581723060781553021112529911719440698176882885853963445705823,
+)
 
 _SECRET_HEAD: Final = "# Who this computer is. Never give this file away: whoever has it, is it.\n"
 _PUBLIC_HEAD: Final = "# A public key, no secret; whoever is to know it says: robotd keys add.\n"
@@ -157,7 +165,14 @@ class KeyDirectory:
         check_key(peer.public, "the key")
         if peer.role not in ROLES:
             raise KeysError(f"There is no role {peer.role!r}: choose {', '.join(ROLES)}.")
+        own = ""
         with self._locked():
+            with suppress(KeysError):  # of a pair that is not there or spoilt, others complain
+                own = self.pair().public
+            if peer.public == own:
+                raise KeysError(
+                    "This key is this computer's own: add the .public file of the other one."
+                )
             peers = self.known()
             for other in peers:
                 if other.name == peer.name:
@@ -259,16 +274,24 @@ def check_name(name: str) -> None:
     """Raises ``KeysError`` for what cannot be a name."""
     if not _NAME.fullmatch(name):
         raise KeysError(
-            f"{name!r:.80} cannot be a name: take 1 to 64 letters, digits, hyphens and underscores."
+            f"{name!r:.80} cannot be a name: take 1 to 64 letters, digits, hyphens and "
+            "underscores, no hyphen first."
         )
 
 
 def check_key(key: str, what: str) -> None:
-    """Raises ``KeysError`` for what is no key in Z85; ``what`` names it in the sentence."""
+    """Raises ``KeysError`` for what is no public or secret key; ``what`` names it in the sentence.
+
+    Nor are the points of small order, 0 among them: with those, every secret gives the same shared
+    key, so that they shut nobody out.
+    """
+    point = b""
     with suppress(ValueError, KeyError, struct.error):  # all that the decoder's arithmetic raises
-        if len(key) == 40 and z85.decode(key.encode("ascii")):
-            return
-    raise KeysError(f"{what} is no key: a key has 40 characters of the alphabet Z85.")
+        point = z85.decode(key.encode("ascii")) if len(key) == 40 else b""
+    if not point:
+        raise KeysError(f"{what} is no key: a key has 40 characters of the alphabet Z85.")
+    if int.from_bytes(point, "little") % 2**255 % _PRIME in _SHARED_BY_ALL:
+        raise KeysError(f"{what} is no key: it is the same for everybody who has any.")
 
 
 def _lines(**entries: str) -> str:

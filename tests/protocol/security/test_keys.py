@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import zmq
+from zmq.utils import z85
 
 from protocol.errors import KeysError
 from protocol.security.keys import (
@@ -100,7 +101,7 @@ def test_a_client_has_exactly_one_robot(keys: KeyDirectory) -> None:
         keys.client_keys()
 
 
-@pytest.mark.parametrize("name", ["", "a b", "../x", "ä", "x" * 65, 'a"b', "a\n"])
+@pytest.mark.parametrize("name", ["", "a b", "../x", "ä", "x" * 65, 'a"b', "a\n", "-x", "-"])
 def test_what_cannot_be_a_name(keys: KeyDirectory, name: str) -> None:
     for action in (lambda: keys.add(person(name)), lambda: keys.create(name)):
         with pytest.raises(KeysError, match="cannot be a name"):
@@ -112,6 +113,38 @@ def test_what_is_no_key(keys: KeyDirectory, key: str) -> None:
     with pytest.raises(KeysError, match="the key is no key: a key has 40 characters"):
         keys.add(KnownPeer(name="ann", public=key, role="viewer"))
     check_key(fresh_key(), "this one")
+
+
+def weak_keys() -> list[str]:
+    """All encodings of the points of small order, in Z85."""
+    prime = 2**255 - 19
+    points = [
+        0,
+        1,
+        prime - 1,
+        0x00B8495F16056286FDB1329CEB8D09DA6AC49FF1FAE35616AEB8413B7C7AEBE0,
+        0x57119FD0DD4E22D8868E1C58C45C44045BEF839C55B1D0B1248C50A3BC959C5F,
+    ]
+    same = [*points, prime, prime + 1]
+    values = [*same, *(value + 2**255 for value in same)]
+    return [z85.encode(value.to_bytes(32, "little")).decode() for value in values]
+
+
+@pytest.mark.parametrize("key", weak_keys())
+def test_a_key_that_keeps_nobody_out(keys: KeyDirectory, key: str) -> None:
+    with pytest.raises(KeysError, match="the key is no key: it is the same for everybody"):
+        keys.add(KnownPeer(name="ann", public=key, role="controller"))
+    place = keys.path / "known.toml"
+    place.write_text(f'[ann]\npublic = "{key}"\nrole = "controller"\n')
+    place.chmod(0o600)
+    with pytest.raises(KeysError, match=r"known\.toml: 'public' is no key: it is the same"):
+        keys.known()
+
+
+def test_nobody_knows_themselves(keys: KeyDirectory) -> None:
+    with pytest.raises(KeysError, match=r"is this computer's own: add the \.public file of"):
+        keys.add(KnownPeer(name="ann", public=keys.pair().public, role="controller"))
+    assert keys.known() == ()
 
 
 def test_an_unknown_role(keys: KeyDirectory) -> None:
