@@ -24,6 +24,7 @@ from protocol.security.keys import KeyPair
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.tcp_connection import TcpConnection
 from protocol.sockets.zmq_sockets import serving
+from protocol.system.forks import kept_from_children
 
 MOST: Final = 240
 """Connections of a server: their descriptors stay below 1024, beyond which ``select`` fails."""
@@ -181,7 +182,7 @@ class TcpListener:
             if len(self) >= self._most:
                 self._close(self._weakest())
             try:
-                self._open(tcp, f"{address[0]}:{address[1]}")
+                self._open(kept_from_children(tcp), f"{address[0]}:{address[1]}")
             except (OSError, zmq.ZMQError) as error:  # it is gone already, or there is no room
                 tcp.close()
                 self._report(address[0], str(error))
@@ -272,7 +273,7 @@ def _bound(place: Endpoint) -> socket.socket:
             type=socket.SOCK_STREAM,
             flags=socket.AI_PASSIVE,
         )[0]
-        made = socket.socket(family, kind, number)
+        made = kept_from_children(socket.socket(family, kind, number))
         try:
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             if place.is_ipv6:

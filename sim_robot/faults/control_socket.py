@@ -30,6 +30,7 @@ from protocol.errors import BodyschemaError
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.zmq_sockets import Waker
 from protocol.system.closable import Closable
+from protocol.system.forks import kept_from_children
 from robot.errors import CommandError
 from sim_robot.errors import FaultError
 from sim_robot.faults.fault_panel import FaultPanel, FaultSpec
@@ -236,7 +237,7 @@ def _listening(uri: str) -> tuple[socket.socket, str]:
         with suppress(FileNotFoundError):
             if stat.S_ISSOCK(os.stat(address).st_mode):  # of a robot that was killed
                 os.unlink(address)
-    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener = kept_from_children(socket.socket(family, socket.SOCK_STREAM))
     try:
         if family != socket.AF_UNIX:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
