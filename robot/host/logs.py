@@ -15,13 +15,14 @@ import select
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
-from protocol.text.printable import printable
+from protocol.text.printable import brief, printable
 
 _ERROR, _WARNING, _INFORMATION, _DEBUG = "<3>", "<4>", "<6>", "<7>"  # as in sd-daemon(3)
 _STDERR: Final = 2
 _LONGEST: Final = 4096  # what a pipe that is ready to be written to takes without blocking
+_LINES: Final = 40  # of a traceback, at its beginning and at its end
 _TERMINAL_FORMAT: Final = "%(asctime)s %(name)s %(levelname)s: %(message)s"
 _JOURNAL_FORMAT: Final = "%(message)s"
 
@@ -41,7 +42,7 @@ def complain(program: str, error: Exception) -> None:
     """Says on standard error why a program ends."""
     start = _ERROR if reads_journal(_STDERR) else f"{program}: "
     with suppress(OSError):
-        print(f"{start}{printable(str(error))}", file=sys.stderr, flush=True)
+        print(f"{start}{printable(brief(str(error), _LONGEST))}", file=sys.stderr, flush=True)
 
 
 def reads_journal(fd: int, environment: Mapping[str, str] = os.environ) -> bool:
@@ -54,12 +55,23 @@ def reads_journal(fd: int, environment: Mapping[str, str] = os.environ) -> bool:
 
 
 class PlainFormatter(logging.Formatter):
-    """Shows control characters as escapes: a client's name cannot forge a line or a priority."""
+    """Shows control characters as escapes: a client's name cannot forge a line or a priority.
+
+    Nothing is longer than a person reads, whatever a driver raises.
+    """
 
     def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802 - logging's name
         """The line without a traceback."""
-        record.message = printable(record.message)
+        record.message = printable(brief(record.message, _LONGEST))
         return super().formatMessage(record)
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - likewise
+        """The traceback, without its middle where it is long."""
+        lines = [brief(line, _LONGEST) for line in super().formatException(ei).splitlines()]
+        left_out = len(lines) - 2 * _LINES
+        if left_out > 0:
+            lines[_LINES:-_LINES] = [f"({left_out:,} lines are left out)"]
+        return "\n".join(lines)
 
 
 class LineHandler(logging.Handler):

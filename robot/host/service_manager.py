@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final
 
+from protocol.text.printable import brief
+
 _PATIENCE: Final = 1.0  # s that a full queue of the manager may cost a message that must arrive
 _GLANCE: Final = 0.05  # … and one that should; a sign of life is repeated and may cost nothing
 
@@ -46,7 +48,7 @@ class ServiceManager:
 
     def status(self, status: str) -> None:
         """Sends a line on what the daemon is doing."""
-        self._tell(f"STATUS={status}", patience=_GLANCE)
+        self._tell(f"STATUS={brief(status)}", patience=_GLANCE)
 
     def stopping(self, status: str) -> None:
         """Notifies that the daemon has begun to shut down."""

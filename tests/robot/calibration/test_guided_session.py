@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,8 @@ from robot.configuration.calibration_file import (
     read_calibration,
     save_calibration,
 )
-from robot.drivers.servos.sv203 import COUNTS
+from robot.drivers.sensors.vl6180x import VL6180X
+from robot.drivers.servos.sv203 import COUNTS, SV203
 from robot.errors import AbandonedError, CommandError
 from robot.service.devices import Devices
 from tests.robot.calibration.desk import Answer, Script
@@ -242,4 +244,38 @@ def test_a_cable_that_comes_back_goes_on_with_the_part(desk: Desk) -> None:
     calibration = desk.measured(Calibration(robot="quadruped"), script, "hip_left")
     assert script.heard("Check that the adapter is plugged in")
     assert script.left == 0
+    assert calibration.joints["hip_left"].scale.count(0.0) == 161
+
+
+def test_a_reading_that_is_no_number_is_not_taken(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    distance, bad = VL6180X.distance, [math.nan, math.inf]
+    monkeypatch.setattr(VL6180X, "distance", lambda it: bad.pop() if bad else distance(it))
+    tries = ["", ""]  # each bad reading is said, and Enter tries again
+    first, *answers = desk.answers()[-11:]
+    script = Script(first, answers[0], *tries, *answers[1:])
+    ruler = desk.measured(Calibration(robot="quadruped"), script, "distance").distance
+    assert script.left == 0
+    assert ruler is not None
+    assert ruler.zero == pytest.approx(0.008)
+    assert sum("no finite number" in text for text in script.said) == 2
+
+
+def test_a_driver_that_would_end_the_program_is_tried_again(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    verify, calls = SV203.verify, []
+
+    def leave_once(servos: SV203, expected: Mapping[int, int]) -> list[int]:
+        calls.append(expected)
+        if len(calls) == 2:
+            raise SystemExit(0)
+        return verify(servos, expected)
+
+    monkeypatch.setattr(SV203, "verify", leave_once)
+    answers = ["", "-20", "u 20", "", "u 20", "4", "done", "0", "yes"]
+    script = Script(*answers)
+    calibration = desk.measured(Calibration(robot="quadruped"), script, "hip_left")
+    assert script.heard("SV203 failed in verify: SystemExit: 0")
     assert calibration.joints["hip_left"].scale.count(0.0) == 161

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 
 import pytest
@@ -11,7 +12,11 @@ import serial
 from bench.still_pi import still_pi
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Severity
+from robot.drivers.daq.dmm32 import DMM32Settings
 from robot.drivers.links.serial_line import open_serial
+from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueGauge
+from robot.drivers.sensors.vl6180x import VL6180X
+from robot.drivers.servos.sv203 import SV203
 from sim_robot.faults.fault_panel import FaultSpec
 from sim_robot.simulator.daemon import emulation
 from sim_robot.world.body import default_body_path, load_body
@@ -154,3 +159,39 @@ def test_an_examination_takes_seconds(clinic: Clinic) -> None:
     before = clinic.clock.now()
     clinic.examine()
     assert 2 < clinic.clock.now() - before < 10
+
+
+def leave(*_: object) -> None:
+    raise SystemExit(0)
+
+
+@pytest.mark.parametrize(
+    ("where", "method", "subject"),
+    [
+        (VL6180X, "start", "distance"),
+        (VL6180X, "distance", "distance"),
+        (AnalogueAccelerometer, "acceleration", "accelerometer"),
+        (AnalogueGauge, "check", "touch lower_left"),
+        (DMM32Settings, "open", "analogue inputs"),
+        (SV203, "read_counts", "servo board"),
+    ],
+)
+def test_a_driver_that_leaves_the_program_is_a_finding(
+    clinic: Clinic, monkeypatch: pytest.MonkeyPatch, where: type, method: str, subject: str
+) -> None:
+    monkeypatch.setattr(where, method, leave)
+    finding = clinic.bad()[subject]
+    assert f"failed in {method}: SystemExit: 0" in finding.text
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_what_is_not_finite_is_a_finding(
+    clinic: Clinic, monkeypatch: pytest.MonkeyPatch, bad: float
+) -> None:
+    monkeypatch.setattr(VL6180X, "distance", lambda _: bad)
+    monkeypatch.setattr(AnalogueAccelerometer, "acceleration", lambda _: (0.0, bad, 1.0))
+    monkeypatch.setattr(AnalogueGauge, "load", lambda _: bad)
+    bad_ones = clinic.bad()
+    subjects = {"distance", "accelerometer"} | {f"touch {p.name}" for p in clinic.config.touch}
+    assert bad_ones.keys() == subjects
+    assert all("no finite number" in one.text for one in bad_ones.values())

@@ -55,6 +55,25 @@ def test_each_line_of_a_traceback_has_its_priority(
     assert lines[-1] == "<3>ValueError: a bug"
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("x" * 5_000_000, "ValueError: xxx"), ("x\n" * 500_000, "lines are left out")],
+)
+def test_what_others_raise_does_not_fill_the_log(tmp_path: Path, text: str, words: str) -> None:
+    with (tmp_path / "log").open("w+b", buffering=0) as file:
+        log = logger(file.fileno())
+        log.error("fault: %s", text)
+        try:
+            raise ValueError(text) from KeyError(text)
+        except ValueError:
+            log.exception("the control loop failed")
+        file.seek(0)
+        lines = file.read().decode().splitlines()
+    assert sum(map(len, lines)) < 50_000
+    assert any(words in line for line in lines)
+    assert any("the control loop failed" in line for line in lines)
+
+
 def test_a_client_cannot_forge_a_line(tmp_path: Path) -> None:
     with (tmp_path / "log").open("w+b", buffering=0) as file:
         logger(file.fileno()).info("stopped by %s", "x\n<3>robotd: fault\x1b[2J\u2028")

@@ -11,6 +11,8 @@ import pytest
 
 from bench.still_robot import StillRobot, still_robot
 from robot.drivers.buses import Buses
+from robot.drivers.sensors.analogue import AnalogueGauge
+from robot.drivers.sensors.vl6180x import VL6180X
 from robot.drivers.servos.sv203 import SV203, SV203Settings
 from robot.errors import DeviceMissingError
 from robot.trial.session import QUIT, Trial
@@ -217,3 +219,21 @@ def test_a_joint_that_is_not_where_it_was_read_does_not_leap(
     person = desk.tried("right", 1.0)
     assert "does not have the command for hip_left" in person.seen[-1]
     assert not desk.moves
+
+
+def test_a_driver_that_would_end_the_program_is_a_sentence(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def leave(*_: object) -> None:
+        raise SystemExit(0)
+
+    def break_everything() -> None:
+        monkeypatch.setattr(VL6180X, "distance", leave)
+        monkeypatch.setattr(AnalogueGauge, "load", lambda _: math.nan)
+        monkeypatch.setattr(SV203, "set_counts", leave)
+
+    seen = desk.tried(break_everything, 0.5, "right", 0.5).seen[-1]
+    assert "! distance" in seen
+    assert "VL6180X failed in distance: SystemExit: 0" in seen
+    assert "gave nan for a reading, which is no finite number" in seen
+    assert "! The driver of the SV203 failed in set_counts: SystemExit: 0" in seen
