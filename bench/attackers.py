@@ -1,4 +1,6 @@
-"""Attacks on a robot: ``python -m bench.attackers NAME URI TELEMETRY``, until standard input ends.
+"""Attacks on a robot: ``python -m bench.attackers NAME URI OTHER``, until standard input ends.
+
+OTHER is where telemetry is published, or where faults are injected (``idle_faults``).
 
 Prints ``under way`` when an attack goes on, and at the end what it did.
 """
@@ -15,7 +17,9 @@ from contextlib import suppress
 from typing import Final
 
 from bench.raw_peer import MORE, RawPeer, frame, guessed_identities
+from protocol.errors import RobotError
 from protocol.sockets.endpoints import Endpoint
+from protocol.transport.client import RobotClient
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, encode
 
 MEGABYTE: Final = bytes(1_000_000)
@@ -121,6 +125,43 @@ def connections(uri: str, telemetry: str) -> Iterator[None]:
         yield
 
 
+def idle_faults(uri: str, control: str) -> Iterator[None]:
+    """Opens connections to the socket for faults that ask for nothing, as fast as possible."""
+    del uri
+    yield from connections(control, "")
+
+
+def hanging_driver(uri: str, telemetry: str) -> Iterator[None]:
+    """Asks for a motion, of servos whose driver does not return."""
+    del telemetry
+    with RobotClient(uri) as client:
+        client.acquire()
+        targets = dict.fromkeys((joint.name for joint in client.capabilities.joints), 0.5)
+        moving = threading.Thread(target=_moved, args=(client, targets), daemon=True)
+        moving.start()
+        while True:
+            yield
+            moving.join(0.05)
+
+
+def dying_driver(uri: str, telemetry: str) -> Iterator[None]:
+    """Asks for motions again and again, of servos whose driver raises ``SystemExit``."""
+    del telemetry
+    with RobotClient(uri) as client:
+        client.acquire()
+        targets = dict.fromkeys((joint.name for joint in client.capabilities.joints), 0.5)
+        while True:
+            _moved(client, targets)
+            with suppress(RobotError):
+                client.clear()
+            yield
+
+
+def _moved(client: RobotClient, targets: Mapping[str, float]) -> None:
+    with suppress(RobotError):
+        client.perform(targets)
+
+
 ATTACKS: Final[Mapping[str, Attack]] = {
     attack.__name__: attack
     for attack in (
@@ -133,6 +174,9 @@ ATTACKS: Final[Mapping[str, Attack]] = {
         garbage,
         unread,
         connections,
+        idle_faults,
+        hanging_driver,
+        dying_driver,
     )
 }
 

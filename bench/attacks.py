@@ -1,8 +1,8 @@
-"""What attacks cost a daemon: its memory, and how long another client's ``stop`` waits.
+"""What attacks and sick drivers cost a daemon: memory, and how long another's ``stop`` waits.
 
 ``python -m bench.attacks``: for each attack a daemon of its own, in real time, on still
 electronics; the attacker in another process, the client that stops in a third. Then SIGTERM, while
-the attack goes on.
+the attack goes on. Of the socket for faults, how long a report waits.
 """
 
 from __future__ import annotations
@@ -14,22 +14,32 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Final
 
 import psutil
 
 from bench.attackers import ATTACKS
 from bench.latency.__main__ import percentile
+from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
+from sim_robot.faults.control_socket import FaultClient
 
 SECONDS = 15.0
 PAUSE = 0.02  # s between two stops
-_STOPPING = """
+SICK: Final = {
+    "hanging_driver": "servos.set_counts=hang",
+    "dying_driver": "servos.set_counts=SystemExit",
+}
+"""What is wrong with the daemon's drivers, by attack."""
+_ASKING = """
 import json, sys, time
-from bench.attacks import stops
+from bench.attacks import reports, stops
 print("ready", flush=True)
 sys.stdin.readline()
-print(json.dumps(stops(sys.argv[1], float(sys.argv[2]))))
+ask = reports if sys.argv[3] == "idle_faults" else stops
+print(json.dumps(ask(sys.argv[1], float(sys.argv[2]))))
 """
 
 
@@ -57,29 +67,47 @@ class Outcome:
 
 
 def stops(uri: str, seconds: float) -> list[float]:
-    """Stops the robot again and again; how long each took, ms."""
-    trips = []
+    """Stops the robot again and again; how long each answer took, ms."""
     with RobotClient(uri, timeout=30.0) as client:
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            begun = time.perf_counter()
-            client.stop()
-            trips.append(1000 * (time.perf_counter() - begun))
-            time.sleep(PAUSE)
+
+        def stop() -> None:
+            try:
+                client.stop()
+            except RobotError as error:
+                if error.code != "not_confirmed":
+                    raise
+
+        return _timed(stop, seconds)
+
+
+def reports(control: str, seconds: float) -> list[float]:
+    """Asks again and again which faults there are; how long each answer took, ms."""
+    return _timed(FaultClient(control).report, seconds)
+
+
+def _timed(ask: Callable[[], object], seconds: float) -> list[float]:
+    trips = []
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        begun = time.perf_counter()
+        ask()
+        trips.append(1000 * (time.perf_counter() - begun))
+        time.sleep(PAUSE)
     return trips
 
 
 def measure(name: str, seconds: float) -> Outcome:
     """Measures one attack."""
     outcome = Outcome(name)
-    robot = _started("bench.still_robotd", "tcp://127.0.0.1:*")
+    sick = ("--sick", SICK[name]) if name in SICK else ()
+    robot = _started("bench.still_robotd", "tcp://127.0.0.1:*", "--control", *sick)
     assert robot.stdout is not None
-    uri = robot.stdout.readline().strip()
+    uri, control = robot.stdout.readline().strip(), robot.stdout.readline().strip()
     with RobotClient(uri) as client:
-        telemetry = client.telemetry_endpoint
+        other = control if name == "idle_faults" else client.telemetry_endpoint
     victim = psutil.Process(robot.pid)
     client_process = subprocess.Popen(
-        [sys.executable, "-c", _STOPPING, uri, str(seconds)],
+        [sys.executable, "-c", _ASKING, control if other == control else uri, str(seconds), name],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
@@ -88,7 +116,7 @@ def measure(name: str, seconds: float) -> Outcome:
     assert client_process.stdout is not None
     client_process.stdout.readline()
     outcome.before = victim.memory_info().rss / 1e6
-    attacker = _started("bench.attackers", name, uri, telemetry) if name != "none" else None
+    attacker = _started("bench.attackers", name, uri, other) if name != "none" else None
     if attacker is not None and attacker.stdout is not None:
         assert attacker.stdout.readline() == "under way\n"
     done = threading.Event()

@@ -2,23 +2,38 @@
 
 from __future__ import annotations
 
+import argparse
 import logging
-import sys
+from contextlib import ExitStack
 
+from bench.sick_drivers import make_sick
 from bench.still_pi import still_pi
 from bench.still_robot import still_robot
 from protocol.transport.server import Server
 from robot.host.clock import WallClock
 from robot.service.daemon import HOUSEKEEPING, serve
+from sim_robot.faults.control_socket import FaultSocket
 
 
 def main() -> None:
-    """Serves on the address given as argument until SIGTERM; with ``pi``, on the chips of a Pi."""
+    """Serves until SIGTERM, and prints where."""
+    parser = argparse.ArgumentParser(prog="python -m bench.still_robotd")
+    parser.add_argument("bind")
+    parser.add_argument("electronics", nargs="?", choices=("pc104", "pi"), default="pc104")
+    parser.add_argument("--control", action="store_true", help="and a socket for faults")
+    parser.add_argument("--sick", help="as bench.sick_drivers takes it")
+    options = parser.parse_args()
     log = logging.getLogger("robotd")
-    build = still_pi if sys.argv[2:] == ["pi"] else still_robot
-    with build(WallClock(), housekeeping=HOUSEKEEPING, log=log) as robot:
-        server = Server(robot.controller, bind=sys.argv[1], telemetry_rate=2.0, log=log)
+    build = still_pi if options.electronics == "pi" else still_robot
+    with ExitStack() as stack:
+        robot = stack.enter_context(build(WallClock(), housekeeping=HOUSEKEEPING, log=log))
+        if options.sick:
+            make_sick(robot.devices, options.sick)
+        server = Server(robot.controller, bind=options.bind, telemetry_rate=2.0, log=log)
         print(server.endpoint, flush=True)
+        if options.control:
+            control = FaultSocket(robot.panel, "tcp://127.0.0.1:*")
+            print(stack.enter_context(control).endpoint, flush=True)
         serve(robot.controller, server, log)
 
 

@@ -38,6 +38,8 @@ from sim_robot.faults.fault_panel import FaultPanel, FaultSpec
 _IPC: Final = "ipc://"
 _MAX_REQUEST: Final = 65536  # bytes of a line
 _MOST: Final = 64  # connections that have yet to say what they want
+_AT_ONCE: Final = 16  # that are let in before those are heard that are in
+_BACKLOG: Final = 1024  # that wait in the kernel: one that it drops knocks again after a second
 _PATIENCE: Final = 10.0  # s that a client waits for an answer
 
 
@@ -100,14 +102,15 @@ class FaultSocket(Closable):
                 connection.close()
 
     def _admit(self, asking: dict[socket.socket, bytes], selector: selectors.BaseSelector) -> None:
-        """Lets one in; the one that has been silent for longest makes room for it."""
-        with suppress(OSError):  # whoever knocked is gone
-            connection, _ = self._listener.accept()
-            if len(asking) == _MOST:
-                _dismiss(next(iter(asking)), asking, selector)
-            connection.setblocking(False)
-            asking[connection] = b""
-            selector.register(connection, selectors.EVENT_READ)
+        """Lets some in; those that have been silent for longest make room for them."""
+        with suppress(OSError):  # there are no more, or whoever knocked is gone
+            for _ in range(_AT_ONCE):
+                connection, _ = self._listener.accept()
+                if len(asking) == _MOST:
+                    _dismiss(next(iter(asking)), asking, selector)
+                connection.setblocking(False)
+                asking[connection] = b""
+                selector.register(connection, selectors.EVENT_READ)
 
     def _hear(
         self,
@@ -242,7 +245,7 @@ def _listening(uri: str) -> tuple[socket.socket, str]:
         if family != socket.AF_UNIX:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
-        listener.listen()
+        listener.listen(_BACKLOG)
         listener.setblocking(False)  # whoever knocks may be gone before it is let in
     except BaseException:
         listener.close()
