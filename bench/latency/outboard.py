@@ -12,18 +12,21 @@ import argparse
 import json
 import logging
 import math
+import sys
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import serial
 
+from bench.sick_drivers import make_sick
 from bench.still_robot import StillWorld, example_config
 from protocol.transport.server import Server
 from robot.drivers.buses import Buses
 from robot.drivers.links.serial_line import open_serial
+from robot.errors import DeviceError
 from robot.host.clock import WallClock
-from robot.host.logs import set_up_logging
+from robot.host.logs import complain, set_up_logging
 from robot.service.daemon import HOUSEKEEPING, build_controller, serve
 from robot.service.devices import open_devices
 from sim_robot.electronics.dmm32 import DMM32Emulator
@@ -37,6 +40,8 @@ def main() -> None:
     parser.add_argument("--port", required=True, help="serial port of the servo board")
     parser.add_argument("--speed", type=float, default=60.0, help="of the joints, degrees/s")
     parser.add_argument("--telemetry-rate", type=float, default=2.0, help="publications/s")
+    parser.add_argument("--sick", help="a driver, as bench.sick_drivers takes it")
+    parser.add_argument("--sick-while", type=Path, help="while there is this file")
     parser.add_argument("--times", type=Path, help="write the lines there at the end, as JSON")
     options = parser.parse_args()
     set_up_logging()
@@ -54,11 +59,17 @@ def main() -> None:
         open_i2c=lambda path: distance,
     )
     devices = open_devices(config, buses)
+    if options.sick is not None:
+        make_sick(devices, options.sick, only_while=options.sick_while)
     controller = build_controller(
         config, devices, clock=clock, attendant=None, housekeeping=HOUSEKEEPING, log=log
     )
     server = Server(controller, bind=options.bind, telemetry_rate=options.telemetry_rate, log=log)
-    serve(controller, server, log)
+    try:
+        serve(controller, server, log)
+    except DeviceError as error:
+        complain("robotd", error)
+        sys.exit(1)
     if options.times is not None:
         options.times.write_text(json.dumps(times), encoding="utf-8")
 

@@ -28,9 +28,9 @@ Four rules hold throughout:
    refused until somebody sends `clear`, which opens, identifies and tries every device, and is
    refused with a sentence while one of them still fails.
 2. **No reading is invented, repeated or stale.** An observation is given only if every sample of it
-   was fresh and possible, and if the servo board, which acknowledges nothing and which other
-   programs may reach, was asked before the samples and after them whether it has the counts that it
-   was sent, and, a PCA9685, whether it is set up as it was.
+   was fresh, a finite number and possible, whatever the sensor, and if the servo board, which
+   acknowledges nothing and which other programs may reach, was asked before the samples and after
+   them whether it has the counts that it was sent, and, a PCA9685, whether it is set up as it was.
 3. **Nothing is done twice.** A request is carried out once, however often it arrives.
 4. **No leap is commanded.** Whatever failed, or another program did, a joint is told to go no
    further at once than it moves in one update of its count at top speed: 5.6° with eight servos at

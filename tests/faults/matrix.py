@@ -215,5 +215,56 @@ PROCESSES: Final = {
         words="it was reset",
         back="`clear` works at once; motion goes on from where the board stands now.",
     ),
+    "hanging servos": Row(
+        fault="the driver of the servos does not return, while moving",
+        injected="`set_counts` waits, in the real process",
+        does="answers `stop` within 250 ms, as `not_confirmed`; what the driver had been given "
+        "goes out when it returns, one update of some joints, and nothing after it. `status` says "
+        "from 0.25 s on that the control loop does not turn, and from 2 s on `fault`",
+        state="fault",
+        code="fault",
+        words="The control loop does not turn: the driver of the SV203 does not return from "
+        "set_counts",
+        back="Refused while the driver hangs; afterwards `clear` works. A driver in C that waits "
+        "without giving up Python's lock holds all answers up, too: the service manager's watchdog "
+        "ends the daemon then, and the board holds the servos by itself.",
+    ),
+    "hanging sensor": Row(
+        fault="the driver of a sensor does not return, while moving",
+        injected="`acceleration` waits, in the real process",
+        does="likewise",
+        state="fault",
+        code="fault",
+        words="does not return from acceleration",
+        back="Likewise.",
+    ),
+    "hanging at the end": Row(
+        fault="SIGTERM while the driver of the servos does not return",
+        injected="the real process, its driver waiting in `set_counts`",
+        does="waits for the driver for 2 s, and for those that do not close for 2 s more, says so, "
+        "and exits with status 1",
+        state="(gone)",
+        code="fault",
+        words="does not return from set_counts",
+        back="Start it again.",
+    ),
+    "dying servos": Row(
+        fault="the driver of the servos raises `SystemExit`, while moving",
+        injected="the real process, the driver of which does",
+        does="freezes at the last commanded counts; logs where the driver raised it",
+        state="fault",
+        code="fault",
+        words="The driver of the SV203 failed in verify: SystemExit",
+        back="`clear` works once the driver does.",
+    ),
+    "dying sensor": Row(
+        fault="the driver of a sensor raises `KeyboardInterrupt`, or anything else",
+        injected="likewise",
+        does="likewise",
+        state="fault",
+        code="fault",
+        words="The driver of the VL6180X failed in distance: KeyboardInterrupt",
+        back="Likewise.",
+    ),
 }
 """Faults of processes, computers and cables, by the scenario that tests them."""

@@ -38,13 +38,13 @@ def servo_board() -> Iterator[SV203Emulator]:
 def daemon(
     board: SV203Emulator,
     speed: float = 60.0,
-    *,
+    *options: str,
     bind: str = "tcp://127.0.0.1:*",
     environment: Mapping[str, str] | None = None,
 ) -> AbstractContextManager[Simulator]:
     """A ``robotd`` on the board; speed in degrees per second."""
-    options = ("--port", board.port, "--speed", str(speed))
-    return simulator(*options, bind=bind, module=DAEMON, environment=environment)
+    own = ("--port", board.port, "--speed", str(speed))
+    return simulator(*own, *options, bind=bind, module=DAEMON, environment=environment)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
@@ -317,6 +318,71 @@ def found_unasked(name: str, client: RobotClient) -> None:
     assert isinstance(motion.end, ObservationReply)
 
 
+def sick_driver(name: str, order: str) -> None:
+    """A driver hangs or dies in mid-motion, is stopped meanwhile, and works again."""
+    method = order.partition(".")[2].partition("=")[0]
+    with tempfile.TemporaryDirectory() as folder, servo_board() as board:
+        sick = Path(folder) / "sick"
+        options = ("--sick", order, "--sick-while", str(sick))
+        with (
+            daemon(board, 30, *options) as robot,
+            controller(robot.uri) as client,
+            RobotClient(robot.uri) as other,
+        ):
+            with Motion(client, -45.0) as motion:
+                wait_for_motion(board)
+                sick.touch()
+                wait_until(lambda: method in (other.status().reason or ""))
+                code = answer_to_stop(other)
+                assert (code == "not_confirmed") == order.endswith("=hang")
+            check(name, motion.end, other.status())
+            held = board.pulses()
+            assert 0 not in held
+            with pytest.raises(RobotError) as refused:
+                client.clear()
+            assert refused.value.code == "fault"
+            sick.unlink()
+            wait_until(lambda: answer_to_stop(other) == "fault")
+            assert client.clear().state == "holding"
+            assert max(abs(a - b) for a, b in zip(board.pulses(), held, strict=True)) <= 1
+            with Motion(client, -20.0) as motion:
+                pass
+            assert isinstance(motion.end, ObservationReply)
+
+
+def answer_to_stop(client: RobotClient) -> str:
+    """The state or the error code that a stop is answered with, within 250 ms.
+
+    On a computer that has no time for its processes, it is asked again.
+    """
+    for _ in range(5):
+        begun = time.monotonic()
+        try:
+            answer = client.stop().state
+        except RobotError as error:
+            answer = error.code
+        if time.monotonic() - begun < 0.25:
+            return answer
+    raise AssertionError("no stop was answered within 250 ms")
+
+
+def sigterm_while_hanging() -> None:
+    """A service manager stops a daemon whose driver does not return."""
+    with tempfile.TemporaryDirectory() as folder, servo_board() as board:
+        sick = Path(folder) / "sick"
+        options = ("--sick", "servos.set_counts=hang", "--sick-while", str(sick))
+        with daemon(board, 60, *options) as robot, controller(robot.uri) as client:
+            with Motion(client) as motion:
+                wait_for_motion(board)
+                sick.touch()
+                wait_until(lambda: "does not return" in (client.status().reason or ""))
+                code, _ = robot.terminate(timeout=30)
+            assert code == 1
+            assert "The control loop did not end as it should" in robot.log[-1], robot.log
+            check("hanging at the end", motion.end)
+            assert 0 not in board.pulses()
+
+
 SCENARIOS: Final[Mapping[str, Callable[[], None]]] = MappingProxyType(
     {
         "cut": connections_reset,
@@ -330,6 +396,11 @@ SCENARIOS: Final[Mapping[str, Callable[[], None]]] = MappingProxyType(
         "workstation": workstation_full,
         "unasked": brown_out_unasked,
         "renamed": adapter_renamed,
+        "hanging servos": partial(sick_driver, "hanging servos", "servos.set_counts=hang"),
+        "hanging sensor": partial(sick_driver, "hanging sensor", "accelerometer.acceleration=hang"),
+        "hanging at the end": sigterm_while_hanging,
+        "dying servos": partial(sick_driver, "dying servos", "servos.verify=SystemExit"),
+        "dying sensor": partial(sick_driver, "dying sensor", "distance.distance=KeyboardInterrupt"),
     }
 )
 """What is tried, by the names of the matrix."""
