@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import logging
+import sys
 from contextlib import ExitStack
 
 from bench.sick_drivers import make_sick
 from bench.still_pi import still_pi
 from bench.still_robot import still_robot
 from protocol.transport.server import Server
+from robot.errors import DeviceError
 from robot.host.clock import WallClock
+from robot.host.logs import complain
 from robot.service.daemon import HOUSEKEEPING, serve
 from sim_robot.faults.control_socket import FaultSocket
 
@@ -34,7 +37,11 @@ def main() -> None:
         if options.control:
             control = FaultSocket(robot.panel, "tcp://127.0.0.1:*")
             print(stack.enter_context(control).endpoint, flush=True)
-        serve(robot.controller, server, log)
+        try:
+            serve(robot.controller, server, log)
+        except DeviceError as error:
+            complain("robotd", error)
+            sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -256,7 +256,12 @@ class RobotClient(Closable):
         return self._ask(self._in_session(Relax), Ok)
 
     def stop(self) -> Ok:
-        """Freezes the robot, whoever controls it; it stays so until ``clear``."""
+        """Freezes the robot, whoever controls it; it stays so until ``clear``.
+
+        Raises:
+            RobotError: Also ``not_confirmed``: its control loop does not turn, and nobody knows
+                whether it still moves. The stop stays in force.
+        """
         return self._ask(lambda _: Stop(id=next(self._core.loose_ids), client=self._client), Ok)
 
     def clear(self) -> Ok:

@@ -98,15 +98,12 @@ class Controller:
             RobotError: The request is refused.
         """
         job = Job(ticket, request)
+        if job.event is Event.STOP and self._watch.hangs and not self._ended:
+            self._stop_blindly(job)
+            return
         with self._lock:
-            if job.event is Event.STOP:
-                self._stop_blindly(job)
-            elif self._leaving:
-                raise ended_by("shutting_down")
-            elif self._died is not None:
-                raise self._died
-            elif self._watch.hangs:
-                raise RobotError("fault", self._stuck())
+            if job.event is not Event.STOP:
+                self._refuse_while_down()
             state = self._jobs.leads_to(self._state)
             if (state, job.event) not in TRANSITIONS:
                 raise self._refusal(state, job.event)
@@ -376,13 +373,23 @@ class Controller:
 
     # --- any thread -------------------------------------------------------------------------------
 
+    def _refuse_while_down(self) -> None:
+        """Refuses what the control thread cannot carry out, or need not any more."""
+        if self._leaving:
+            raise ended_by("shutting_down")
+        if self._died is not None:
+            raise self._died
+        if self._watch.hangs:
+            raise RobotError("fault", self._stuck())
+
     def _stop_blindly(self, job: Job) -> None:
-        """Takes a stop for later where the loop does not turn, and says so at once."""
-        if self._watch.hangs and not self._ended:
-            if not self._jobs.stops:
-                job.ended = True
+        """Takes a stop for when the loop turns again, and answers it at once."""
+        unsure = RobotError("not_confirmed", f"The stop is not confirmed. {self._stuck()}")
+        self._outbox.finish(job, job.error(unsure))
+        with self._lock:
+            if not self._jobs.stops:  # one is enough, however many ask
                 self._jobs.put(job)
-            raise RobotError("not_confirmed", f"The stop is not confirmed. {self._stuck()}")
+                self._lock.notify()
 
     def _stuck(self) -> str:
         what = under_way(self._thread.ident) or "something does not return"

@@ -5,11 +5,13 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
-from bench.daemons import simulator
+from bench.daemons import helper, simulator
 from protocol.__main__ import main
+from protocol.transport.client import RobotClient
 
 
 def test_stop_latches_until_clear(capsys: pytest.CaptureFixture[str]) -> None:
@@ -31,6 +33,22 @@ def test_stop_latches_until_clear(capsys: pytest.CaptureFixture[str]) -> None:
         ("relax", 0, "relaxed"),
         ("hold", 0, "holding"),
     ]
+
+
+def test_a_stop_that_is_not_confirmed_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    sick = ("--sick", "servos.verify=hang")  # which is asked for every 3 s
+    with helper("bench.still_robotd", "tcp://127.0.0.1:*", *sick) as daemon:
+        assert daemon.stdout is not None
+        uri = daemon.stdout.readline().strip()
+        with RobotClient(uri) as client:
+            while client.status().state != "fault":
+                time.sleep(0.02)
+        assert main([uri, "stop"]) == 1
+        said = capsys.readouterr().err
+        assert "does not turn: the driver of the SV203 does not return from verify" in said
+        assert "Cut the servos' power if anything moves" in said
+        assert main([uri, "status"]) == 0
+        assert "does not turn" in capsys.readouterr().out
 
 
 def test_nobody_there_is_a_sentence(
