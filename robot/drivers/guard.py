@@ -14,7 +14,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Final, Protocol
 
-from robot.errors import CommandError, DeviceDataError, DeviceError, DriverError
+from robot.errors import CommandError, DeviceDataError, DeviceError, DeviceTimeoutError, DriverError
+
+CLOSING: Final = 1.0
+"""Seconds that a driver may take to close."""
 
 
 class Settings(Protocol):
@@ -61,6 +64,8 @@ class _Guarded:
         found = getattr(self._driver, attribute)
         if not callable(found):
             return found
+        if attribute == "close":
+            return lambda: _close(self._name, found)
 
         def guarded(*values: Any, **named: Any) -> Any:
             given = _called(self._name, attribute, found, *values, **named)
@@ -95,6 +100,32 @@ def _called(device: str, doing: str, method: Callable[..., Any], *values: Any, *
             del _under_way[thread]
         else:
             _under_way[thread] = outer
+
+
+def _close(device: str, method: Callable[[], Any]) -> None:
+    """Closes a driver; one that does not return is left behind, for whoever closes wants to leave.
+
+    Raises:
+        DeviceError: It failed, or did not return.
+    """
+    failed: list[BaseException] = []
+
+    def close() -> None:
+        try:
+            _called(device, "close", method)
+        except (DeviceError, CommandError) as error:
+            failed.append(error)
+
+    thread = threading.Thread(target=close, name="closing", daemon=True)
+    thread.start()
+    thread.join(CLOSING)
+    if thread.is_alive():
+        raise DeviceTimeoutError(
+            f"The driver of the {device} does not return from close.",
+            "Look whether the device still answers; this is a mistake in the driver, too.",
+        )
+    if failed:
+        raise failed[0]
 
 
 def _number(device: str, value: Any) -> float:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
-from robot.drivers.guard import open_driver, under_way
+from robot.drivers.guard import open_driver
 from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.drivers.sensors.contracts import (
     Accelerometer,
@@ -22,11 +21,8 @@ from robot.drivers.sensors.contracts import (
     attach_board,
 )
 from robot.drivers.servos.servo_bus import ServoBus
-from robot.errors import DeviceError, DeviceTimeoutError
+from robot.errors import DeviceError
 from robot.toml_sections import numbered
-
-CLOSING: Final = 2.0
-"""Seconds that all drivers together may take to close."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,25 +45,15 @@ class Devices:
         """Closes all of them, one that fails not keeping the others open.
 
         Raises:
-            DeviceError: One failed, or did not return in time; it is left alone then.
+            DeviceError: One failed, or did not return.
         """
         failed: list[DeviceError] = []
-
-        def close_all() -> None:
-            board = [] if self.inputs is None else [self.inputs.board.close]
-            for close in [self.servos.close, *(one.close for one in self.sensors), *board]:
-                try:
-                    close()
-                except DeviceError as error:
-                    failed.append(error)
-
-        thread = threading.Thread(target=close_all, name="closing", daemon=True)
-        thread.start()
-        thread.join(CLOSING)
-        if thread.is_alive():
-            raise DeviceTimeoutError(
-                f"Not everything is closed: {under_way(thread.ident)}.", "See to that driver."
-            )
+        board = [] if self.inputs is None else [self.inputs.board.close]
+        for close in [self.servos.close, *(one.close for one in self.sensors), *board]:
+            try:
+                close()
+            except DeviceError as error:
+                failed.append(error)
         if failed:
             raise failed[0]
 

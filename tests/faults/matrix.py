@@ -241,8 +241,8 @@ PROCESSES: Final = {
     "hanging at the end": Row(
         fault="SIGTERM while the driver of the servos does not return",
         injected="the real process, its driver waiting in `set_counts`",
-        does="waits for the driver for 2 s, and for those that do not close for 2 s more, says so, "
-        "and exits with status 1",
+        does="waits for the driver for 2 s, and for each that does not close for 1 s, says so, and "
+        "exits with status 1",
         state="(gone)",
         code="fault",
         words="does not return from set_counts",

@@ -331,7 +331,7 @@ def test_closing_waits_for_no_driver_and_closes_the_others(monkeypatch: pytest.M
                 devices.close()
         assert closed == ["distance"]
         with monkeypatch.context() as sick:
-            sick.setattr("robot.service.devices.CLOSING", 0.1)
+            sick.setattr("robot.drivers.guard.CLOSING", 0.1)
             sick.setattr(devices.servos, "close", lambda: free.wait(60))
             with pytest.raises(DeviceTimeoutError, match="SV203 does not return from close"):
                 devices.close()
