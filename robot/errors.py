@@ -74,16 +74,12 @@ class DeviceDataError(DeviceError):
 
 
 class DriverError(DeviceError):
-    """A driver raised what no driver may raise: anything but a ``DeviceError``, ``SystemExit`` too.
+    """A driver raised what no driver may raise: anything but a ``DeviceError``."""
 
-    Args:
-        device: What the device is called in sentences.
-        doing: The driver's method.
-        cause: What it raised.
-    """
-
-    def __init__(self, device: str, doing: str, cause: BaseException):
-        super().__init__(
+    @classmethod
+    def of(cls, device: str, doing: str, cause: BaseException) -> DriverError:
+        """The error of a device, of the driver's method and of what that raised."""
+        return cls(
             f"The driver of the {device} failed in {doing}: {told(cause)}.",
             "This is a mistake in the driver: tell whoever wrote it.",
         )

@@ -92,9 +92,9 @@ def _called(device: str, doing: str, method: Callable[..., Any], *values: Any, *
     except KeyboardInterrupt as error:
         if threading.current_thread() is threading.main_thread():  # Ctrl-C
             raise
-        raise DriverError(device, doing, error) from error
+        raise DriverError.of(device, doing, error) from error
     except BaseException as error:
-        raise DriverError(device, doing, error) from error
+        raise DriverError.of(device, doing, error) from error
     finally:
         if outer is None:
             del _under_way[thread]

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from typing import NoReturn
 
 import pytest
 
@@ -15,7 +16,7 @@ from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus
 from robot.drivers.servos.sv203 import SV203Settings
-from robot.errors import DeviceError, DeviceMissingError
+from robot.errors import DeviceError, DeviceMissingError, DriverError
 from robot.service.devices import Devices, open_devices, revive
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
@@ -125,3 +126,14 @@ def test_ports_are_opened_anew_too() -> None:
         revive(robot.config, devices)
         assert opened == [0x300] * 3
         devices.close()
+
+
+def test_a_driver_that_leaves_while_it_is_opened_is_named_with_its_table() -> None:
+    def leave(path: str, baud: int) -> NoReturn:
+        raise SystemExit(0)
+
+    buses = Buses(clock=InstantClock(), open_serial=leave)
+    with pytest.raises(
+        DriverError, match=r"robot\.toml: servos: .*SV203 failed in open: SystemExit"
+    ):
+        open_devices(config(), buses, file="robot.toml")
