@@ -22,6 +22,7 @@ from typing import Final, NamedTuple
 import viser
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
 from bench.pybullet_cost import workload
 from estimator.readings import readings_csv
@@ -54,7 +55,9 @@ def look_at(uri: str) -> None:
     """Takes in all that a page sends, until it ends."""
     protocol = f"viser-v{viser.__version__}"
     try:
-        with connect(uri.replace("http", "ws", 1), subprotocols=[protocol]) as socket:  # type: ignore[list-item]
+        with connect(
+            uri.replace("http", "ws", 1), origin=Origin(uri), subprotocols=[Subprotocol(protocol)]
+        ) as socket:
             for _ in socket:
                 pass
     except (ConnectionClosed, OSError):

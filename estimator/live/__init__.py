@@ -8,6 +8,7 @@ Module            What is in it
 ``pose_ensemble`` many bodies in the robot's last pose, as arrays for the graphics card
 ``panel``         the page's text
 ``live_page``     the page: viser serves it, and draws
+``front``         between the page and the network: who is served, and what may reach viser
 ``watching``      keeps a page up to date until somebody ends it
 ================= ===========================================================================
 

@@ -15,6 +15,7 @@ import trimesh
 import viser
 
 from estimator.errors import EstimatorError
+from estimator.live.front import Front, private_loopback
 from estimator.live.panel import panel, sentence_alone
 from estimator.live.pose_ensemble import KINDS, Instances, instances, posed
 from estimator.live.run_view import RunState, RunView
@@ -28,15 +29,6 @@ _MESHES: Final = {
 }
 _GHOSTS: Final = 0.12  # opacity
 _NOWHERE: Final = -10.0  # m above the ground: where there is nothing to be seen
-
-
-class _Server(viser.ViserServer):
-    """A server that nobody can have put on the Internet, as viser's would for any visitor."""
-
-    def request_share_url(self, verbose: bool = True) -> str | None:
-        """Refuses."""
-        del verbose
-        return None
 
 
 class LivePage:
@@ -55,11 +47,12 @@ class LivePage:
     """
 
     def __init__(self, directory: Path, host: str, port: int) -> None:
-        _check_address(host, port)
+        listening = _listening(host, port)
         self._directory = directory
+        hidden = private_loopback()
         with redirect_stdout(io.StringIO()):  # viser announces itself
-            self._server = _Server(host, port, label="estimator", verbose=False)
-        self.uri = f"http://{host}:{self._server.get_port()}"
+            self._server = viser.ViserServer(hidden, 0, label="estimator", verbose=False)
+        self.uri = f"http://{host}:{listening.getsockname()[1]}"
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._text = self._server.gui.add_html("")
@@ -70,14 +63,22 @@ class LivePage:
         )
         self._ghosts = _Bodies(self._server, "/believed", opacity=_GHOSTS)
         self._body = _Bodies(self._server, "/body", opacity=None)
-        self._front = self._server.scene.add_label("/front", "front")
+        self._ahead = self._server.scene.add_label("/front", "front")
         self._turns = cycle([list[Solid]()])
         self._best: Sequence[Solid] = []
         self._shown: Sequence[Solid] = []
         self._steady = False
+        name = socket.gethostname()
+        self._front = Front(
+            listening,
+            (hidden, self._server.get_port()),
+            version=viser.__version__,
+            names={"localhost", host, name, f"{name}.local"},
+        )
 
     def close(self) -> None:
         """Ends the server; whoever looks sees that the connection is gone."""
+        self._front.close()
         with redirect_stdout(io.StringIO()):
             self._server.stop()
 
@@ -111,7 +112,7 @@ class LivePage:
         ahead = main.turn @ np.array([main.size[0] / 2, 0.0, main.size[2] / 2])
         with self._server.atomic():
             self._body.show([body])
-            self._front.position = main.place + 1.2 * ahead
+            self._ahead.position = main.place + 1.2 * ahead
 
     def _point_camera(self, view: RunView) -> None:
         reach = 1.5 * max(view.base.size) if view.best is None else view.best.reach
@@ -164,11 +165,9 @@ def _place(batch: Any, solids: Instances) -> None:
     batch.batched_colors = solids.colours
 
 
-def _check_address(host: str, port: int) -> None:
-    """Refuses an address that cannot be had; viser would take another port without a word."""
+def _listening(host: str, port: int) -> socket.socket:
     try:
-        with socket.create_server((host, port)):
-            pass
+        return socket.create_server((host, port))
     except OSError as error:
         raise EstimatorError(
             f"the live page cannot be served on {host}:{port} ({error.strerror}): give another "

@@ -9,15 +9,21 @@ import sys
 import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import metadata
 from pathlib import Path
 from typing import IO
 
 import pytest
 from typer.testing import CliRunner
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
 from estimator.cli import live_view
 from estimator.cli.command_line import app
+from estimator.live.front import LARGEST
 from tests.estimator.evaluation.test_score import make_run
+from tests.estimator.live.test_front import send_until_closed
 from tests.estimator.model_robot import ModelRobot, make_order, serving
 
 
@@ -55,6 +61,32 @@ def is_served(uri: str) -> bool:
         return False
 
 
+def attack(uri: str) -> None:
+    """Sends a page more than its memory should hold, and what no browser sends."""
+    for message in (bytes(45 << 20), bytes(45 << 20), b"garbage", b"\x80"):
+        with connect(
+            uri.replace("http", "ws", 1),
+            origin=Origin(uri),
+            subprotocols=[Subprotocol(f"viser-v{metadata.version('viser')}")],
+            compression=None,
+            max_size=None,
+            max_queue=None,
+        ) as page:
+            if len(message) <= LARGEST:
+                page.send(message)
+                assert page.ping().wait(120)  # by now the message has been looked at
+                continue
+            with pytest.raises(ConnectionClosed):
+                send_until_closed(page, message)
+
+
+def largest_memory(process: subprocess.Popen[str]) -> int:
+    """What a process has had at most so far, MiB."""
+    status = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
+    (kib,) = re.findall(r"VmHWM:\s*(\d+) kB", status)
+    return int(kib) // 1024
+
+
 def test_a_run_has_its_page_while_it_goes_on_and_can_be_watched_afterwards(tmp_path: Path) -> None:
     robot, run = ModelRobot(manual=True), str(tmp_path / "run")
     with serving(robot) as uri:
@@ -72,6 +104,10 @@ def test_a_run_has_its_page_while_it_goes_on_and_can_be_watched_afterwards(tmp_p
     with estimator("watch", run, "--live-bind", "127.0.0.1:0") as watch:
         address = line_with(watch.stdout, "The live page is at").split()[-1]
         line_with(watch.stdout, "The run is finished")
+        assert is_served(address)
+        before = largest_memory(watch)
+        attack(address)
+        assert largest_memory(watch) < before + 30
         assert is_served(address)
         watch.send_signal(signal.SIGINT)
         output, errors = watch.communicate(timeout=120)

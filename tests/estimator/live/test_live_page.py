@@ -6,8 +6,6 @@ import io
 import re
 import socket
 import urllib.request
-from collections.abc import Iterator
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,14 +26,6 @@ if TYPE_CHECKING:
 
 SMALL = {"width": 760, "height": 340}
 COARSE = 0.5  # pixels of the screen for each of the page, along either side: drawn in less time
-
-
-@pytest.fixture
-def live() -> Iterator[LivePage]:
-    from estimator.live.live_page import LivePage  # takes a second; others need not wait for it
-
-    with closing(LivePage(Path("runs/mine"), "127.0.0.1", 0)) as page:
-        yield page
 
 
 def colours(page: Page) -> dict[str, int]:
@@ -79,8 +69,11 @@ def test_it_shows_body_and_numbers_and_asks_nobody_else(
         seen = [colours(page) for _ in range(3)][-1]  # the picture catches up with the text
         assert min(seen["orange"], seen["green"]) > 25, seen  # the legs that face the camera
         assert min(seen["blue"], seen["pink"]) > 0, seen
+        page.get_by_text("all that is believed").click()
+        page.get_by_role("checkbox", name="all that is believed", checked=False).wait_for()
         live.say("run.sqlite is not a run.")
         page.get_by_text("run.sqlite is not a run.").wait_for()
+        assert not live._all.value
 
 
 def test_it_flickers_while_the_run_goes_on_and_then_comes_to_rest(
@@ -97,10 +90,6 @@ def test_it_flickers_while_the_run_goes_on_and_then_comes_to_rest(
     for _ in range(3):
         assert live._shown is live._best
         live.flicker()
-
-
-def test_nobody_can_have_it_put_on_the_internet(live: LivePage) -> None:
-    assert live._server.request_share_url() is None
 
 
 def test_an_address_that_is_taken_is_a_sentence(live: LivePage) -> None:
