@@ -1,7 +1,7 @@
-"""Finds out a robot's body from what it feels when it moves. ``docs/architecture.md`` has the plan.
+"""Finds out a robot's body from what it feels when it moves: a package of bodyschema.
 
-A program needs no more than the names below, which ``__init__.pyi`` lists; ``docs/api.md`` has an
-example::
+``docs/architecture.md`` has the plan. A program needs no more than the names below, which
+``__init__.pyi`` lists; ``docs/api.md`` has an example::
 
     from estimator import identify
 

@@ -1,4 +1,4 @@
-"""The wire between a robot and its controllers. ``SPEC.md`` in this folder describes it in words.
+"""The wire between a robot and its controllers in bodyschema; ``SPEC.md`` has it in words.
 
 ======================= =========================================================================
 For                     Use

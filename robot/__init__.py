@@ -1,4 +1,4 @@
-"""The daemon of the robot: ``robotd``.
+"""The daemon of the robot, ``robotd``: a package of bodyschema.
 
 ======================= =========================================================================
 Room                    What is in it

@@ -1,4 +1,4 @@
-"""The simulated robot: ``sim-robotd``.
+"""The simulated robot, ``sim-robotd``: a package of bodyschema.
 
 ======================= =========================================================================
 Room                    What is in it

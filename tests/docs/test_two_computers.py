@@ -80,9 +80,12 @@ def test_the_image_is_built_from_the_package_index_alone() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     lines = (ROOT / ".dockerignore").read_text().splitlines()
     kept = {line.removeprefix("!") for line in lines if line.startswith("!")}
-    packages = project["tool"]["setuptools"]["packages"]["find"]["include"]
+    setuptools = project["tool"]["setuptools"]
+    packages = setuptools["packages"]["find"]["include"]
+    modules = {f"{module}.py" for module in setuptools["py-modules"]}
     needed = {"pyproject.toml", project["project"]["readme"], *project["project"]["license-files"]}
-    assert kept == needed | {package.rstrip("*") for package in packages} | {"constraints.txt"}
+    needed |= modules | {package.rstrip("*") for package in packages} | {"constraints.txt"}
+    assert kept == needed
     install = re.fullmatch(
         r'python -m pip install --no-cache-dir -c /src/constraints.txt "/src\[([\w,]+)\]"',
         steps[2][1],
