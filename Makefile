@@ -1,12 +1,13 @@
 # Two commands for a newcomer: `make demo` and `make test`. `make help` lists the rest.
-PYTHON ?= python3.11
+# 3.11 comes first: PyBullet has wheels for nothing newer. Then 3.13, which is tested, too.
+PYTHONS := python3.11 python3.13 python3.12 python3.14 python3.15 python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.installed
 COMPILED := $(VENV)/.compiled
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-newest check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
+.PHONY: help install demo test test-newest wheel check format bench compare-engines reproduce parametric power ablations self-calibration soak three screenshots latency leaps calibration faults fuzz clean
 
 help: ## List the targets
 	@awk -F':.*## ' '/^[a-z-]+:.*## / {printf "  make %-16s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -16,10 +17,20 @@ UV := uv pip install --quiet -c constraints.txt
 # $(call into,PYTHON,WHAT): uv needs a fifth of pip's time; where only pip knows an index, pip does it.
 into = ( $(1) -m $(PIP) uv && $(1) -m $(UV) $(2) ) || $(1) -m $(PIP) $(2)
 
+# Names the best Python that is there, or PYTHON=..., and says why it is that one.
+choose_python = for python in $(or $(PYTHON),$(PYTHONS)); do \
+	version=$$($$python -c 'import sys, ensurepip, venv; assert sys.version_info >= (3, 11); \
+		print(*sys.version_info[:2], sep=".")' 2> /dev/null) || continue; \
+	if [ $$version = 3.11 ]; then why="has PyBullet on x86-64"; \
+		else why="MuJoCo takes the place of PyBullet, which has wheels for 3.11 alone"; fi; \
+	echo "Python $$version ($$python): $$why" >&2; echo $$python; exit; \
+	done; echo "No Python of 3.11 or newer with venv: tried $(or $(PYTHON),$(PYTHONS))." \
+		"Install one (apt install python3 python3-venv), or say PYTHON=/where/it/is" >&2; exit 1
+
 install: $(READY) ## Make the virtual environment and install everything into it
 
 $(READY): pyproject.toml constraints.txt
-	$(PYTHON) -m venv $(VENV)
+	@python=$$($(choose_python)) && $$python -m venv $(VENV)
 	$(call into,$(BIN)/python,--editable '.[dev]')
 	@touch $@
 
@@ -50,6 +61,19 @@ test-newest: ## Run the tests that are marked every_python on the newest Python,
 	cd $(NEWEST_SOURCE) && $(call into,../bin/python,$(NEWEST_NEEDS))
 	cd $(NEWEST_SOURCE) && ../bin/python -m pytest -m every_python \
 		$$(grep -rl --include='*.py' 'mark.every_python' tests)
+
+wheel: ## Build the wheel and the source distribution into dist/, and try both in clean environments
+	rm -rf build dist  # setuptools would also pack what is left of earlier builds
+	@python=$$($(choose_python)) && $$python -m venv build/venv
+	build/venv/bin/python -m $(PIP) 'setuptools>=77'
+	build/venv/bin/python -c 'from setuptools.build_meta import *; build_wheel("dist"); build_sdist("dist")' > build/log
+	set -e; for built in dist/*.whl dist/*.tar.gz; do \
+		build/venv/bin/python -m venv --clear build/clean; \
+		build/clean/bin/python -m $(PIP) $$built; \
+		( cd build/clean/bin; ./robotd --version; ./robotd drivers > log; \
+			./robotd new --electronics pi robot.toml; ./python -m protocol --help > log ); \
+	done
+	@ls dist/*
 
 check: $(READY) ## Lint, format, types and import arrows
 	$(BIN)/ruff check .
@@ -119,4 +143,4 @@ screenshots: $(READY) ## Take the documentation's pictures of report.html, of a 
 	PATH="$(abspath $(BIN)):$$PATH" $(BIN)/python -m tests.estimator.report.page.screenshots docs/images
 
 clean: ## Remove the virtual environment and caches
-	rm -rf $(VENV) $(NEWEST_VENV) build *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(NEWEST_VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
