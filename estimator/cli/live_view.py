@@ -22,6 +22,7 @@ from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.parallel.child_process import die_with
 from protocol.system.closable import Closable
+from protocol.system.missing_library import install_command
 
 LIVE_BIND: Final = "127.0.0.1:8080"
 _NICE: Final = 10
@@ -47,7 +48,7 @@ def check_viser() -> None:
     """
     if find_spec("viser") is None:
         raise EstimatorError(
-            "the live page needs viser, which is not installed: pip install 'bodyschema[live]'"
+            f"the live page needs viser, which is not installed: {install_command('live')}"
         )
 
 

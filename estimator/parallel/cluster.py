@@ -25,6 +25,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 from estimator.errors import ClusterError, WorkerError
 from estimator.plugins import installed_packages
 from protocol.system.closable import Closable
+from protocol.system.missing_library import install_command
 
 Future: TypeAlias = Any
 """What will come of some work: a ``distributed.Future``."""
@@ -298,5 +299,5 @@ def _dask() -> Any:
         return importlib.import_module("distributed")
     except ImportError as error:
         raise ClusterError(
-            f"Dask cannot be imported ({error}): pip install 'bodyschema[cluster]'"
+            f"Dask cannot be imported ({error}): {install_command('cluster')}"
         ) from error

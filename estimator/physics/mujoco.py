@@ -40,6 +40,7 @@ from estimator.physics.base import (
     sensor_count,
 )
 from estimator.physics.rest import MainBody, RestWatch
+from protocol.system.missing_library import install_command
 from protocol.wire.readings import up_in_body
 
 _YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight
@@ -65,7 +66,7 @@ class MuJoCoPhysics(BackEnd):
             self._engine: Any = importlib.import_module("mujoco")
         except ImportError as error:
             raise PhysicsError(
-                f"MuJoCo cannot be imported ({error}): pip install 'bodyschema[estimator]'"
+                f"MuJoCo cannot be imported ({error}): {install_command('estimator')}"
             ) from error
         if self._engine.get_mju_user_warning() is None:
             # MuJoCo would write them into a file in the working directory.

@@ -41,6 +41,7 @@ from estimator.physics.base import (
     sensor_count,
 )
 from estimator.physics.rest import MainBody, RestWatch
+from protocol.system.missing_library import install_command
 from protocol.system.native_output import native_output_discarded
 from protocol.wire.readings import up_in_body
 
@@ -73,7 +74,7 @@ class PyBulletPhysics(BackEnd):
                 self._engine: Any = importlib.import_module("pybullet")
             except ImportError as error:
                 raise PhysicsError(
-                    f"PyBullet cannot be imported ({error}): pip install 'bodyschema[estimator]' "
+                    f"PyBullet cannot be imported ({error}): {install_command('estimator')} "
                     "brings it to Python 3.11 on Linux (x86-64); take --physics mujoco elsewhere"
                 ) from error
             self._client = self._engine.connect(self._engine.DIRECT)

@@ -33,6 +33,7 @@ from estimator.errors import PhysicsError
 from estimator.parallel.threads import Threads
 from estimator.physics.base import Abilities, BackEnd, Pair, Readings, WorldSettings, sensor_count
 from protocol.system.interrupts import interrupts_deferred
+from protocol.system.missing_library import install_command
 
 PACE: Final = math.radians(1.5)
 """Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,
@@ -80,7 +81,7 @@ class StaticsPhysics(BackEnd):
                 self._compiling: Any = importlib.import_module("estimator.physics.kernel.compiling")
         except ImportError as error:
             raise PhysicsError(
-                f"Numba cannot be imported ({error}): pip install 'bodyschema[estimator]'"
+                f"Numba cannot be imported ({error}): {install_command('estimator')}"
             ) from error
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from types import MappingProxyType
 from typing import Final
 
+from protocol.system.missing_library import install_command
 from sim_robot.errors import EngineError
 from sim_robot.world.body import Body
 from sim_robot.world.simulation import World
@@ -24,12 +25,10 @@ ENGINES: Final = MappingProxyType(
 )
 DEFAULT_ENGINE: Final = "mujoco" if find_spec("pybullet") is None else "pybullet"
 
-_INSTALL: Final = "pip install 'bodyschema[sim]'"
 _ADVICE: Final = MappingProxyType(
     {
-        "pybullet": f"{_INSTALL} brings it to Python 3.11 on Linux (x86-64); take --engine mujoco "
-        "elsewhere",
-        "mujoco": _INSTALL,
+        "pybullet": " brings it to Python 3.11 on Linux (x86-64); take --engine mujoco elsewhere",
+        "mujoco": "",
     }
 )
 
@@ -47,6 +46,6 @@ def open_world(body: Body, *, log: logging.Logger, engine: str = DEFAULT_ENGINE)
     """
     module, name = ENGINES[engine]
     if find_spec(engine) is None:
-        raise EngineError(f"{engine} is not installed: {_ADVICE[engine]}")
+        raise EngineError(f"{engine} is not installed: {install_command('sim')}{_ADVICE[engine]}")
     world: World = getattr(importlib.import_module(module), name)(body, log=log)
     return world

@@ -93,7 +93,7 @@ def test_a_daemon_and_a_client_run_on_debian_12_versions(tmp_path: Path) -> None
         )
         assert version.stdout.startswith(f"{command} (bodyschema) ")
         assert usage.returncode == bool(extra)
-        assert f"pip install 'bodyschema{extra}'" in usage.stderr or not extra
+        assert f"pip install '{sdist}{extra}'" in usage.stderr or not extra
     # -I: nothing of this checkout or of this environment is visible, only what was installed.
     done = subprocess.run(
         [str(python), "-I", "-W", "error", "-c", SCRIPT, str(source)],

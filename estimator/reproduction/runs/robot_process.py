@@ -25,6 +25,7 @@ from estimator.parallel.child_process import die_with
 from estimator.readings.observation import Observation, by_joint_name
 from estimator.storage.store import RunStore
 from protocol.system.closable import Closable
+from protocol.system.missing_library import install_command
 from protocol.transport.client import RobotClient
 
 COMMAND: Final = "sim-robotd"
@@ -156,5 +157,5 @@ def _command() -> str:
     beside = Path(sys.executable).with_name(COMMAND)
     path = str(beside) if beside.is_file() else shutil.which(COMMAND)
     if path is None:
-        raise EstimatorError(f"{COMMAND} is not installed: pip install 'bodyschema[sim]'")
+        raise EstimatorError(f"{COMMAND} is not installed: {install_command('sim')}")
     return path

@@ -22,6 +22,7 @@ from websockets.typing import Origin, Subprotocol
 from estimator.cli import live_view
 from estimator.cli.command_line import app
 from estimator.live.front import LARGEST
+from protocol.system.missing_library import install_command
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.live.test_front import send_until_closed
 from tests.estimator.model_robot import ModelRobot, make_order, serving
@@ -154,4 +155,4 @@ def test_without_viser_a_sentence_says_what_to_install(
         "watch": (str(tmp_path),),
         "identify": ("--robot", "tcp://127.0.0.1:1", "--problem", "parametric", "--live"),
     }
-    assert "pip install 'bodyschema[live]'" in sentence(command, *asked[command])
+    assert install_command("live") in sentence(command, *asked[command])

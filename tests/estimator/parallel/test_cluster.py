@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -30,6 +31,7 @@ from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.posterior.model.unknowns import Predictor
 from estimator.storage.store import RunStore
+from protocol.system.missing_library import install_command
 from tests.estimator.dask_cluster import (
     ROOT,
     Dask,
@@ -197,7 +199,7 @@ def test_nobody_pays_for_dask_who_does_not_use_it(monkeypatch: pytest.MonkeyPatc
     code = "import estimator.cli.command_line, sys; sys.exit('distributed' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False, cwd=ROOT).returncode == 0
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ClusterError, match=r"pip install 'bodyschema\[cluster\]'"):
+    with pytest.raises(ClusterError, match=re.escape(install_command("cluster"))):
         Cluster(free_address())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from protocol.system.missing_library import install_command
 from robot.cli.command_line import main as robotd
 from sim_robot.cli.command_line import main as sim_robotd
 
@@ -70,7 +72,7 @@ def test_what_is_not_installed_is_named(tmp_path: Path, when: str) -> None:
     ended = run(tmp_path, **{when: "import no_such_library.part"})
     assert ended.returncode == 1
     assert ended.stderr == (
-        "crawl: needs no_such_library, which is not installed: pip install 'bodyschema'\n"
+        f"crawl: needs no_such_library, which is not installed: {install_command()}\n"
     )
 
 
@@ -114,9 +116,40 @@ sys.exit(main())
     ended = run("--help")
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr.endswith(
-        f": needs {library}, which is not installed: pip install 'bodyschema[{extra}]'\n"
+        f": needs {library}, which is not installed: {install_command(extra)}\n"
     )
     assert ended.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("noted", "command"),
+    [
+        (
+            {"url": "file:///home/ann/my%20checkout", "dir_info": {"editable": True}},
+            "pip install --editable '/home/ann/my checkout[live]'",
+        ),
+        (
+            {"url": "file:///home/ann/checkout", "dir_info": {}},
+            "pip install '/home/ann/checkout[live]'",
+        ),
+        (
+            {"url": "file:///tmp/body-1.whl", "archive_info": {}},
+            "pip install '/tmp/body-1.whl[live]'",
+        ),
+        (None, "pip install 'bodyschema[live]'"),
+    ],
+)
+def test_what_is_to_be_typed_names_where_it_was_installed_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, noted: object, command: str
+) -> None:
+    for place in ("in the way", "bodyschema"):
+        info = tmp_path / place / "bodyschema-0.1.0.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bodyschema\nVersion: 0.1.0\n")
+    if noted is not None:
+        (info / "direct_url.json").write_text(json.dumps(noted))
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "in the way"), str(tmp_path / "bodyschema")])
+    assert install_command("live") == command
 
 
 @pytest.mark.parametrize(("name", "main"), [("robotd", robotd), ("sim-robotd", sim_robotd)])
