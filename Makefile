@@ -54,7 +54,7 @@ NEWEST ?= python3.13
 NEWEST_VENV ?= .venv-newest
 NEWEST_NEEDS := --editable '.[sim,estimator]' hypothesis psutil pytest pytest-timeout
 NEWEST_SOURCE = $(abspath $(NEWEST_VENV))/source
-test-newest: ## Run the tests that are marked every_python on the newest Python, NEWEST=python3.13
+test-newest: ## Run the tests that are marked every_python on another Python, NEWEST=python3.13
 	$(NEWEST) -m venv --clear $(NEWEST_VENV)
 	mkdir $(NEWEST_SOURCE)  # what two environments install at once from one folder gets mixed up
 	git ls-files -z | xargs -0 cp --parents --target-directory $(NEWEST_SOURCE)

@@ -29,7 +29,7 @@ def test_ten_commands_lead_to_the_first_identification(tmp_path: Path) -> None:
     assert len(COMMANDS) == 10
     uri = free_address()
     port = str(Endpoint.parse(uri).port)
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     programs = tmp_path / "bin"
     for folder in (programs, tmp_path / "robot", tmp_path / "workstation"):
         folder.mkdir()
@@ -41,8 +41,9 @@ def test_ten_commands_lead_to_the_first_identification(tmp_path: Path) -> None:
     try:
         for computer, command in COMMANDS:
             folder = tmp_path / computer
-            if installed := re.match(r"pip install 'bodyschema\[(\w+)\]'", command):
-                assert installed[1] in extras["optional-dependencies"]
+            if installed := re.match(r"pip install '(\S+)\[(\w+)\]'", command):
+                assert installed[1] == f"bodyschema-{project['version']}-py3-none-any.whl"
+                assert installed[2] in project["optional-dependencies"]
                 continue
             here = command.replace("tcp://robot:5750", uri).replace("5750", port)
             if "sim-robotd" in here:
