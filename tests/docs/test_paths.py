@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PAGES = [ROOT / "README.md", ROOT / "protocol" / "SPEC.md", *sorted(ROOT.glob("docs/*.md"))]
+PAGES = [*sorted(ROOT.glob("*.md")), ROOT / "protocol" / "SPEC.md", *sorted(ROOT.glob("docs/*.md"))]
 OURS = re.compile(r"`((?:protocol|robot|sim_robot|estimator|tests|bench|docs)/[\w./-]+)")
 
 
@@ -33,3 +34,21 @@ def test_the_rooms_of_the_architecture_are_those_that_there_are() -> None:
         drawn = [re.findall(r"^`(\w+)`", row[column]) for row in cells if len(row) == 4]
         rooms = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
         assert {room for one in drawn for room in one} == rooms, package
+
+
+def test_targets_that_are_named_to_contributors_exist() -> None:
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    named = set(re.findall(r"`make ([\w-]+)`", text))
+    assert named >= {"check", "test"}
+    assert named <= set(re.findall(r"^([\w-]+):", makefile, re.MULTILINE))
+
+
+def test_the_changelog_has_the_present_version_and_keeps_its_format() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "version"
+    ]
+    assert re.findall(r"^## \[(.+?)\]", text, re.MULTILINE)[:2] == ["Unreleased", version]
+    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= kinds

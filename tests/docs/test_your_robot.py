@@ -178,7 +178,15 @@ def test_the_page_can_be_followed(
 
 def test_each_chip_of_the_table_is_where_robotd_new_looks_for_it(wired: Wired) -> None:
     del wired
-    assert main([*shlex.split(next(one for one in COMMANDS if one.startswith("robotd new")))[1:-1], "robot.toml"]) == 0
+    assert (
+        main(
+            [
+                *shlex.split(next(one for one in COMMANDS if one.startswith("robotd new")))[1:-1],
+                "robot.toml",
+            ]
+        )
+        == 0
+    )
     text = Path("robot.toml").read_text(encoding="utf-8")
     written = re.findall(r"^address = (0x..)", text, re.MULTILINE)
     assert {int(one, 16) for one in written} == set(ADDRESSES.values())
