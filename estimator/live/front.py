@@ -72,7 +72,7 @@ class Front(Closable):
         self._listening = listening
         self._viser = viser
         self._protocol = Subprotocol(f"viser-v{version}")
-        self._names = sorted(name.lower() for name in names)
+        self._names = sorted({name.lower() for name in names if not _is_address(name)})
         self._loop = asyncio.new_event_loop()
         self._end = asyncio.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -119,11 +119,7 @@ class Front(Closable):
             name = urlsplit(f"//{host}").hostname or ""
         except ValueError:
             return False
-        try:
-            ipaddress.ip_address(name)
-        except ValueError:
-            return name in self._names
-        return True
+        return name in self._names or _is_address(name)
 
     def _file(self, request: Request) -> Response:
         """What viser answers to a request for a file."""
@@ -165,6 +161,14 @@ class Front(Closable):
                 for way in ways:
                     with suppress(asyncio.CancelledError, ConnectionClosed):
                         await way
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 def _counted_connections() -> type[ServerConnection]:

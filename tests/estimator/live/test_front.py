@@ -72,7 +72,8 @@ def viser() -> Iterator[Viser]:
 def front(viser: Viser) -> Iterator[int]:
     """A front before viser; its port."""
     listening = socket.create_server(("127.0.0.1", 0))
-    with Front(listening, viser.address, version=VERSION, names=["localhost", "Crawler.lab"]):
+    names = ["localhost", "Crawler.lab", "127.0.0.1"]
+    with Front(listening, viser.address, version=VERSION, names=names):
         yield listening.getsockname()[1]
 
 
