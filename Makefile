@@ -68,8 +68,8 @@ wheel: ## Build the wheel and the source distribution into dist/, and try both i
 	build/venv/bin/python -m $(PIP) 'setuptools>=77'
 	build/venv/bin/python -c 'from setuptools.build_meta import *; build_wheel("dist"); build_sdist("dist")' > build/log
 	set -e; for built in dist/*.whl dist/*.tar.gz; do \
-		build/venv/bin/python -m venv --clear build/clean; \
-		build/clean/bin/python -m $(PIP) $$built; \
+		build/venv/bin/python -m venv --without-pip --clear build/clean; \
+		build/venv/bin/python -m $(subst pip install,pip --python build/clean/bin/python install,$(PIP)) $$built; \
 		( cd build/clean/bin; ./robotd --version; ./robotd drivers > log; \
 			./robotd new --electronics pi robot.toml; ./python -m protocol --help > log ); \
 	done
