@@ -73,6 +73,7 @@ class Front(Closable):
         self._viser = viser
         self._protocol = Subprotocol(f"viser-v{version}")
         self._names = sorted({name.lower() for name in names if not _is_address(name)})
+        self._visits: set[ServerConnection] = set()
         self._loop = asyncio.new_event_loop()
         self._end = asyncio.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -94,12 +95,14 @@ class Front(Closable):
             sock=self._listening,
             process_request=self._answer,
             subprotocols=[self._protocol],
-            create_connection=_counted_connections(),
+            create_connection=_counted_connections(self._visits),
             compression=None,
             max_size=LARGEST,
             logger=_log,
         ):
             await self._end.wait()
+            for visit in tuple(self._visits):  # one who does not answer would hold up the end
+                visit.transport.abort()
 
     async def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """The answer to a request, or ``None``: a websocket is opened."""
@@ -171,9 +174,8 @@ def _is_address(name: str) -> bool:
     return True
 
 
-def _counted_connections() -> type[ServerConnection]:
-    """Connections that are closed at once where there are too many of them."""
-    visits: set[ServerConnection] = set()
+def _counted_connections(visits: set[ServerConnection]) -> type[ServerConnection]:
+    """Connections, kept in a set while they last and closed at once where there are too many."""
 
     class Visit(ServerConnection):
         """One of them."""

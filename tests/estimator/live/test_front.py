@@ -7,7 +7,7 @@ import logging
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -194,20 +194,43 @@ def test_a_large_message_ends_its_connection_and_no_other(port: int, size: int) 
 
 
 def test_visitors_that_are_too_many_are_closed_at_once(viser: Viser) -> None:
+    closed = (InvalidMessage, ConnectionClosed, OSError)
     with front(viser) as port:
-        visitors = [socket.create_connection(("127.0.0.1", port)) for _ in range(CONNECTIONS)]
-        with pytest.raises((InvalidMessage, OSError)), visit(port):
-            pass
-        for visitor in visitors:
-            visitor.close()
+        with ExitStack() as visitors:
+            for _ in range(CONNECTIONS):
+                visitors.enter_context(socket.create_connection(("127.0.0.1", port)))
+            with pytest.raises(closed), visit(port):
+                pass
         until = time.monotonic() + 60
         while True:  # who has gone no longer counts, as soon as the front has noticed
             try:
                 with visit(port) as connection:
                     tick(connection)
                     return
-            except (InvalidMessage, OSError):
+            except closed:
                 assert time.monotonic() < until
+
+
+def test_a_visitor_who_does_not_answer_cannot_keep_a_page_open(viser: Viser) -> None:
+    lines = [
+        "GET / HTTP/1.1",
+        "Host: localhost",
+        "Origin: http://localhost",
+        "Connection: Upgrade",
+        "Upgrade: websocket",
+        "Sec-WebSocket-Version: 13",
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==",
+        f"Sec-WebSocket-Protocol: viser-v{VERSION}",
+    ]
+    silent, asks_nothing = socket.socket(), socket.socket()
+    with silent, asks_nothing:
+        with front(viser) as port:
+            asks_nothing.connect(("127.0.0.1", port))
+            silent.connect(("127.0.0.1", port))
+            silent.sendall("\r\n".join([*lines, "", ""]).encode())
+            assert silent.recv(4096).startswith(b"HTTP/1.1 101 ")
+            ended = time.monotonic()
+        assert time.monotonic() - ended < 8  # the library waits for 10 s
 
 
 def test_nothing_that_a_visitor_sends_is_printed(
