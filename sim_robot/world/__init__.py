@@ -8,7 +8,6 @@ Module                  What is in it
 ``pybullet_world``      the world in PyBullet
 ``mujoco_world``        the world in MuJoCo
 ``body``                a URDF file, checked, with the names that a robot needs
-``body_checks``         what a schema cannot check of it
 ``urdf``                URDF files: the subset, and what files of others are taken as
 ``sensor_noise``        noise by configuration, the same again for the same seed
 ======================= =========================================================================

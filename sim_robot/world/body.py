@@ -7,34 +7,21 @@ leaf links, in the order of their motors; a sensor feels its link and whatever i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from protocol.system.presence import may_exist
 from sim_robot.errors import BodyError
-from sim_robot.world.body_checks import faults_of, root_of
-from sim_robot.world.urdf.declarations import (
-    Box,
-    Collision,
-    Cylinder,
-    Joint,
-    Link,
-    Robot,
-    Sphere,
-    vector,
-)
-from sim_robot.world.urdf.frames import Frame, frame_of
+from sim_robot.world.urdf.checks import root_of
+from sim_robot.world.urdf.declarations import Box, Cylinder, Joint, Robot, Sphere, vector
 from sim_robot.world.urdf.reading import read_urdf
 
 DEFAULT = "quadruped"
 _HARDLY: Final = 1e-3  # m
-Vector: TypeAlias = tuple[float, float, float]
-Points: TypeAlias = NDArray[np.float64]
 
 
 def default_body_path() -> Path:
@@ -88,7 +75,7 @@ class Body:
         name: The robot's name.
         robot: Its links and joints.
         base: Name of the root link.
-        base_size: Its box, or the box around its shapes, m.
+        base_size: Its box, m.
         base_center: The middle of that box in the root link's frame, m.
         base_mass: Its mass, kg.
         lies_flat: Whether it lies on the ground with all joints at 0.
@@ -138,16 +125,17 @@ def examine(path: Path) -> tuple[Body | None, tuple[BodyError, ...]]:
         description = read_urdf(path)
     except BodyError as error:
         return None, (error,)
-    faults = faults_of(description, str(path))
-    if faults:
-        return None, tuple(faults)
-    body = _body(description.robot)
-    return replace(body, notes=(*description.notes, *body.notes)), ()
+    if description.faults:
+        return None, description.faults
+    return _body(description.robot, description.notes), ()
 
 
-def _body(robot: Robot) -> Body:
+def _body(robot: Robot, notes: tuple[str, ...]) -> Body:
     root = root_of(robot)
-    size, center, notes = _main_box(root)
+    (collision,) = root.collisions
+    box = collision.geometry.shape
+    assert isinstance(box, Box)
+    size, center = vector(box.size), vector(collision.origin.xyz)
     moving = [joint for joint in robot.joints if joint.type == "revolute"]
     return Body(
         name=robot.name,
@@ -155,55 +143,25 @@ def _body(robot: Robot) -> Body:
         base=root.name,
         base_size=size,
         base_center=center,
-        base_mass=root.inertial.mass.value if root.inertial else 0.0,
+        base_mass=root.mass,
         lies_flat=_lowest(robot, root.name) > center[2] - size[2] / 2 - _HARDLY,
-        mass=sum(link.inertial.mass.value for link in robot.links if link.inertial),
+        mass=sum(link.mass for link in robot.links),
         motors=tuple(_motor(joint, robot) for joint in moving),
         touch=_touch(robot, moving),
         notes=notes,
     )
 
 
-def _main_box(link: Link) -> tuple[Vector, Vector, tuple[str, ...]]:
-    """Extents and middle of the main body's box, and what is to be said of it."""
-    first = link.collisions[0]
-    shape = first.geometry.shape
-    if len(link.collisions) == 1 and isinstance(shape, Box) and not any(vector(first.origin.rpy)):
-        return vector(shape.size), vector(first.origin.xyz), ()
-    ends = np.array([_ends(collision, np.eye(4)) for collision in link.collisions])
-    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
-    x, y, z = (high - low).tolist()
-    extents = " × ".join(f"{1000 * extent:.0f}" for extent in (x, y, z))
-    note = f"link '{link.name}' is announced as the box around its shapes, {extents} mm"
-    middle_x, middle_y, middle_z = ((low + high) / 2).tolist()
-    return (x, y, z), (middle_x, middle_y, middle_z), (note,)
-
-
 def _lowest(robot: Robot, root: str) -> float:
     """The lowest point of all parts with all joints at 0, in the root link's frame, m."""
     frames = {root: np.eye(4)}
     for joint in robot.joints:  # parents come first
-        own = frame_of(vector(joint.origin.xyz), vector(joint.origin.rpy))
-        frames[joint.child.link] = frames[joint.parent.link] @ own
-    ends = [
-        _ends(collision, frames[link.name]) for link in robot.links for collision in link.collisions
-    ]
-    return float(min(low[2] for low, _ in ends))
-
-
-def _ends(collision: Collision, link: Frame) -> tuple[Points, Points]:
-    """Least and greatest coordinates of a shape, where its link has a pose."""
-    frame = link @ frame_of(vector(collision.origin.xyz), vector(collision.origin.rpy))
-    shape = collision.geometry.shape
-    if isinstance(shape, Box):
-        reach = np.abs(frame[:3, :3]) @ np.array(vector(shape.size)) / 2
-    elif isinstance(shape, Cylinder):
-        along = np.abs(frame[:3, 2])
-        reach = along * shape.length / 2 + np.sqrt(1 - np.minimum(along, 1) ** 2) * shape.radius
-    else:
-        assert isinstance(shape, Sphere)
-        reach = np.full(3, shape.radius)
-    return frame[:3, 3] - reach, frame[:3, 3] + reach
+        frames[joint.child.link] = frames[joint.parent.link] @ joint.origin.frame
+    return min(
+        float(collision.bounds(frames[link.name])[0][2])
+        for link in robot.links
+        for collision in link.collisions
+    )
 
 
 def _motor(joint: Joint, robot: Robot) -> Motor:

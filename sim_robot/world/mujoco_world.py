@@ -132,7 +132,7 @@ def _model(body: Body, held: Pose | None) -> Any:
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    # Inertia in files of others is at times 0, or more about one axis than about the other two.
+    # Files have few digits: a moment may round to 0, or to a little more than the other two.
     spec.compiler.boundinertia = _LEAST_INERTIA
     spec.compiler.balanceinertia = True
     friction = (FRICTION, 0, 0)
@@ -171,6 +171,7 @@ def _furnish(element: Any, link: Link) -> None:
     inertial = link.inertial
     assert inertial is not None
     tensor = inertial.inertia
+    assert tensor is not None
     element.explicitinertial = True
     element.mass = inertial.mass.value
     place = _place(inertial.origin)

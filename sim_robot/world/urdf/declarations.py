@@ -1,7 +1,9 @@
-"""The subset of URDF that a simulated body may use, as declarations.
+"""What a URDF file says, as declarations: every value is checked before anything is made of it.
 
-Boxes, cylinders and spheres; fixed and revolute joints; anything else unknown is refused. What an
-engine gets is written from these declarations, so it never sees an element that was not checked.
+They are URDF's, as far as a body depends on them: boxes, cylinders, spheres and meshes, all six
+kinds of joints. ``normalisation`` makes a simulated body of them, ``checks`` says what none can be
+made of. What an engine gets is written from these declarations, so it never sees an element that
+was not checked.
 
 Source: the URDF specification (http://wiki.ros.org/urdf/XML).
 """
@@ -9,16 +11,55 @@ Source: the URDF specification (http://wiki.ros.org/urdf/XML).
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterable, Sequence
+from typing import Annotated, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, model_validator
 from pydantic_xml import BaseXmlModel, attr, element
+
+Frame: TypeAlias = NDArray[np.float64]
+"""Shape (4, 4): a pose in another frame."""
+
+Points: TypeAlias = NDArray[np.float64]
+"""Shape (…, 3): positions, m."""
+
+Say: TypeAlias = Callable[[str, str], None]
+"""Is told an element and what is the matter with it."""
 
 
 def vector(text: str) -> tuple[float, float, float]:
     """The three numbers of an attribute."""
     x, y, z = (float(word) for word in text.split())
     return x, y, z
+
+
+def text_of(values: Iterable[float]) -> str:
+    """Numbers as an attribute has them."""
+    return " ".join(repr(round(float(value), 12) + 0.0) for value in values)
+
+
+def frame_of(xyz: Sequence[float] | Points, rpy: Sequence[float] = (0.0, 0.0, 0.0)) -> Frame:
+    """The pose at a position (m), turned by roll, pitch and yaw (rad) about x, y and z, fixed."""
+    frame = np.eye(4)
+    for axis, angle in enumerate(rpy):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        turn = np.eye(4)
+        turn[one, one] = turn[other, other] = math.cos(angle)
+        turn[other, one] = math.sin(angle)
+        turn[one, other] = -turn[other, one]
+        frame = turn @ frame
+    frame[:3, 3] = xyz
+    return frame
+
+
+def inverse(frame: Frame) -> Frame:
+    """The pose of what a frame is given in, in that frame."""
+    back = np.eye(4)
+    back[:3, :3] = frame[:3, :3].T
+    back[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
+    return back
 
 
 def _finite(value: float) -> float:
@@ -33,11 +74,17 @@ def _positive(value: float) -> float:
     return value
 
 
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise ValueError(f"must not be below 0, as {value:g} is")
+    return value
+
+
 def _three(text: str) -> str:
     try:
         values = vector(text)
     except ValueError:
-        raise ValueError(f"must be three numbers, not '{text}'") from None
+        raise ValueError(f"must be three numbers with spaces between, not '{text}'") from None
     for value in values:
         _finite(value)
     return text
@@ -49,10 +96,18 @@ def _extents(text: str) -> str:
     return text
 
 
+def _scale(text: str) -> str:
+    if not all(vector(_three(text))):
+        raise ValueError("must not be 0")
+    return text
+
+
 Finite = Annotated[float, AfterValidator(_finite)]
 Positive = Annotated[float, AfterValidator(_finite), AfterValidator(_positive)]
+NotNegative = Annotated[float, AfterValidator(_finite), AfterValidator(_not_negative)]
 Vector = Annotated[str, AfterValidator(_three)]
 Extents = Annotated[str, AfterValidator(_extents)]
+Scale = Annotated[str, AfterValidator(_scale)]
 
 
 class _Element(BaseXmlModel, extra="forbid", search_mode="unordered", skip_empty=True):
@@ -65,15 +120,31 @@ class Origin(_Element, tag="origin"):
     xyz: Vector = attr(default="0 0 0")
     rpy: Vector = attr(default="0 0 0")
 
+    @property
+    def frame(self) -> Frame:
+        """The pose as a matrix."""
+        return frame_of(vector(self.xyz), vector(self.rpy))
+
+    @classmethod
+    def at(cls, frame: Frame) -> Origin:
+        """A pose that is given as a matrix."""
+        level = math.hypot(frame[0, 0], frame[1, 0])
+        pitch = math.atan2(-frame[2, 0], level)
+        if level > 1e-9:
+            roll, yaw = math.atan2(frame[2, 1], frame[2, 2]), math.atan2(frame[1, 0], frame[0, 0])
+        else:  # the nose is up or down: roll and yaw turn about the same axis
+            roll, yaw = math.atan2(-frame[1, 2], frame[1, 1]), 0.0
+        return cls(xyz=text_of(frame[:3, 3]), rpy=text_of((roll, pitch, yaw)))
+
 
 class Mass(_Element, tag="mass"):
-    """Kilograms."""
+    """Kilograms; 0 for a link that is only a frame."""
 
-    value: Positive = attr()
+    value: NotNegative = attr()
 
 
 class Inertia(_Element, tag="inertia"):
-    """The inertia matrix about the centre of mass, kg·m²."""
+    """The inertia matrix about the centre of mass, kg·m²: six entries, or all nine of them."""
 
     ixx: Finite = attr()
     ixy: Finite = attr(default=0.0)
@@ -81,6 +152,24 @@ class Inertia(_Element, tag="inertia"):
     iyy: Finite = attr()
     iyz: Finite = attr(default=0.0)
     izz: Finite = attr()
+    iyx: Finite | None = attr(default=None)
+    izx: Finite | None = attr(default=None)
+    izy: Finite | None = attr(default=None)
+
+    @model_validator(mode="after")
+    def _symmetric(self) -> Self:
+        rounding = 1e-6 * max(map(abs, (self.ixx, self.iyy, self.izz)))
+        for upper, lower in (("ixy", "iyx"), ("ixz", "izx"), ("iyz", "izy")):
+            one, other = getattr(self, upper), getattr(self, lower)
+            if other is not None and abs(one - other) > rounding:
+                raise ValueError(f"is not symmetric: {upper} is {one:g}, {lower} {other:g}")
+        return self
+
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """The matrix, shape (3, 3)."""
+        xy, xz, yz = self.ixy, self.ixz, self.iyz
+        return np.array([[self.ixx, xy, xz], [xy, self.iyy, yz], [xz, yz, self.izz]])
 
 
 class Inertial(_Element, tag="inertial"):
@@ -88,7 +177,7 @@ class Inertial(_Element, tag="inertial"):
 
     origin: Origin = element(default_factory=Origin)
     mass: Mass = element()
-    inertia: Inertia = element()
+    inertia: Inertia | None = element(default=None)
 
 
 class Box(_Element, tag="box"):
@@ -110,18 +199,27 @@ class Sphere(_Element, tag="sphere"):
     radius: Positive = attr()
 
 
+class Mesh(_Element, tag="mesh"):
+    """A file, and by how much it is stretched along x, y, z."""
+
+    filename: str = attr()
+    scale: Scale = attr(default="1 1 1")
+
+
 class Geometry(_Element, tag="geometry"):
     """Exactly one shape."""
 
     box: Box | None = element(default=None)
     cylinder: Cylinder | None = element(default=None)
     sphere: Sphere | None = element(default=None)
+    mesh: Mesh | None = element(default=None)
 
     @property
-    def shape(self) -> Box | Cylinder | Sphere | None:
+    def shape(self) -> Box | Cylinder | Sphere | Mesh | None:
         """The shape, if there is exactly one."""
-        shapes = [item for item in (self.box, self.cylinder, self.sphere) if item is not None]
-        return shapes[0] if len(shapes) == 1 else None
+        shapes = (self.box, self.cylinder, self.sphere, self.mesh)
+        there = [item for item in shapes if item is not None]
+        return there[0] if len(there) == 1 else None
 
 
 class Collision(_Element, tag="collision"):
@@ -131,6 +229,29 @@ class Collision(_Element, tag="collision"):
     origin: Origin = element(default_factory=Origin)
     geometry: Geometry = element()
 
+    def bounds(self, link: Frame) -> tuple[Points, Points]:
+        """Least and greatest coordinates of a box, cylinder or sphere, m.
+
+        Args:
+            link: The pose of its link.
+        """
+        frame, shape = link @ self.origin.frame, self.geometry.shape
+        match shape:
+            case Box():
+                reach = np.abs(frame[:3, :3]) @ np.array(vector(shape.size)) / 2
+            case Cylinder():
+                along = np.minimum(np.abs(frame[:3, 2]), 1.0)
+                reach = along * shape.length / 2 + np.sqrt(1 - along**2) * shape.radius
+            case Sphere():
+                reach = np.full(3, shape.radius)
+            case _:
+                reach = np.zeros(3)
+        return frame[:3, 3] - reach, frame[:3, 3] + reach
+
+
+class Visual(Collision, tag="visual", extra="ignore"):
+    """What is drawn of a link."""
+
 
 class Link(_Element, tag="link"):
     """A rigid part."""
@@ -138,6 +259,12 @@ class Link(_Element, tag="link"):
     name: str = attr()
     inertial: Inertial | None = element(default=None)
     collisions: list[Collision] = element(tag="collision", default_factory=list)
+    visuals: list[Visual] = element(tag="visual", default_factory=list)
+
+    @property
+    def mass(self) -> float:
+        """Its mass, kg; 0 without any."""
+        return 0.0 if self.inertial is None else self.inertial.mass.value
 
 
 class LinkName(_Element):
@@ -155,10 +282,10 @@ class Axis(_Element, tag="axis"):
 class Limit(_Element, tag="limit"):
     """Range in rad, torque in N·m, speed in rad/s."""
 
-    lower: Finite = attr()
-    upper: Finite = attr()
-    effort: Positive = attr()
-    velocity: Positive = attr()
+    lower: Finite = attr(default=0.0)
+    upper: Finite = attr(default=0.0)
+    effort: NotNegative = attr(default=0.0)
+    velocity: NotNegative = attr(default=0.0)
 
 
 class Dynamics(_Element, tag="dynamics"):
@@ -168,17 +295,26 @@ class Dynamics(_Element, tag="dynamics"):
     friction: Finite = attr(default=0.0)
 
 
+class Mimic(_Element, tag="mimic"):
+    """The joint that a joint follows."""
+
+    joint: str = attr()
+    multiplier: Finite = attr(default=1.0)
+    offset: Finite = attr(default=0.0)
+
+
 class Joint(_Element, tag="joint"):
     """Joins a child link to its parent."""
 
     name: str = attr()
-    type: Literal["fixed", "revolute"] = attr()
+    type: Literal["fixed", "revolute", "continuous", "prismatic", "floating", "planar"] = attr()
     parent: LinkName = element()
     child: LinkName = element()
     origin: Origin = element(default_factory=Origin)
     axis: Axis = element(default_factory=Axis)
     limit: Limit | None = element(default=None)
     dynamics: Dynamics | None = element(default=None)
+    mimic: Mimic | None = element(default=None)
 
 
 class Robot(_Element, tag="robot"):

@@ -1,31 +1,71 @@
-"""Reads a URDF file: declarations, all that is wrong with it, and all that is taken otherwise."""
+"""Reads a URDF file: the body that is simulated, all that is wrong, all that is taken otherwise.
+
+In this order, so that nothing is rewritten before it was checked: the file is held against bounds,
+parsed, freed of the words of other programs; its links and joints are checked one by one; they are
+normalised; what became of them is checked as a whole.
+
+Words of other programs (``<mujoco>``, ``<ros2_control>``, ``dont_collapse``) are ignored and said
+aloud, as every simulator reads its own and the reference parser (urdfdom) skips them. A word that
+is almost one of URDF's is refused: a body without its ``<colision>`` would be another body. So is
+xacro, of which URDF is yet to be made.
+"""
 
 from __future__ import annotations
 
+import io
+import re
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, TypeAlias, TypeVar, get_args
 
 from lxml import etree
 from pydantic import ValidationError
 from pydantic_xml import BaseXmlModel
 
 from sim_robot.errors import BodyError
-from sim_robot.world.urdf.customary import rewrite
-from sim_robot.world.urdf.declarations import Joint, Link, Robot
-from sim_robot.world.urdf.elements import Element
+from sim_robot.world.urdf.checks import MAX_LINKS, faults_of
+from sim_robot.world.urdf.declarations import Joint, Link, Robot, Say, Visual
+from sim_robot.world.urdf.meshes import LFS_POINTER
+from sim_robot.world.urdf.normalisation import normalise
+
+LARGEST: Final = 4 * 2**20
+"""Bytes of a file; the descriptions of whole humanoids have a tenth of that."""
+
+MAX_ELEMENTS: Final = 20_000
+"""XML elements of a file; a hundred links with all that belongs to them have a tenth of that."""
+
+MAX_WRITTEN: Final = 10 * MAX_LINKS
+"""Links, and joints, as they are written: those without mass are joined to others."""
 
 _LONGEST: Final = 200  # characters of an attribute; PyBullet dies of a hundred thousand
-_SUBSET: Final = "is outside the subset (box, cylinder, sphere; fixed and revolute joints)"
-Item = TypeVar("Item", bound=BaseXmlModel)
+_UNUSED: Final = (
+    "visual",
+    "material",
+    "gazebo",
+    "transmission",
+)  # words of URDF, skipped in silence
+_ONLY_MOVING: Final = ("axis", "limit", "dynamics")  # of a fixed joint they mean nothing
+_ROBOT: Final[dict[str, type[BaseXmlModel]]] = {"link": Link, "joint": Joint}
+_ALIKE: Final = 0.8  # as difflib counts it: one letter of five
+_LINE: Final = re.compile(r"^\[line -?\d+\]: ")
+_EXPRESSION: Final = re.compile(r"\$[{(]")
+_XACRO_ADVICE: Final = "is xacro, of which URDF is made first: xacro FILE > robot.urdf."
+_SHAPES: Final = "is no shape that can be simulated: write a box, cylinder, sphere or mesh"
+
+_Element: TypeAlias = etree._Element
+_Item = TypeVar("_Item", bound=BaseXmlModel)
+_Remark: TypeAlias = tuple[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What a file says.
+    """What became of a file.
 
     Attributes:
-        robot: Its links and joints, without those that are wrong in themselves.
+        robot: The body that is simulated, if there are no faults.
         faults: What is wrong.
         notes: What is taken otherwise than it stands there.
     """
@@ -39,59 +79,253 @@ def read_urdf(path: Path) -> Description:
     """Reads a URDF file.
 
     Raises:
-        BodyError: The file cannot be read, is no XML or no URDF.
+        BodyError: The file cannot be read, is too large, is no XML or no URDF.
     """
-    root, faults, notes = _parsed(path), list[BodyError](), list[str]()
+    root, faults, notes = _parsed(path), list[_Remark](), list[_Remark]()
 
-    def fault(element: str, reason: str) -> None:
-        faults.append(BodyError(str(path), element, reason))
+    def fault(place: str, reason: str) -> None:
+        faults.append((place, reason))
 
-    for item in root.iter():
-        if max((len(value) for value in item.attrib.values()), default=0) > _LONGEST:
-            fault(f"<{item.tag}>", f"no attribute may have more than {_LONGEST} characters.")
-    if not faults:
-        rewrite(root, path, note=lambda place, what: notes.append(f"{place} {what}"), fault=fault)
-    links = _all(root, Link, "link", path, faults)
-    joints = _all(root, Joint, "joint", path, faults)
-    robot = Robot(
-        name=root.get("name", ""), version=root.get("version"), links=links, joints=joints
+    def note(place: str, what: str) -> None:
+        notes.append((place, what))
+
+    _drop_foreign(root, note, fault)
+    robot, visual_faults = _checked(root, fault)
+    written = len(root.findall("link")), len(root.findall("joint"))
+    whole = written == (len(robot.links), len(robot.joints))
+    normalise(robot, path, whole=whole, visual_faults=visual_faults, note=note, fault=fault)
+    faults += faults_of(robot, whole=whole)
+    return Description(
+        robot=robot,
+        faults=tuple(
+            BodyError(str(path), place, why if why.endswith("?") else f"{why}.")
+            for place, why in _merged(faults)
+        ),
+        notes=tuple(f"{place} {what}" for place, what in _merged(notes)),
     )
-    return Description(robot=robot, faults=tuple(faults), notes=tuple(notes))
 
 
-def _parsed(path: Path) -> Element:
+def _merged(remarks: Iterable[_Remark]) -> Iterable[_Remark]:
+    """Remarks that say the same of several elements as one."""
+    places: dict[str, dict[str, None]] = {}
+    for place, what in remarks:
+        places.setdefault(what.removesuffix("."), {})[place] = None
+    for what, (first, *others) in places.items():
+        names = ", ".join(_beside(first, other) for other in others)
+        yield first, f"{what}; likewise {names}" if names else what
+
+
+def _beside(first: str, other: str) -> str:
+    """A place after another one, by its name alone where the rest is the same."""
+    before, _, rest = first.partition("'")
+    after = rest.partition("'")[2]
+    alike = before and other.startswith(f"{before}'") and other.endswith(f"'{after}")
+    return other[len(before) : len(other) - len(after)] if alike else other
+
+
+# --- the XML --------------------------------------------------------------------------------------
+
+
+def _parsed(path: Path) -> _Element:
+    """The ``<robot>`` of a file that is within the bounds and no xacro."""
     try:
-        parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False)
-        root = etree.fromstring(path.read_bytes(), parser)
+        with path.open("rb") as file:
+            root = _tree(file.read(LARGEST + 1))
     except OSError as error:
         raise BodyError(str(path), "", f"cannot be read: {error.strerror}.") from error
     except etree.XMLSyntaxError as error:
-        raise BodyError(str(path), "", f"is not valid XML: {error.msg}.") from error
-    if root.getroottree().docinfo.internalDTD is not None:
-        raise BodyError(str(path), "<!DOCTYPE>", "is no part of URDF; leave it out, and entities.")
-    if root.tag != "robot":
-        raise BodyError(str(path), f"<{root.tag}>", "the root element must be <robot>.")
+        reason = f"is not valid XML: {error.msg}."
+        if "prefix xacro" in reason:  # without the line that says what xacro is
+            reason = _XACRO_ADVICE
+        raise BodyError(str(path), "", reason) from error
+    except ValueError as error:
+        raise BodyError(str(path), "", f"{error}.") from error
+    place, reason = _no_description(root)
+    if reason:
+        raise BodyError(str(path), place, reason)
     return root
 
 
-def _all(
-    root: Element, kind: type[Item], tag: str, path: Path, faults: list[BodyError]
-) -> list[Item]:
-    """All links, or all joints, that are what the declaration says."""
-    items = []
-    for number, element in enumerate(root.findall(tag), start=1):
-        # The validator searches for elements by exchanging them with those that stand in their
-        # place, so collisions would come out of document order.
-        element[:] = sorted(element, key=lambda child: child.tag == "collision")
-        try:
-            items.append(kind.from_xml_tree(element))  # type: ignore[arg-type]  # two sets of types
-        except ValidationError as error:
-            name = element.get("name", f"number {number}")
-            for wrong in error.errors():
-                inner = ".".join(str(part) for part in wrong["loc"] if not isinstance(part, int))
-                place = ": ".join(filter(None, (f"{tag} '{name}'", inner)))
-                place = place.replace("collisions", "collision")
-                reason = wrong["msg"].replace("Value error, ", "")
-                reason = reason.replace("Extra inputs are not permitted", _SUBSET)
-                faults.append(BodyError(str(path), place, f"{reason}."))
-    return items
+def _tree(data: bytes) -> _Element:
+    """The root element.
+
+    Raises:
+        ValueError: There is too much, or something else, in the file.
+        etree.XMLSyntaxError: It is no XML.
+    """
+    if len(data) > LARGEST:
+        most = f"{LARGEST / 2**20:g} MiB"
+        raise ValueError(f"has more than {most}, as no description of {MAX_LINKS} links has")
+    if data.startswith(LFS_POINTER):
+        raise ValueError("is a Git LFS pointer, not the description: fetch it with git lfs pull")
+    reader = etree.iterparse(
+        io.BytesIO(data),
+        events=("start",),
+        remove_comments=True,
+        remove_pis=True,
+        resolve_entities=False,
+    )
+    for count, _ in enumerate(reader, start=1):
+        if count > MAX_ELEMENTS:
+            raise ValueError(f"has more than {MAX_ELEMENTS} elements")
+    root: _Element = reader.root
+    return root
+
+
+def _no_description(root: _Element) -> _Remark:
+    """What makes a document no description, whatever its links and joints are; empty without it."""
+    if root.getroottree().docinfo.internalDTD is not None:
+        return "<!DOCTYPE>", "is no part of URDF; leave it out, and entities."
+    if root.tag != "robot":
+        return f"<{root.tag!s}>", "the root element must be <robot>."
+    for item in root.iter():
+        if max((len(value) for value in item.attrib.values()), default=0) > _LONGEST:
+            return f"<{item.tag!s}>", f"no attribute may have more than {_LONGEST} characters."
+    place = _xacro(root)
+    if place:
+        return place, _XACRO_ADVICE
+    for tag in _ROBOT:
+        count = len(root.findall(tag))
+        if count > MAX_WRITTEN:
+            return "robot", f"must have at most {MAX_LINKS} {tag}s, not {count}."
+    return "", ""
+
+
+def _xacro(root: _Element) -> str:
+    """Where a file is xacro that was not expanded; empty where it is not."""
+    for element in root.iter():
+        namespace, _, name = str(element.tag).rpartition("}")
+        if namespace.endswith("xacro"):
+            return f"<xacro:{name}>"
+    for element in (root, *root.iterfind("link//*"), *root.iterfind("joint//*")):
+        for key, value in element.attrib.items():
+            if _EXPRESSION.search(str(value)):
+                return f'<{element.tag!s} {key!s}="{value!s}">'
+    return ""
+
+
+# --- words of other programs ----------------------------------------------------------------------
+
+
+def _drop_foreign(root: _Element, note: Say, fault: Say) -> None:
+    """Removes what is neither link nor joint, nor a known part of one.
+
+    Args:
+        root: The ``<robot>``.
+        note: Told what is ignored.
+        fault: Told what looks like a misspelt word of URDF.
+    """
+    for joint in root.iterfind("joint[@type='fixed']"):
+        for element in [child for child in joint if child.tag in _ONLY_MOVING]:
+            joint.remove(element)
+    for link in root.iterfind("link"):
+        if link.find("collision") is not None:
+            for visual in link.findall("visual"):
+                link.remove(visual)
+    _drop(root, _ROBOT, {"name", "version"}, note, fault)
+
+
+def _drop(
+    element: _Element,
+    parts: dict[str, type[BaseXmlModel]],
+    attributes: set[str],
+    note: Say,
+    fault: Say,
+) -> None:
+    for name in map(str, list(element.attrib)):
+        if name in attributes:
+            continue
+        meant = _meant(name, attributes)
+        place = f"attribute '{name}' of <{element.tag}>"
+        if meant:
+            fault(place, f"is unknown; did you mean '{meant}'?")
+        else:
+            note(place, "is ignored")
+        del element.attrib[name]
+    for child in list(element):
+        tag = str(child.tag)
+        if tag in parts:
+            if parts[tag] is not Visual:
+                _drop(child, *_known(parts[tag]), note, fault)
+        elif element.tag != "geometry":  # a shape that is not known must not vanish
+            meant = _meant(tag, parts)
+            if meant:
+                fault(f"<{tag}> in <{element.tag}>", f"is unknown; did you mean <{meant}>?")
+            elif tag not in _UNUSED:
+                note(f"<{tag}>", "is ignored")
+            element.remove(child)
+
+
+def _meant(word: str, known: Collection[str]) -> str:
+    """The known word that is almost this one, or has the same letters; empty without any."""
+    same = [name for name in known if sorted(name) == sorted(word)]
+    return next(iter([*same, *get_close_matches(word, known, 1, _ALIKE)]), "")
+
+
+@cache
+def _known(kind: type[BaseXmlModel]) -> tuple[dict[str, type[BaseXmlModel]], set[str]]:
+    """The elements and the attributes that a declaration has."""
+    parts, attributes = dict[str, type[BaseXmlModel]](), set[str]()
+    for name, field in kind.model_fields.items():
+        inner = [
+            item
+            for item in (field.annotation, *get_args(field.annotation))
+            if isinstance(item, type) and issubclass(item, BaseXmlModel)
+        ]
+        if inner:
+            parts[inner[0].__xml_tag__ or name] = inner[0]
+        else:
+            attributes.add(name)
+    return parts, attributes
+
+
+# --- links and joints, one by one -----------------------------------------------------------------
+
+
+def _checked(root: _Element, fault: Say) -> tuple[Robot, dict[str, list[_Remark]]]:
+    """The links and joints that are what their declarations say.
+
+    Returns:
+        Them, and by the names of links what is wrong with their ``<visual>``, which matters only
+        where it is needed.
+    """
+    links, joints, visual_faults = list[Link](), list[Joint](), dict[str, list[_Remark]]()
+    for number, element in enumerate(root.findall("link"), start=1):
+        link, faults = _item(Link, element, number)
+        wrong = [remark for remark in faults if ": visual" in remark[0]]
+        if wrong:
+            visual_faults[element.get("name", "")] = wrong
+            for visual in element.findall("visual"):
+                element.remove(visual)
+            link, faults = _item(Link, element, number)
+        for remark in faults:
+            fault(*remark)
+        links += [] if link is None else [link]
+    for number, element in enumerate(root.findall("joint"), start=1):
+        joint, faults = _item(Joint, element, number)
+        for remark in faults:
+            fault(*remark)
+        joints += [] if joint is None else [joint]
+    robot = Robot(
+        name=root.get("name", ""), version=root.get("version"), links=links, joints=joints
+    )
+    return robot, visual_faults
+
+
+def _item(kind: type[_Item], element: _Element, number: int) -> tuple[_Item | None, list[_Remark]]:
+    """A link or joint, or what is wrong with it."""
+    # The validator searches for elements by exchanging them with those that stand in their place,
+    # so collisions would come out of document order.
+    element[:] = sorted(element, key=lambda child: child.tag in ("collision", "visual"))
+    try:
+        return kind.from_xml_tree(element), []  # type: ignore[arg-type]  # two sets of types
+    except ValidationError as error:
+        name = element.get("name", f"number {number}")
+        faults = []
+        for wrong in error.errors():
+            inner = ".".join(str(part) for part in wrong["loc"] if not isinstance(part, int))
+            place = ": ".join(filter(None, (f"{element.tag} '{name}'", inner)))
+            place = place.replace(": collisions", ": collision").replace(": visuals", ": visual")
+            reason = _LINE.sub("", wrong["msg"]).replace("Value error, ", "")
+            faults.append((place, reason.replace("Extra inputs are not permitted", _SHAPES)))
+        return None, faults

@@ -97,7 +97,7 @@ def test_the_command_lists_prints_and_refuses(
     [
         ('type="revolute"', 'type="prismatic"', "joint 'hip_left'"),
         ('<box size="0.14 0.14 0.085"/>', '<mesh filename="body.stl"/>', "mesh"),
-        ('<mass value="0.04"/>', '<mass value="0"/>', "must be above 0"),
+        ('<mass value="0.04"/>', '<mass value="0"/>', "a mass above 0"),
     ],
 )
 def test_what_leaves_the_subset_ends_in_a_sentence(

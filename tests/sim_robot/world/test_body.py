@@ -10,7 +10,7 @@ import pytest
 from sim_robot.errors import BodyError
 from sim_robot.world.body import default_body_path, load_body
 
-INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+INERTIAL = '<inertial><mass value="1"/><inertia ixx="0.002" iyy="0.002" izz="0.002"/></inertial>'
 BOX = '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
 BASE = f'<link name="base">{INERTIAL}{BOX}</link>'
 LEG = f'<link name="leg">{INERTIAL}</link>'

@@ -19,13 +19,16 @@ A_ROBOT_OF_OTHERS = """<robot name="r">
 <link name="world"/>
 <joint name="f" type="floating"><parent link="world"/><child link="base"/></joint>
 <link name="base"/><joint name="t" type="fixed"><parent link="base"/><child link="trunk"/></joint>
-<link name="trunk"><inertial><mass value="4"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<link name="trunk">
+<inertial><mass value="4"/><inertia ixx=".01" iyy=".01" izz=".01"/></inertial>
 <visual><geometry><box size="0.3 0.2 0.1"/></geometry></visual></link>
 <joint name="knee" type="revolute"><parent link="thigh"/><child link="shank"/><axis xyz="0 1 0"/>
 <origin xyz="0 0 -0.2"/><limit lower="-2.7" upper="-0.9" effort="0" current="3"/></joint>
 <joint name="hip" type="continuous"><parent link="base"/><child link="thigh"/></joint>
-<link name="thigh"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
-<link name="shank"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
+<link name="thigh">
+<inertial><mass value="1"/><inertia ixx=".01" iyy=".01" izz=".01"/></inertial></link>
+<link name="shank">
+<inertial><mass value="1"/><inertia ixx=".01" iyy=".01" izz=".01"/></inertial>
 <collision><geometry><cylinder radius="0.01" length="0.2"/></geometry></collision></link>
 <mujoco/></robot>"""
 ORIGINALS = (A_ROBOT_OF_OTHERS, *(path.read_text() for path in shipped_bodies().values()))

@@ -1,24 +1,27 @@
-"""What a schema cannot check of a body: the tree, the order, what belongs to what."""
+"""What cannot be simulated of a body whose every value is right by itself.
+
+The tree, the order, what belongs to what; sizes and masses that are those of no robot.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
 
 from protocol.wire.field_checks import MAX_NAME
-from sim_robot.errors import BodyError
 from sim_robot.world.urdf.declarations import (
     Box,
     Cylinder,
     Inertia,
     Joint,
     Link,
+    Mesh,
     Robot,
     Sphere,
     vector,
 )
-from sim_robot.world.urdf.reading import Description
 
 MAX_MOTORS = 24  # outputs of three servo boards on one line
 MAX_LINKS = 100  # PyBullet loads no body of 127
@@ -26,21 +29,26 @@ LONGEST = 10.0  # m; a robot in millimetres is longer
 HEAVIEST = 1000.0  # kg; a robot in grams is heavier
 
 
-def faults_of(description: Description, file: str) -> list[BodyError]:
-    """All that is wrong with a description, whatever was wrong with its links and joints alone."""
-    robot = description.robot
+def faults_of(robot: Robot, *, whole: bool) -> list[tuple[str, str]]:
+    """Elements of a normalised body, and what is wrong with each.
+
+    Args:
+        robot: Its links and joints.
+        whole: Whether all of them are there; else nothing is said of how they hang together.
+    """
     faults = [*_names(robot)]
-    if not description.faults:  # a link or joint that is wrong in itself is no part of the tree
+    moving = [joint for joint in robot.joints if joint.type != "fixed"]
+    roots = _roots(robot) if whole else []
+    if whole:
         faults += _tree(robot)
     for link in robot.links:
-        faults += _link(link, root=link.name in _roots(robot))
-    moving = [joint for joint in robot.joints if joint.type == "revolute"]
-    if not (1 <= len(moving) <= MAX_MOTORS) and not description.faults:
+        faults += _link(link, root=link.name in roots, whole=whole)
+    if whole and not 1 <= len(moving) <= MAX_MOTORS:
         reason = f"must have 1 to {MAX_MOTORS} revolute joints, not {len(moving)}."
         faults.append(("robot", reason))
-    for joint in moving:
+    for joint in robot.joints:
         faults += _joint(joint)
-    return [*description.faults, *(BodyError(file, place, reason) for place, reason in faults)]
+    return faults
 
 
 def root_of(robot: Robot) -> Link:
@@ -61,11 +69,11 @@ def _names(robot: Robot) -> Iterator[tuple[str, str]]:
     if size > MAX_LINKS:
         yield "robot", f"must have at most {MAX_LINKS} links, not {size}."
     for kind, names in (
-        ("link", [link.name for link in robot.links]),
-        ("joint", [joint.name for joint in robot.joints]),
+        ("link", Counter(link.name for link in robot.links)),
+        ("joint", Counter(joint.name for joint in robot.joints)),
     ):
-        for name in dict.fromkeys(names):
-            if names.count(name) > 1:
+        for name, count in names.items():
+            if count > 1:
                 yield f"{kind} '{name}'", f"two {kind}s share this name."
             if not 1 <= len(name) <= MAX_NAME:
                 yield f"{kind} '{name:.70}'", f"names have 1 to {MAX_NAME} characters."
@@ -99,16 +107,15 @@ def _tree(robot: Robot) -> Iterator[tuple[str, str]]:
         placed.add(child)
 
 
-def _link(link: Link, *, root: bool) -> Iterator[tuple[str, str]]:
-    where = f"link '{link.name}'"
-    if link.inertial is None:
+def _link(link: Link, *, root: bool, whole: bool) -> Iterator[tuple[str, str]]:
+    where, mass = f"link '{link.name}'", link.mass
+    if whole and not mass:
         yield where, "needs <inertial> with a mass above 0."
-    else:
-        mass = link.inertial.mass.value
-        if mass > HEAVIEST:
-            reason = f"is {mass:g} kg, and may be {HEAVIEST:g} at most: URDF has kilograms."
-            yield f"{where}: mass", reason
-        if not _possible(link.inertial.inertia):
+    if mass > HEAVIEST:
+        reason = f"is {mass:g} kg, and may be {HEAVIEST:g} at most: URDF has kilograms."
+        yield f"{where}: mass", reason
+    if link.inertial is not None:
+        if link.inertial.inertia is not None and not _possible(link.inertial.inertia):
             yield (
                 f"{where}: inertia",
                 "is that of no rigid body: its principal moments must be 0 or more.",
@@ -117,7 +124,7 @@ def _link(link: Link, *, root: bool) -> Iterator[tuple[str, str]]:
     for collision in link.collisions:
         if collision.geometry.shape is None:
             place = f"{where}: collision: geometry"
-            yield place, "must hold exactly one box, cylinder or sphere."
+            yield place, "must hold exactly one box, cylinder, sphere or mesh."
         else:
             yield from _extent(f"{where}: collision: geometry", *_sizes(collision.geometry.shape))
         yield from _extent(f"{where}: collision: origin", *vector(collision.origin.xyz))
@@ -125,10 +132,8 @@ def _link(link: Link, *, root: bool) -> Iterator[tuple[str, str]]:
         yield where, "the root link must have a shape, <collision>: it is the main body."
 
 
-def _possible(tensor: Inertia) -> bool:
-    xx, yy, zz = tensor.ixx, tensor.iyy, tensor.izz
-    xy, xz, yz = tensor.ixy, tensor.ixz, tensor.iyz
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+def _possible(inertia: Inertia) -> bool:
+    moments = np.linalg.eigvalsh(inertia.matrix)
     return bool(moments.min() >= -1e-6 * abs(moments).max())
 
 
@@ -139,7 +144,7 @@ def _extent(where: str, *lengths: float) -> Iterator[tuple[str, str]]:
         yield where, reason
 
 
-def _sizes(shape: Box | Cylinder | Sphere) -> tuple[float, ...]:
+def _sizes(shape: Box | Cylinder | Sphere | Mesh) -> tuple[float, ...]:
     match shape:
         case Box():
             return vector(shape.size)
@@ -147,10 +152,21 @@ def _sizes(shape: Box | Cylinder | Sphere) -> tuple[float, ...]:
             return shape.radius, shape.length
         case Sphere():
             return (shape.radius,)
+        case Mesh():
+            return (0.0,)  # the box around it is checked
 
 
 def _joint(joint: Joint) -> Iterator[tuple[str, str]]:
     where, limit = f"joint '{joint.name}'", joint.limit
+    yield from _extent(f"{where}: origin", *vector(joint.origin.xyz))
+    if joint.mimic is not None:
+        yield where, "follows another joint, <mimic>; make it fixed, or a servo of its own."
+    if joint.type == "fixed":
+        return
+    if joint.type != "revolute":
+        reason = f"is {joint.type}; only fixed, revolute and continuous joints are simulated."
+        yield f"{where}: type", reason
+        return
     if limit is None:
         yield where, "a revolute joint needs <limit>."
     elif not limit.lower < limit.upper:
@@ -159,6 +175,5 @@ def _joint(joint: Joint) -> Iterator[tuple[str, str]]:
             f"lower must be below upper, not {limit.lower:g} and {limit.upper:g}; what is left "
             "out is 0.",
         )
-    yield from _extent(f"{where}: origin", *vector(joint.origin.xyz))
     if not any(vector(joint.axis.xyz)):
         yield f"{where}: axis", "must not be 0 0 0."

@@ -1,14 +1,8 @@
-"""Meshes of other programs, taken as the box around them."""
+"""One triangle as a file of each kind."""
 
 from __future__ import annotations
 
 import struct
-from pathlib import Path
-
-import pytest
-
-from sim_robot.world.urdf.declarations import Box, vector
-from tests.sim_robot.world.urdf.pieces import BASE, LEG, LIMIT, joint, taken
 
 NO_TRIANGLES = (
     b'<triangles count="0"><input offset="0" semantic="VERTEX" source="#v"/><p></p></triangles>'
@@ -23,7 +17,9 @@ def binary_stl(corners: list[tuple[float, float, float]]) -> bytes:
 
 def text_stl(corners: list[tuple[float, float, float]]) -> bytes:
     lines = "".join("vertex {} {} {}\n".format(*corner) for corner in corners)
-    return f"solid leg\nfacet normal 0 0 1\nouter loop\n{lines}endloop\nendfacet\n".encode()
+    return (
+        f"solid leg\nfacet normal 0 0 1\nouter loop\n{lines}endloop\nendfacet\nendsolid\n".encode()
+    )
 
 
 def obj(corners: list[tuple[float, float, float]]) -> bytes:
@@ -48,30 +44,3 @@ def dae(corners: list[tuple[float, float, float]]) -> bytes:
 <library_visual_scenes><visual_scene id="w"><node><translate>0 -50 0</translate>
 <instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#w"/></scene></COLLADA>""".encode()
-
-
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        ("a.stl", binary_stl(CORNERS)),
-        ("a.STL", text_stl(CORNERS)),
-        ("a.obj", obj(CORNERS)),
-        ("a.dae", dae(CORNERS)),
-        ("empty_beside.dae", dae(CORNERS).replace(b"</mesh>", NO_TRIANGLES + b"</mesh>")),
-    ],
-)
-@pytest.mark.parametrize("prefix", ["meshes/", "package://my_robot/meshes/", "file://meshes/"])
-def test_a_mesh_is_taken_as_the_box_around_it(
-    tmp_path: Path, name: str, content: bytes, prefix: str
-) -> None:
-    folder = tmp_path / "my_robot"
-    (folder / "meshes").mkdir(parents=True)
-    (folder / "meshes" / name).write_bytes(content)
-    mesh = f'mesh filename="{prefix}{name}" scale="2 2 1"'
-    mesh = LEG.replace('box size="0.2 0.1 0.1"', mesh)
-    body = taken(folder, BASE, mesh, joint("revolute", "base", "leg", LIMIT))
-    (collision,) = body.robot.links[1].collisions
-    assert isinstance(collision.geometry.shape, Box)
-    assert vector(collision.geometry.shape.size) == pytest.approx((0.08, 0.02, 0.2), abs=1e-6)
-    assert vector(collision.origin.xyz) == pytest.approx((0.02, 0.01, -0.1), abs=1e-6)
-    assert body.notes[0].endswith(f"{name} is taken as the box around it, 80 × 20 × 200 mm")

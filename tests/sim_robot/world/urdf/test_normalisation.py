@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,7 +19,8 @@ from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import examine, load_body
 from sim_robot.world.engines import ENGINES, open_world
 from sim_robot.world.sensor_noise import NoiseLevels
-from sim_robot.world.urdf.declarations import vector
+from sim_robot.world.urdf.declarations import Box, vector
+from tests.sim_robot.world.urdf.meshes import CORNERS, binary_stl
 from tests.sim_robot.world.urdf.pieces import (
     BASE,
     INERTIAL,
@@ -77,7 +79,8 @@ def test_links_without_mass_belong_to_what_they_are_fixed_to(tmp_path: Path) -> 
         *('<link name="base_footprint"/>', BASE, LEG),
         joint("fixed", "base_footprint", "base", '<origin xyz="0 0 0.3"/>'),
         joint("revolute", "base", "leg", LIMIT),
-        f'<link name="frame">{ball}</link><link name="toe">{INERTIAL}{ball}</link>',
+        f'<link name="frame">{ball}</link>',
+        f'<link name="toe">{INERTIAL.replace("0.002", "1e-4")}{ball}</link>',
         joint("fixed", "leg", "frame", place),
         joint("fixed", "frame", "toe", '<origin xyz="0 0 0.05"/>'),
     )
@@ -115,10 +118,10 @@ def test_words_of_other_programs_are_ignored_once_and_aloud(tmp_path: Path) -> N
         joint("revolute", "base", "leg", limit),
         joint("revolute", "base", "other", limit),
     )
-    assert [note.removesuffix(" is ignored") for note in body.notes] == [
-        *("<mujoco>", "<self_filter>"),
-        *("attribute 'current' of <limit>", "attribute 'dont_collapse' of <limit>"),
-    ]
+    assert body.notes == (
+        "<mujoco> is ignored; likewise <self_filter>, attribute 'current' of <limit>, attribute "
+        "'dont_collapse' of <limit>",
+    )
 
 
 @pytest.mark.parametrize(
@@ -190,17 +193,118 @@ def test_joints_are_counted_after_what_carries_them(tmp_path: Path) -> None:
     assert note.startswith("joint 'leg_foot' stands before the joint that carries it")
 
 
-def test_a_main_body_of_any_shapes_is_announced_as_the_box_around_them(tmp_path: Path) -> None:
-    shapes = (
-        '<collision><origin rpy="0 1.5707963267948966 0"/><geometry>'
-        '<cylinder radius="0.05" length="0.4"/></geometry></collision>'
-        '<collision><origin xyz="0 0 0.1"/><geometry><sphere radius="0.02"/></geometry></collision>'
-    )
-    base = f'<link name="base">{INERTIAL}{shapes}</link>'
+ROUND = (
+    '<collision><origin rpy="0 1.5707963267948966 0"/><geometry>'
+    '<cylinder radius="0.05" length="0.4"/></geometry></collision>'
+    '<collision><origin xyz="0 0 0.1"/><geometry><sphere radius="0.02"/></geometry></collision>'
+)
+TURNED = BASE.replace("<geometry>", '<origin xyz="0 0 0.1" rpy="0 0 {}"/><geometry>')
+
+
+@pytest.mark.parametrize(
+    ("base", "size", "middle", "note"),
+    [
+        (f'<link name="base">{INERTIAL}{ROUND}</link>', (0.4, 0.1, 0.17), (0, 0, 0.035), "rolls"),
+        (TURNED.format("0.7853981633974483"), (0.2121, 0.2121, 0.1), (0, 0, 0.1), "rolls"),
+        (TURNED.format("1.5707963267948966"), (0.1, 0.2, 0.1), (0, 0, 0.1), "without the turn"),
+    ],
+)
+def test_a_main_body_that_is_not_one_box_is_the_box_around_it_and_what_that_costs_is_said(
+    tmp_path: Path,
+    base: str,
+    size: tuple[float, float, float],
+    middle: tuple[float, float, float],
+    note: str,
+) -> None:
     body = taken(tmp_path, base, LEG, joint("revolute", "base", "leg", LIMIT))
-    assert body.base_size == pytest.approx((0.4, 0.1, 0.17))
-    assert body.base_center == pytest.approx((0, 0, 0.035))
-    assert "400 × 100 × 170 mm" in body.notes[0]
+    assert body.base_size == pytest.approx(size, abs=1e-4)
+    assert body.base_center == pytest.approx(middle)
+    extents = " × ".join(f"{1000 * extent:.0f}" for extent in size)
+    (said,) = body.notes
+    assert said.startswith("link 'base' is ")
+    assert extents in said
+    assert note in said
+    (box,) = body.robot.links[0].collisions  # what is announced is what is simulated and printed
+    assert box.geometry.shape == Box(size=" ".join(map(repr, body.base_size)))
+
+
+@pytest.mark.parametrize("values", [("0.7", "-0.2"), ("-1000", "1000"), ("-90", "45"), ("0", "90")])
+def test_limits_that_are_hardly_radians_are_cut_and_said_once(
+    tmp_path: Path, values: tuple[str, str]
+) -> None:
+    lower, upper = sorted(map(float, values))
+    limit = LIMIT.replace('"-1"', f'"{lower}"').replace('"1" eff', f'"{upper}" eff')
+    body = taken(
+        tmp_path,
+        *(BASE, LEG, LEG.replace('"leg"', '"other"')),
+        *(joint("revolute", "base", leg, limit) for leg in ("leg", "other")),
+    )
+    ends = {(motor.lower, motor.upper) for motor in body.motors}
+    assert ends == {(max(lower, -math.pi), min(upper, math.pi))}
+    if upper < 1:
+        assert body.notes == ()
+    else:
+        (note,) = body.notes
+        assert note == (
+            "joint 'base_leg': limit lies beyond 360° and is cut to 180°: URDF has radians; if "
+            "degrees are meant, write 1.571 for 90; likewise 'base_other'"
+        )
+
+
+def test_a_range_in_degrees_without_0_is_refused(tmp_path: Path) -> None:
+    limit = LIMIT.replace('"-1"', '"-155"').replace('"1" eff', '"-52" eff')
+    with pytest.raises(BodyError, match=r"no angles in radians; for degrees, write -2.705 and -0"):
+        taken(tmp_path, BASE, LEG, joint("revolute", "base", "leg", limit))
+
+
+NINE = INERTIAL.replace("<inertia ", '<inertia ixy="1e-4" iyx="{}" ixz="0" izx="0" izy="0" ')
+
+
+def test_a_tensor_with_nine_entries_is_taken_if_it_is_symmetric(tmp_path: Path) -> None:
+    nine = BASE.replace(INERTIAL, NINE.format("1e-4")), LEG.replace(INERTIAL, NINE.format("1e-4"))
+    body = taken(tmp_path, *nine, joint("revolute", "base", "leg", LIMIT))
+    inertial = body.robot.links[0].inertial
+    assert inertial is not None
+    assert inertial.inertia is not None
+    assert inertial.inertia.ixy == 1e-4
+    assert "iyx" not in body.urdf
+    assert body.notes == (
+        "link 'base' has all nine entries of its inertia: iyx, izx, izy repeat; likewise 'leg'",
+    )
+    skew = BASE, LEG.replace(INERTIAL, NINE.format("-1e-4"))
+    with pytest.raises(BodyError, match=r"is not symmetric: ixy is 0\.0001, iyx -0\.0001"):
+        taken(tmp_path, *skew, joint("revolute", "base", "leg", LIMIT))
+
+
+TURNS = joint("revolute", "base", "leg", LIMIT)
+REWRITTEN = {
+    "the place of a mesh": LEG.replace("<geometry>", '<origin xyz="{}"/><geometry>').replace(
+        "box size", 'mesh filename="leg.stl" name'
+    )
+    + TURNS,
+    "the scale of a mesh": LEG.replace("box size", 'mesh filename="leg.stl" scale="{}" name')
+    + TURNS,
+    "a joint that turns without 0": LEG
+    + joint("revolute", "base", "leg", '<limit lower="1" upper="2"/><origin xyz="{}"/>'),
+    "a range": LEG + joint("revolute", "base", "leg", '<limit upper="1" lower="{}"/>'),
+    "the torque of a servo": LEG + joint("continuous", "base", "leg", '<limit effort="{}"/>'),
+    "a link without mass": f'{LEG}<link name="foot"/>{TURNS}'
+    + joint("fixed", "leg", "foot", '<origin rpy="{}"/>'),
+    "what the main body is fixed to": f'{LEG}<link name="root"/>{TURNS}'
+    + joint("fixed", "root", "base", '<origin rpy="{}"/>'),
+    "a main body that is drawn": f'{LEG}<link name="trunk">{INERTIAL}<visual><origin xyz="{{}}"/>'
+    f'<geometry><box size="1 1 1"/></geometry></visual></link>{TURNS}'
+    + joint("revolute", "trunk", "base", LIMIT),
+}
+
+
+@pytest.mark.parametrize("what", REWRITTEN)
+@pytest.mark.parametrize("text", ["0 0 -0,05", "0, 0, 0.3", "0 0", "", "x"])
+def test_nothing_is_rewritten_before_it_is_checked(tmp_path: Path, what: str, text: str) -> None:
+    (tmp_path / "leg.stl").write_bytes(binary_stl(CORNERS))
+    with pytest.raises(BodyError, match=r"three numbers|a valid number") as caught:
+        taken(tmp_path, BASE, REWRITTEN[what].format(text))
+    assert "more:" not in str(caught.value)  # nothing else is wrong with it
 
 
 def test_all_that_is_wrong_is_said_at_once(
@@ -210,7 +314,7 @@ def test_all_that_is_wrong_is_said_at_once(
     (tmp_path / "leg.step").touch()
     file = written(
         tmp_path,
-        *(BASE.replace('mass value="1"', 'mass value="-1"'), mesh.replace('ixx="1"', 'ixx="-1"')),
+        *(BASE.replace('mass value="1"', 'mass value="-1"'), mesh.replace('ixx="', 'ixx="-')),
         joint("revolute", "base", "leg", LIMIT.replace('"-1"', '"2"')),
         joint("prismatic", "leg", "base"),
         "<jiont/>",
@@ -294,9 +398,10 @@ def test_joints_counted_from_another_zero_stand_as_in_the_file(tmp_path: Path, n
     original = Path(pytest.importorskip("pybullet_data").getDataPath()) / name
     body = load_body(original)
     zeros = {
-        note.split("'")[1]: math.radians(float(note.split()[-1].rstrip("°")))
+        name: math.radians(float(note.partition("counted from ")[2].partition("°")[0]))
         for note in body.notes
         if "counted from" in note
+        for name in re.findall(r"'(\w+)'", note)
     }
     assert len(zeros) == 4
     rewritten = tmp_path / "body.urdf"

@@ -1,0 +1,407 @@
+"""What URDF files of others have, made the body that is simulated; what that changes is said.
+
+================================ ================================================================
+In the file                      What it is taken as
+================================ ================================================================
+a mesh                           the box around it
+a main body that is not one box  the box around its shapes
+a ``continuous`` joint           a revolute one of ±180°
+limits beyond ±180°              ±180°
+a range without 0                the same range, counted from its end nearest to 0
+an effort of 0, or none          a servo that is strong enough: the robot's weight, two metres out
+a link without mass, fixed       a part of the link that it is fixed to
+a root without shape             what is fixed to it and has one is the root; else its ``<visual>``
+a root that floats in a world    the root
+joints before their parents      joints after their parents
+inertia with nine entries        inertia with the six that differ
+inertia that no such link has    that of a box of its size (``inertia``)
+================================ ================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from operator import matmul
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_robot.world.urdf.declarations import (
+    Box,
+    Collision,
+    Frame,
+    Geometry,
+    Inertial,
+    Joint,
+    Limit,
+    Link,
+    Mesh,
+    Origin,
+    Robot,
+    Say,
+    frame_of,
+    inverse,
+    text_of,
+    vector,
+)
+from sim_robot.world.urdf.inertia import mend_inertia
+from sim_robot.world.urdf.meshes import box_of_mesh, find_mesh
+
+_AMPLE: Final = 2.0 * 9.81  # N·m for each kg of the robot
+_HALF_TURN: Final = math.pi
+_RADIANS: Final = 2 * math.pi + 0.01  # what lies beyond is hardly meant in radians
+_THINNEST: Final = 1e-4  # m
+
+
+def normalise(
+    robot: Robot,
+    file: Path,
+    *,
+    whole: bool,
+    visual_faults: Mapping[str, Sequence[tuple[str, str]]],
+    note: Say,
+    fault: Say,
+) -> None:
+    """Makes the body that is simulated of what a file says, in place.
+
+    Args:
+        robot: Its links and joints, all of them checked one by one.
+        file: Where it came from; meshes are looked for near it.
+        whole: Whether all links and joints are there; else how they hang together stays as it is.
+        visual_faults: By the names of links what is wrong with their ``<visual>``.
+        note: Told what is taken otherwise than it stands there.
+        fault: Told what cannot be taken at all.
+    """
+    if whole:
+        _arrange_tree(robot, note)
+        main = _root(robot)
+        if main is not None:
+            _show_instead(main, visual_faults.get(main.name, ()), note, fault)
+    boxes = _MeshBoxes(file, fault)
+    for link in robot.links:
+        link.visuals = []
+        for collision in link.collisions:
+            if isinstance(collision.geometry.shape, Mesh):
+                boxes.replace(link, collision, note)
+        tensor = None if link.inertial is None else link.inertial.inertia
+        if tensor is not None and tensor.iyx is not None:
+            tensor.iyx = tensor.izx = tensor.izy = None
+            note(f"link '{link.name}'", "has all nine entries of its inertia: iyx, izx, izy repeat")
+    if whole:
+        main = _root(robot)
+        if main is not None:
+            _make_box(main, note)
+        mend_inertia(robot, note)
+    effort = _AMPLE * sum(link.mass for link in robot.links)
+    for joint in robot.joints:
+        _make_servo(joint, effort, note, fault)
+
+
+# --- how links hang together ----------------------------------------------------------------------
+
+
+def _arrange_tree(robot: Robot, note: Say) -> None:
+    """Makes the main body the root, joins links without mass to others, and lists parents first."""
+    _release(robot, note)
+    _make_root(robot, lambda link: link.mass > 0)  # that the old one is joined to it is said
+    _join_massless(robot, note)
+    new = _make_root(robot, lambda link: bool(link.collisions))
+    if new:
+        note(f"link '{new}'", "is the main body: what it is fixed to has no shape")
+    _list_parents_first(robot, note)
+
+
+def _release(robot: Robot, note: Say) -> None:
+    """Removes the world that a robot floats in: every robot lies free here."""
+    for joint in list(robot.joints):
+        name = joint.parent.link
+        world = _link(robot, name)
+        if joint.type != "floating" or world is None or world.collisions:
+            continue
+        if any(one.child.link == name for one in robot.joints):
+            continue
+        if len(_joints_on(robot, name)) == 1:
+            _discard(robot.joints, joint)
+            _discard(robot.links, world)
+            note(f"joint '{joint.name}'", f"floats in '{name}', as every robot does here")
+
+
+def _make_root(robot: Robot, wanted: Callable[[Link], bool]) -> str:
+    """Turns the fixed joints between the root and the nearest link that is wanted as one.
+
+    The new root is upright as the old one was: it has its axes.
+
+    Returns:
+        The name of the new root; empty where the old one stays.
+    """
+    top = _root(robot)
+    if top is None or wanted(top):
+        return ""
+    ways: list[tuple[str, list[Joint]]] = [(top.name, [])]
+    seen = {top.name}
+    for name, way in ways:  # grows while it is gone through
+        for joint in _joints_on(robot, name):
+            below = joint.child.link
+            link = _link(robot, below)
+            if joint.type != "fixed" or link is None or below in seen:
+                continue
+            if wanted(link):
+                upright = reduce(matmul, (one.origin.frame for one in [*way, joint]))
+                upright[:3, 3] = 0.0
+                for one in [*way, joint]:
+                    one.parent, one.child = one.child, one.parent
+                    one.origin = Origin.at(inverse(one.origin.frame))
+                _move_contents(robot, link, upright)
+                return below
+            seen.add(below)
+            ways.append((below, [*way, joint]))
+    return ""
+
+
+def _move_contents(robot: Robot, link: Link, pose: Frame) -> None:
+    """Gives all in a link, and all that hangs on it, another place in it."""
+    if np.allclose(pose, np.eye(4)):
+        return
+    contents: list[Inertial | Collision | Joint] = [*link.collisions, *link.visuals]
+    contents += [] if link.inertial is None else [link.inertial]
+    for one in [*contents, *_joints_on(robot, link.name)]:
+        one.origin = Origin.at(pose @ one.origin.frame)
+
+
+def _join_massless(robot: Robot, note: Say) -> None:
+    """Makes links without mass parts of what they are fixed to."""
+    for joint in list(robot.joints):
+        above, below = _link(robot, joint.parent.link), _link(robot, joint.child.link)
+        if joint.type != "fixed" or above is None or below is None or above is below:
+            continue
+        if below.mass or joint.mimic:
+            continue
+        _move_contents(robot, below, joint.origin.frame)
+        above.collisions += below.collisions
+        for one in _joints_on(robot, below.name):
+            one.parent.link = above.name
+        _discard(robot.joints, joint)
+        _discard(robot.links, below)
+        note(f"link '{below.name}'", f"has no mass and is taken as a part of '{above.name}'")
+
+
+def _show_instead(
+    main: Link, visual_faults: Sequence[tuple[str, str]], note: Say, fault: Say
+) -> None:
+    """Gives a main body that is only drawn the shapes that it is drawn with."""
+    if main.collisions or not (main.visuals or visual_faults):
+        return
+    for remark in visual_faults:
+        fault(*remark)
+    shapes = [Collision(origin=one.origin, geometry=one.geometry) for one in main.visuals]
+    main.collisions = shapes or [_stand_in()]
+    note(f"link '{main.name}'", "has no <collision>; its <visual> is taken for one")
+
+
+def _list_parents_first(robot: Robot, note: Say) -> None:
+    """Moves joints behind those that carry them; motors are counted in this order."""
+    placed = {joint.parent.link for joint in robot.joints}
+    placed -= {joint.child.link for joint in robot.joints}
+    waiting, listed, late = list(robot.joints), list[Joint](), dict[str, None]()
+    while waiting:
+        ready = next(
+            (index for index, joint in enumerate(waiting) if joint.parent.link in placed), None
+        )
+        if ready is None:
+            return  # a ring, or a link that is not there
+        late |= {joint.name: None for joint in waiting[:ready] if joint.type != "fixed"}
+        listed.append(waiting.pop(ready))
+        placed.add(listed[-1].child.link)
+    robot.joints = listed
+    for name in late:
+        note(f"joint '{name}'", "stands before the joint that carries it, and is counted after it")
+
+
+def _root(robot: Robot) -> Link | None:
+    """The link that is no joint's child, if there is one such."""
+    children = {joint.child.link for joint in robot.joints}
+    tops = [link for link in robot.links if link.name not in children]
+    return tops[0] if len(tops) == 1 else None
+
+
+def _link(robot: Robot, name: str) -> Link | None:
+    return next((link for link in robot.links if link.name == name), None)
+
+
+def _joints_on(robot: Robot, link: str) -> list[Joint]:
+    return [joint for joint in robot.joints if joint.parent.link == link]
+
+
+def _discard(items: list[Joint] | list[Link], item: Joint | Link) -> None:
+    """Removes an item, which others may equal."""
+    del items[next(index for index, one in enumerate(items) if one is item)]
+
+
+# --- shapes ---------------------------------------------------------------------------------------
+
+
+class _MeshBoxes:
+    """Puts the boxes around meshes in their place; a file that is used twice is read once.
+
+    Args:
+        file: The description.
+        fault: Told which mesh cannot be taken.
+    """
+
+    def __init__(self, file: Path, fault: Say):
+        self._file = file
+        self._fault = fault
+        self._known: dict[Path, NDArray[np.float64]] = {}
+
+    def replace(self, link: Link, collision: Collision, note: Say) -> None:
+        """Puts a box in the place of a mesh."""
+        mesh = collision.geometry.mesh
+        assert mesh is not None
+        where = f"link '{link.name}': collision: mesh"
+        found = self._box(mesh.filename)
+        if isinstance(found, str):
+            self._fault(where, f"{mesh.filename} {found}.")
+            collision.geometry = _stand_in().geometry
+            return
+        ends = found * vector(mesh.scale)
+        size, middle = np.abs(ends[1] - ends[0]), ends.mean(axis=0)
+        collision.geometry = Geometry(box=Box(size=text_of(np.maximum(size, _THINNEST))))
+        collision.origin = Origin.at(collision.origin.frame @ frame_of(middle))
+        name = Path(mesh.filename).name
+        note(where, f"{name} is taken as the box around it, {_millimetres(size)} mm")
+
+    def _box(self, filename: str) -> NDArray[np.float64] | str:
+        """Its corners, or what is wrong with the mesh."""
+        try:
+            path = find_mesh(filename, self._file)
+            if path is None:
+                return "is not there"
+            if path not in self._known:
+                self._known[path] = box_of_mesh(path)
+            return self._known[path]
+        except (OSError, ValueError) as error:
+            return str(getattr(error, "strerror", None) or error)
+
+
+def _make_box(main: Link, note: Say) -> None:
+    """Makes a main body one box along its own axes, around all its shapes."""
+    whole = [collision.geometry.shape for collision in main.collisions]
+    if not whole or None in whole:
+        return  # for the checks to say
+    first = main.collisions[0]
+    box = isinstance(whole[0], Box) and len(whole) == 1
+    if box and not any(vector(first.origin.rpy)):
+        return
+    ends = np.array([collision.bounds(np.eye(4)) for collision in main.collisions])
+    low, high = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
+    main.collisions = [
+        Collision(
+            origin=Origin(xyz=text_of((low + high) / 2)),
+            geometry=Geometry(box=Box(size=text_of(high - low))),
+        )
+    ]
+    turns = np.abs(first.origin.frame[:3, :3])
+    where, extents = f"link '{main.name}'", _millimetres(high - low)
+    if box and np.allclose(turns, np.round(turns), atol=1e-6):
+        note(where, f"is a box that is turned, and is written as {extents} mm without the turn")
+        return
+    note(
+        where,
+        f"is taken as the box around its shapes, {extents} mm, for main bodies are boxes, here and "
+        "in the estimator's models: on the ground it tips over the edges of that box, where the "
+        "real one rolls or rests on other points; what is found of it holds for the real one only "
+        "while its main body is off the ground, or lies flat",
+    )
+
+
+def _stand_in() -> Collision:
+    """What stands for a shape that is refused, so that it is said once."""
+    return Collision(geometry=Geometry(box=Box(size="1 1 1")))
+
+
+def _millimetres(size: NDArray[np.float64]) -> str:
+    return " × ".join(f"{1000 * extent:.0f}" for extent in size)
+
+
+# --- joints as servos -----------------------------------------------------------------------------
+
+
+def _make_servo(joint: Joint, effort: float, note: Say, fault: Say) -> None:
+    """Gives a joint what a servo has.
+
+    Args:
+        joint: Any joint.
+        effort: Torque where the joint has none, N·m.
+        note: Told what is taken otherwise than it stands there.
+        fault: Told of limits that are no angles.
+    """
+    where = f"joint '{joint.name}'"
+    if joint.type == "continuous":
+        joint.type = "revolute"
+        joint.limit = joint.limit or Limit()
+        joint.limit.lower, joint.limit.upper = -_HALF_TURN, _HALF_TURN
+        note(where, "turns without end and is taken as a servo of ±180°")
+    limit = joint.limit
+    if joint.type != "revolute" or limit is None:
+        return
+    if max(abs(limit.lower), abs(limit.upper)) > _RADIANS:
+        _degrees(where, limit, note, fault)
+    _count_from_zero(joint, limit, note)
+    for name, sign in (("lower", -1), ("upper", 1)):
+        if getattr(limit, name) * sign > _HALF_TURN + 0.01:
+            setattr(limit, name, sign * _HALF_TURN)
+            note(f"{where}: limit", f"{name} lies beyond 180°, where servos end")
+    if not limit.effort:
+        limit.effort = effort
+        note(f"{where}: limit", f"no effort is taken as a servo of {effort:.3g} N·m")
+    limit.velocity = limit.velocity or 1.0  # servos turn at 60°/s, whatever it says
+
+
+def _degrees(where: str, limit: Limit, note: Say, fault: Say) -> None:
+    """Cuts limits that are hardly radians down to a servo's, if that leaves a range with 0."""
+    lower, upper = limit.lower, limit.upper
+    if lower > 0 or upper < 0:
+        radians = f"{math.radians(lower):.4g} and {math.radians(upper):.4g}"
+        reason = f"{lower:g} and {upper:g} are no angles in radians; for degrees, write {radians}."
+        fault(f"{where}: limit", reason)
+        limit.lower, limit.upper = -_HALF_TURN, _HALF_TURN  # so that it is said once
+        return
+    limit.lower, limit.upper = max(lower, -_HALF_TURN), min(upper, _HALF_TURN)
+    note(
+        f"{where}: limit",
+        "lies beyond 360° and is cut to 180°: URDF has radians; if degrees are meant, write 1.571 "
+        "for 90",
+    )
+
+
+def _count_from_zero(joint: Joint, limit: Limit, note: Say) -> None:
+    """Counts a range that does not hold 0 from its end that is nearest to it.
+
+    Every interaction begins with all joints at 0; which way a servo's horn is screwed on is the
+    builder's choice.
+    """
+    lower, upper, axis = limit.lower, limit.upper, np.array(vector(joint.axis.xyz))
+    zero = lower if lower > 0 else min(upper, 0.0)
+    if zero == 0 or lower >= upper or not axis.any():
+        return
+    joint.origin = Origin.at(joint.origin.frame @ _turned(axis, zero))
+    limit.lower, limit.upper = lower - zero, upper - zero
+    low, high, here = (math.degrees(angle) for angle in (lower, upper, zero))
+    note(
+        f"joint '{joint.name}'",
+        f"turns from {low:.0f}° to {high:.0f}°, without 0, where interactions begin; its angle is "
+        f"counted from {here:.1f}°",
+    )
+
+
+def _turned(axis: NDArray[np.float64], angle: float) -> Frame:
+    """The pose turned about an axis (Rodrigues)."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    turned = np.eye(4)
+    turned[:3, :3] += math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+    return turned
