@@ -102,9 +102,9 @@ class _Reader:
         self._motors = motors
         self._tables = tables
         self._links = {link.name: link for link in urdf.links}
-        self._poses = {urdf.root: _Pose(np.eye(3), np.zeros(3))}
+        self._base_size, middle = urdf.main_box
+        self._poses = {urdf.root: _Pose(np.eye(3), -np.array(middle))}  # as seen from the box
         self._limb_of = {urdf.root: BASE}
-        self._root = urdf.root
         self._driven = []
         for joint in urdf.joints:
             pose = self._poses[joint.parent.link] @ _pose(joint.origin)
@@ -115,7 +115,7 @@ class _Reader:
                 self._driven.append(joint)
 
     def limbs(self) -> tuple[TrueLimb, ...]:
-        frames = {BASE: self._poses[self._root]}  # parents come first in document order
+        frames = {BASE: _Pose(np.eye(3), np.zeros(3))}  # parents come first in document order
         lengths: dict[int, float] = {}
         by_motor: dict[int, TrueLimb] = {}
         axes = np.array([hinge.axis for hinge in self._tables.hinges])
@@ -159,7 +159,7 @@ class _Reader:
     def _places(self, parent: int, lengths: Mapping[int, float]) -> Sequence[BaseMount]:
         """Mounts on a parent, all in its frame."""
         if parent == BASE:
-            return self._tables.base_mounts(self._base_size())
+            return self._tables.base_mounts(self._base_size)
         return [
             BaseMount(
                 name=mount.name,
@@ -198,12 +198,6 @@ class _Reader:
             apart = [float(np.linalg.norm(here - places[way].at)) for way in alike.tolist()]
             pointing = int(alike[np.argmin(apart)])  # of several that hang down, its own
         return pointing, max(0.0, reach[pointing]), slant
-
-    def _base_size(self) -> tuple[float, float, float]:
-        for collision in self._links[self._root].collisions:
-            if isinstance(collision.geometry.shape, Box):
-                return numbers(collision.geometry.shape.size)
-        raise TruthError(f"link {self._root}: the main body must have a box.")
 
 
 def _nearest_mount(place: Array, places: Sequence[BaseMount], pointing: int) -> tuple[int, float]:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from estimator.errors import TruthError
-from estimator.evaluation.truth.urdf import Box, Urdf, numbers, read_urdf
+from estimator.evaluation.truth.urdf import read_urdf
 from protocol.wire.capabilities import Capabilities
 
 _SIZE: Final = 0.005
@@ -31,20 +31,13 @@ def check_robot(path: Path, robot: Capabilities) -> None:
     known = tuple(joint.name for joint in robot.joints)
     if joints != known:
         raise _refusal(path, robot, f"the joints {', '.join(joints)}", ", ".join(known))
-    size, mass = _main_body(urdf)
+    size, _ = urdf.main_box
+    root = next(link for link in urdf.links if link.name == urdf.root)
+    mass = None if root.inertial is None else root.inertial.mass.value
     if not np.allclose(size, robot.base_size, rtol=0.0, atol=_SIZE):
         raise _refusal(path, robot, f"a main body of {_mm(size)} mm", f"{_mm(robot.base_size)} mm")
     if mass is not None and not np.isclose(mass, robot.base_mass, rtol=_MASS, atol=0.0):
         raise _refusal(path, robot, f"a main body of {mass:g} kg", f"{robot.base_mass:g} kg")
-
-
-def _main_body(urdf: Urdf) -> tuple[tuple[float, float, float], float | None]:
-    root = next(link for link in urdf.links if link.name == urdf.root)
-    boxes = [item.geometry.shape for item in root.collisions]
-    size = next((numbers(shape.size) for shape in boxes if isinstance(shape, Box)), None)
-    if size is None:
-        raise TruthError(f"link {root.name}: the main body must have a box.")
-    return size, None if root.inertial is None else root.inertial.mass.value
 
 
 def _refusal(path: Path, robot: Capabilities, there: str, here: str) -> TruthError:

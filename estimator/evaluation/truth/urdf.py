@@ -1,12 +1,14 @@
 """The part of URDF that a scorer needs: links with simple shapes, fixed and revolute joints.
 
-Visuals, materials and anything else that does not shape a body are skipped. Masses are not needed,
-but a mass of 0 is no body's and is refused.
+What of URDF does not shape a body (visuals, materials, limits, inertia) is skipped; any other word
+is refused, for it may shape one: ``<colision>``, xacro, a mesh. Masses are not needed, but a mass
+of 0 is no body's and is refused.
 """
 
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
@@ -32,14 +34,35 @@ def _finite(text: str) -> str:
     raise ValueError("must be three finite numbers")
 
 
+def _extents(text: str) -> str:
+    if min(numbers(_finite(text))) <= 0:
+        raise ValueError("must be three numbers above 0")
+    return text
+
+
 _Positive: TypeAlias = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Vector: TypeAlias = Annotated[str, AfterValidator(_finite)]  # pydantic-xml: no arrays in attributes
+Extents: TypeAlias = Annotated[str, AfterValidator(_extents)]
+
+LARGEST: Final = 4 * 2**20
+"""Bytes of a file; the descriptions of whole humanoids have a tenth of that."""
+
+MAX_ELEMENTS: Final = 20_000
+"""XML elements of a file, likewise."""
 
 _ZERO: Final = "0 0 0"
+_SKIPPED: Final = frozenset(
+    (
+        *("visual", "material", "gazebo", "transmission", "inertia"),
+        *("limit", "dynamics", "calibration", "safety_controller"),
+    )
+)
+_EXPRESSION: Final = re.compile(r"\$[{(]")
+_PRINTED: Final = "give what sim-robotd --body FILE --print-body makes of it"
 
 
-class _Element(BaseXmlModel, search_mode="unordered"):
-    """Elements come in any order, and unknown ones are skipped."""
+class _Element(BaseXmlModel, search_mode="unordered", extra="forbid"):
+    """Elements come in any order, and unknown ones are refused."""
 
 
 class Origin(_Element, tag="origin"):
@@ -52,7 +75,7 @@ class Origin(_Element, tag="origin"):
 class Box(_Element, tag="box"):
     """A box with its middle at the origin, m."""
 
-    size: Vector = attr()
+    size: Extents = attr()
 
 
 class Cylinder(_Element, tag="cylinder"):
@@ -77,13 +100,15 @@ class Geometry(_Element, tag="geometry"):
 
     @property
     def shape(self) -> Box | Cylinder | Sphere | None:
-        """The shape, or ``None`` when it is of an unsupported kind."""
-        return self.box or self.cylinder or self.sphere
+        """The shape, or ``None`` where there is not exactly one."""
+        shapes = [shape for shape in (self.box, self.cylinder, self.sphere) if shape is not None]
+        return shapes[0] if len(shapes) == 1 else None
 
 
 class Collision(_Element, tag="collision"):
     """A shape in its link's frame."""
 
+    name: str | None = attr(default=None)
     origin: Origin = element(default=Origin())
     geometry: Geometry = element()
 
@@ -97,6 +122,7 @@ class Mass(_Element, tag="mass"):
 class Inertial(_Element, tag="inertial"):
     """The mass of a link."""
 
+    origin: Origin = element(default=Origin())
     mass: Mass = element()
 
 
@@ -135,6 +161,7 @@ class Urdf(_Element, tag="robot"):
     """A robot: links and the joints between them, in document order."""
 
     name: str = attr(default="robot")
+    version: str | None = attr(default=None)
     links: list[Link] = element(tag="link")
     joints: list[Joint] = element(tag="joint", default=[])
 
@@ -144,25 +171,38 @@ class Urdf(_Element, tag="robot"):
         children = {joint.child.link for joint in self.joints}
         return next(link.name for link in self.links if link.name not in children)
 
+    @property
+    def main_box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """Extents of the root's box, m, and its middle in the root's frame."""
+        (collision,) = next(link for link in self.links if link.name == self.root).collisions
+        assert collision.geometry.box is not None
+        return numbers(collision.geometry.box.size), numbers(collision.origin.xyz)
+
 
 def read_urdf(path: Path) -> Urdf:
     """Reads a URDF file.
 
     Raises:
-        TruthError: The file cannot be read, is no URDF of the supported subset, or its links form
-            no tree; the message names file, element and reason.
+        TruthError: The file cannot be read, is too large, is no URDF of the supported subset, or
+            its links form no tree; the message names file, element and reason.
     """
     try:
-        root = _grouped(path.read_bytes())
+        with path.open("rb") as file:
+            root = _grouped(file.read(LARGEST + 1))
     except OSError as error:
         raise TruthError(f"{path} cannot be read: {error.strerror}.") from error
     except SyntaxError as error:  # what lxml raises derives from it
         raise TruthError(f"{path} is no XML file: {error}.") from error
+    except ValueError as error:
+        raise TruthError(f"{path} {error}.") from error
+    if _is_xacro(root):
+        raise TruthError(f"{path} is xacro, of which URDF is made first: xacro FILE > robot.urdf.")
     try:
         urdf = Urdf.from_xml_tree(root)  # type: ignore[arg-type]
     except ValidationError as error:
         first = error.errors()[0]
-        reason = first["msg"].removeprefix("[line 1]: ").removeprefix("Value error, ")
+        reason = re.sub(r"^\[line -?\d+\]: ", "", first["msg"]).removeprefix("Value error, ")
+        reason = reason.replace("Extra inputs are not permitted", f"is unknown here: {_PRINTED}")
         raise TruthError(f"{path}: {_where(root, first['loc'])}: {reason}.") from error
     except ParsingError as error:
         raise TruthError(f"{path} is no URDF file: {error}.") from error
@@ -171,18 +211,35 @@ def read_urdf(path: Path) -> Urdf:
 
 
 def _grouped(text: bytes) -> etree._Element:
-    """The file with each kind of element together: the validator needs it.
+    """The file without what is skipped, each kind of element together: the validator needs it.
 
     It searches for elements by exchanging them with those that stand in their place, so joints
     between links, or collisions before a mass, would come out of document order.
     """
+    if len(text) > LARGEST:
+        raise ValueError(f"has more than {LARGEST / 2**20:g} MiB, as no robot's has")
     parser = etree.XMLParser(remove_comments=True, remove_pis=True, resolve_entities=False)
     root = etree.fromstring(text, parser)
     if root.getroottree().docinfo.internalDTD is not None:
         raise SyntaxError("a DOCTYPE is no part of URDF; leave it and its entities out")
-    for parent in root.iter():
-        parent[:] = sorted(parent, key=lambda child: child.tag in ("joint", "collision"))
+    elements = list(root.iter())
+    if len(elements) > MAX_ELEMENTS:
+        raise ValueError(f"has more than {MAX_ELEMENTS} elements, as no robot's has")
+    for parent in elements:
+        parent[:] = sorted(
+            (child for child in parent if child.tag not in _SKIPPED),
+            key=lambda child: child.tag in ("joint", "collision"),
+        )
     return root
+
+
+def _is_xacro(root: etree._Element) -> bool:
+    """Whether macros or expressions are left in what is read."""
+    return any(
+        "xacro}" in str(element.tag)
+        or any(_EXPRESSION.search(str(value)) for value in element.attrib.values())
+        for element in root.iter()
+    )
 
 
 def _where(root: etree._Element, place: tuple[int | str, ...]) -> str:
@@ -198,14 +255,15 @@ def _where(root: etree._Element, place: tuple[int | str, ...]) -> str:
 
 
 def _check_tree(path: Path, urdf: Urdf) -> None:
-    links = [link.name for link in urdf.links]
-    for name, count in Counter(links).items():
+    links = Counter(link.name for link in urdf.links)
+    for name, count in links.items():
         if count > 1:
             raise TruthError(f"{path}: two links are named {name}.")
     children = {joint.child.link for joint in urdf.joints}
-    known = {next((name for name in links if name not in children), None)}
-    if None in known:
+    main = next((link for link in urdf.links if link.name not in children), None)
+    if main is None:
         raise TruthError(f"{path}: every link is some joint's child, so there is no main body.")
+    known = {main.name}
     for joint in urdf.joints:
         if joint.parent.link not in known:
             raise TruthError(
@@ -226,5 +284,12 @@ def _check_tree(path: Path, urdf: Urdf) -> None:
     for link in urdf.links:
         if any(collision.geometry.shape is None for collision in link.collisions):
             raise TruthError(
-                f"{path}: link {link.name}: a geometry must be a box, a cylinder or a sphere."
+                f"{path}: link {link.name}: a geometry must be one box, cylinder or sphere."
             )
+    boxes = [
+        one for one in main.collisions if one.geometry.box and not any(numbers(one.origin.rpy))
+    ]
+    if not len(boxes) == len(main.collisions) == 1:
+        raise TruthError(
+            f"{path}: link {main.name}: the main body must be one box, not turned: {_PRINTED}."
+        )

@@ -16,12 +16,14 @@ LEG = """
 """
 
 
-def make(folder: Path, *, origin: str, axis: str = "0 -1 0", leg: str = LEG) -> TrueLimb:
+def make(
+    folder: Path, *, origin: str, axis: str = "0 -1 0", leg: str = LEG, middle: str = "0 0 0"
+) -> TrueLimb:
     path = folder / "body.urdf"
     moving, rest = leg.split('<link name="foot">')
     path.write_text(
-        f"""<robot name="r"><link name="body"><collision><geometry><box size="0.2 0.1 0.04"/>
-        </geometry></collision></link>
+        f"""<robot name="r"><link name="body"><collision><origin xyz="{middle}"/>
+        <geometry><box size="0.2 0.1 0.04"/></geometry></collision></link>
         {moving}
         <joint name="hip" type="revolute"><parent link="body"/><child link="leg"/>
         <origin {origin}/><axis xyz="{axis}"/></joint>
@@ -36,6 +38,12 @@ def test_a_foot_that_is_fixed_belongs_to_the_leg(tmp_path: Path) -> None:
     assert leg.name == "hip"
     assert leg.limb.length == pytest.approx(0.09)
     assert leg.limb.parent == BASE
+    assert (leg.limb.mount, leg.limb.hinge) == ("front", "up")
+    assert not leg.not_representable
+
+
+def test_places_are_counted_from_the_middle_of_the_main_body(tmp_path: Path) -> None:
+    leg = make(tmp_path, origin='xyz="0.13 0.01 -0.2"', middle="0.03 0.01 -0.2")
     assert (leg.limb.mount, leg.limb.hinge) == ("front", "up")
     assert not leg.not_representable
 

@@ -49,9 +49,37 @@ def test_what_does_not_shape_a_body_is_skipped(tmp_path: Path) -> None:
         (f"<robot>{BODY}{LEG}{joint(more='<axis xyz=`0 0`/>')}</robot>", "xyz"),
         (f"<robot>{BODY}{LEG}{joint(more='<origin xyz=`0 0 nan`/>')}</robot>", "finite numbers"),
         (
-            f"<robot>{BODY.replace('box size', 'mesh name')}</robot>",
-            "a box, a cylinder or a sphere",
+            f"<robot>{BODY.replace('box size', 'mesh filename')}</robot>",
+            "mesh.*: is unknown here: give",
         ),
+        (
+            f"<robot>{BODY.replace('collision', 'colision')}</robot>",
+            "colision.*: is unknown here: give",
+        ),
+        (
+            f"<robot>{BODY}{LEG}{joint(more='<axis xzy=`0 0 1`/>')}</robot>",
+            "xzy: is unknown here: give",
+        ),
+        (
+            f"<robot>{BODY.replace('</geom', '<sphere radius=`1`/></geom')}</robot>",
+            "must be one box, cyl",
+        ),
+        (f"<robot>{BODY.replace('1 1 1', '1 -1 1')}</robot>", "must be three numbers above 0"),
+        (
+            f"<robot>{BODY.replace('<geom', '<origin rpy=`0 0 1`/><geom')}</robot>",
+            "must be one box, not t",
+        ),
+        (
+            f"<robot>{BODY.replace('box size', 'sphere radius').replace('1 1 1', '1')}</robot>",
+            "must be one box, not",
+        ),
+        (
+            f"<robot xmlns:xacro='http://www.ros.org/wiki/xacro'>{BODY}<xacro:arm/></robot>",
+            "is xacro, of which URDF is made first: xacro FILE > robot.urdf",
+        ),
+        (f"<robot>{BODY}{LEG}{joint(more='<origin xyz=`0 0 ${h}`/>')}</robot>", "is xacro"),
+        ("<robot>" + "<link/>" * 30_000 + "</robot>", "has more than 20000 elements"),
+        ("<robot>" + "<link/>" * 600_000, "has more than 4 MiB"),
         (
             f"<robot>{BODY.replace('1 1 1', '1 1 wide')}</robot>",
             "must be three finite numbers",
@@ -82,3 +110,15 @@ def test_processing_instructions_are_skipped(tmp_path: Path) -> None:
     path = tmp_path / "body.urdf"
     path.write_text(f"<?pi?><robot><?pi?>{joint()}{BODY}<?pi more?>{LEG}</robot><?pi?>")
     assert [item.name for item in read_urdf(path).joints] == ["hip"]
+
+
+def test_what_people_also_write_is_skipped(tmp_path: Path) -> None:
+    tensor = "<inertia ixx='1' iyx='0'/>"
+    inertial = f"<inertial><origin xyz='1 0 0'/><mass value='1'/>{tensor}</inertial>"
+    path = tmp_path / "body.urdf"
+    limit = "<limit lower='-1' upper='1' effort='1' velocity='1'/><dynamics damping='1'/>"
+    path.write_text(
+        f"<robot name='r' version='1.0'>{BODY.replace('<coll', f'{inertial}<coll')}{LEG}"
+        f"{joint(more=limit)}<transmission/><gazebo reference='leg'/></robot>"
+    )
+    assert read_urdf(path).main_box == ((1, 1, 1), (0, 0, 0))

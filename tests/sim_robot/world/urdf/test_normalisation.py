@@ -224,8 +224,12 @@ def test_a_main_body_that_is_not_one_box_is_the_box_around_it_and_what_that_cost
     assert said.startswith("link 'base' is ")
     assert extents in said
     assert note in said
-    (box,) = body.robot.links[0].collisions  # what is announced is what is simulated and printed
+    (box,) = body.robot.links[0].collisions  # what is announced is what is simulated,
     assert box.geometry.shape == Box(size=" ".join(map(repr, body.base_size)))
+    printed = tmp_path / "printed.urdf"  # printed, and what scores are taken against
+    printed.write_text(body.urdf)
+    assert load_body(printed).notes == ()
+    assert read_truth(printed).main_box == (body.base_size, body.base_center)
 
 
 @pytest.mark.parametrize("values", [("0.7", "-0.2"), ("-1000", "1000"), ("-90", "45"), ("0", "90")])
