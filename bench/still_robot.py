@@ -101,6 +101,8 @@ class Bystander:
 def example_config(port: str, *, boards: Sequence[int] = (1,)) -> RobotConfig:
     """The documented ``robot.toml``, on another serial port.
 
+    A robot that never moves is not looked at for long before it counts as at rest.
+
     Args:
         port: The port.
         boards: The numbers of its servo boards; each has the joints of the first, under new names.
@@ -117,6 +119,7 @@ def example_config(port: str, *, boards: Sequence[int] = (1,)) -> RobotConfig:
         config,
         servos=replace(config.servos, port=port, boards=tuple(boards)),
         joints=config.joints + further,
+        settling=replace(config.settling, window=0.3),
     )
 
 

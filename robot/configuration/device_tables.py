@@ -157,10 +157,11 @@ def read_ruler(section: Section) -> tuple[float, float]:
 
 def read_settling(section: Section) -> RestCriterion:
     """The ``[settling]`` table, save ``samples``."""
+    usual = RestCriterion()
     return RestCriterion(
-        window=section.number("window_s", 0.05, 10, 0.3),
-        swing=math.radians(section.number("swing_deg", 0.05, 20, 0.5)),
-        drift=math.radians(section.number("drift_deg", 0.01, 20, 0.1)),
-        timeout=section.number("timeout_s", 0.1, 60, 5),
-        rate=section.number("rate_hz", 1, 1000, 50),
+        window=section.number("window_s", 0.05, 10, usual.window),
+        swing=math.radians(section.number("swing_deg", 0.05, 20, math.degrees(usual.swing))),
+        drift=math.radians(section.number("drift_deg", 0.01, 20, math.degrees(usual.drift))),
+        timeout=section.number("timeout_s", 0.1, 60, usual.timeout),
+        rate=section.number("rate_hz", 1, 1000, usual.rate),
     )

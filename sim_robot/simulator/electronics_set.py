@@ -127,13 +127,7 @@ def configuration(
             driver=VL6180XSettings(bus=1, address=0x29),
             sensor=BellySensor(zero=RECESS, reach=REACH),
         ),
-        settling=RestCriterion(
-            window=0.3,
-            swing=math.radians(0.5),
-            drift=math.radians(0.1),
-            timeout=5.0,
-            rate=50.0,
-        ),
+        settling=RestCriterion(),
         samples=10,
         noise=NoiseConfig(
             tilt=levels.announced * math.radians(levels.tilt_deg),

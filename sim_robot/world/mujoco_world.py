@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 import mujoco
@@ -51,14 +51,6 @@ class MuJoCoWorld(World):
     def angles(self) -> tuple[float, ...]:
         """Where each motor's joint is, rad."""
         return tuple(self._data.qpos[self._places].tolist())
-
-    def speed(self) -> float:
-        """Speed of the main body, m/s."""
-        return 0.0 if self._held is not None else math.hypot(*self._data.qvel[:3])
-
-    def _spins(self) -> Iterable[float]:
-        spins: list[float] = self._data.qvel[self._rates].tolist()
-        return spins
 
     def _pose(self) -> Pose:
         x, y, z = self._data.xpos[self._main].tolist()

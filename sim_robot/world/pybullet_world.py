@@ -6,10 +6,9 @@ Light links make the solver miss joint angles, so every link gets at least ``MIN
 from __future__ import annotations
 
 import logging
-import math
 import secrets
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -44,17 +43,8 @@ class PyBulletWorld(World):
         states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
         return tuple(state[0] for state in states)
 
-    def speed(self) -> float:
-        """Speed of the main body, m/s."""
-        linear, _ = pybullet.getBaseVelocity(self._robot, physicsClientId=self._client)
-        return math.hypot(*linear)
-
     def _step(self) -> None:
         pybullet.stepSimulation(physicsClientId=self._client)
-
-    def _spins(self) -> Iterable[float]:
-        states = pybullet.getJointStates(self._robot, self._motors, physicsClientId=self._client)
-        return [state[1] for state in states]
 
     def _contacts(self) -> Iterator[tuple[str, float]]:
         for contact in pybullet.getContactPoints(

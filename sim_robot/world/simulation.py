@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import math
 from abc import abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 from protocol.system.closable import Closable
@@ -22,9 +22,12 @@ FRICTION: Final = 0.7
 SERVO_SPEED: Final = math.radians(60)
 HOLD_TOLERANCE: Final = math.radians(0.1)
 
-_CALM_STEPS: Final = 72  # 0.3 s without motion is rest
-_CALM_SPEED: Final = 1e-3  # m/s, of the main body
-_CALM_SPIN: Final = 0.01  # rad/s, of a joint
+_LOOK: Final = 12  # steps from one look at the pose to the next
+_CALM_LOOKS: Final = (
+    10  # 0.5 s in the same pose are rest; speed alone is none where a body tips over
+)
+_SAME_HEIGHT: Final = 5e-5  # m
+_SAME_ANGLE: Final = math.radians(0.02)
 
 Position: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]  # x, y, z, w
@@ -54,7 +57,8 @@ class World(Closable):
         self._due = 0.0
         self._held: Pose | None = None
         self._pressed: dict[str, float] = {}
-        self._calm = 0
+        self._rested: tuple[float, ...]  # height and angles from which on the looks are counted
+        self._calm, self._rested = 0, ()
         self._build()
 
     def lay_down(self) -> None:
@@ -63,7 +67,7 @@ class World(Closable):
         The next step begins now: when steps fall due does not depend on what was before.
         """
         self._held = None
-        self._calm = 0
+        self._calm, self._rested = 0, ()
         self._time = self._due
         self._build()
 
@@ -76,7 +80,7 @@ class World(Closable):
         """
         center = self._body.base_center[2] - self._body.base_size[2] / 2
         self._held = Pose((0.0, 0.0, height - center), _turn_up(up))
-        self._calm = 0
+        self._calm, self._rested = 0, ()
         self._build()
 
     def press(self, sensor: str, force: float) -> None:
@@ -88,7 +92,7 @@ class World(Closable):
         wanted = list(angles)
         if wanted != self._targets:
             self._targets = wanted
-            self._calm = 0
+            self._calm, self._rested = 0, ()
             self._command()
 
     def advance_to(self, time: float) -> None:
@@ -148,10 +152,6 @@ class World(Closable):
         """Where each motor's joint is, rad."""
 
     @abstractmethod
-    def speed(self) -> float:
-        """Speed of the main body, m/s."""
-
-    @abstractmethod
     def _build(self) -> None:
         """Builds the world, the body held or lying upright, its joints at their targets."""
 
@@ -168,10 +168,6 @@ class World(Closable):
         """Where the main body is."""
 
     @abstractmethod
-    def _spins(self) -> Iterable[float]:
-        """How fast each motor's joint turns, rad/s."""
-
-    @abstractmethod
     def _contacts(self) -> Iterator[tuple[str, float]]:
         """Touch sensors on the ground, each with the force, N; one may come several times."""
 
@@ -183,17 +179,24 @@ class World(Closable):
 
     def _watch(self) -> None:
         """Logs, once a pose, that the robot rests without having reached its angles."""
-        self._calm = self._calm + 1 if self.speed() < _CALM_SPEED else 0
-        if self._calm == _CALM_STEPS and any(abs(spin) > _CALM_SPIN for spin in self._spins()):
-            self._calm = 0  # legs in the air leave the main body still
-        elif self._calm == _CALM_STEPS:
-            miss = self.largest_miss()
-            if miss > HOLD_TOLERANCE:
-                self._log.warning(
-                    "a servo is too weak for this pose: it rests %.2f° from its target "
-                    "(torques are the <limit effort> of the URDF)",
-                    math.degrees(miss),
-                )
+        if self._steps % _LOOK:
+            return
+        pose = (self._pose().position[2], *self.up(), *self.angles())
+        limits = (_SAME_HEIGHT, *[_SAME_ANGLE] * (len(pose) - 1))
+        if not self._rested or any(
+            abs(one - other) > limit
+            for one, other, limit in zip(pose, self._rested, limits, strict=True)
+        ):
+            self._calm, self._rested = 0, pose
+            return
+        self._calm += 1
+        miss = self.largest_miss() if self._calm == _CALM_LOOKS else 0.0
+        if miss > HOLD_TOLERANCE:
+            self._log.warning(
+                "a servo is too weak for this pose: it rests %.2f° from its target "
+                "(torques are the <limit effort> of the URDF)",
+                math.degrees(miss),
+            )
 
 
 def _turn_up(up: Sequence[float]) -> Quaternion:

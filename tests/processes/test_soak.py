@@ -1,4 +1,4 @@
-"""A virtual minute of the soak: random commands, faults and clients, and every check of it.
+"""Two virtual minutes of the soak: random commands, faults and clients, and every check of it.
 
 On the PC-104's electronics; ``make soak SOAK='--electronics pi'`` has the others.
 """
@@ -15,11 +15,11 @@ def sample(memory: float) -> Sample:
 
 def test_nothing_is_lost_and_nothing_repeated() -> None:
     with soak(1, "pc104") as crowd:
-        crowd.run(0.02, every=0.01, deaths=0, tell=lambda sample: None)
+        crowd.run(0.03, every=0.01, deaths=0, tell=lambda sample: None)
     assert crowd.counts["observations"] > 15
     assert crowd.counts["faults noticed"] > 0
     assert len({sample.descriptors for sample in crowd.samples[1:]}) == 1
-    assert max(sample.hours for sample in crowd.samples) >= 0.02
+    assert max(sample.hours for sample in crowd.samples) >= 0.03
 
 
 def test_a_leak_would_show() -> None:

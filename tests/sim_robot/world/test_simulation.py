@@ -17,7 +17,7 @@ import pytest
 from protocol.wire.readings import touches
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.engines import ENGINES, open_world
-from sim_robot.world.simulation import World
+from sim_robot.world.simulation import STEP, Pose, World
 
 LOG = logging.getLogger("world")
 
@@ -153,6 +153,40 @@ def test_a_weak_servo_is_reported(
     with open_world(load_body(file), log=LOG, engine=engine) as world:
         rest(world, [-30.0] * 4 + [0.0] * 4)
     assert "too weak" in caplog.text
+
+
+class TippingWorld(World):
+    """A servo is 1° off its target while the body tips over by 0.1°/s, until it lies on 5°."""
+
+    def angles(self) -> tuple[float, ...]:
+        return tuple(math.radians(1.0) for _ in self._body.motors)
+
+    def close(self) -> None: ...
+
+    def _build(self) -> None: ...
+
+    def _command(self) -> None: ...
+
+    def _step(self) -> None: ...
+
+    def _pose(self) -> Pose:
+        half = math.radians(min(0.1 * self.steps * STEP, 5.0)) / 2
+        return Pose((0.0, 0.0, 0.0), (0.0, math.sin(half), 0.0, math.cos(half)))
+
+    def _contacts(self) -> Iterator[tuple[str, float]]:
+        yield from ()
+
+    def _distances(self) -> Iterator[tuple[str, float]]:
+        yield from ()
+
+
+def test_slow_motion_is_not_rest(caplog: pytest.LogCaptureFixture) -> None:
+    with TippingWorld(load_body(default_body_path()), log=LOG) as world:
+        world.advance_to(49.0)
+        assert not caplog.records
+        world.advance_to(52.0)
+    assert "rests 1.00° from its target" in caplog.text
+    assert len(caplog.records) == 1
 
 
 @pytest.mark.every_python
