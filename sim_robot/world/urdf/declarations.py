@@ -249,7 +249,7 @@ class Collision(_Element, tag="collision"):
         return frame[:3, 3] - reach, frame[:3, 3] + reach
 
 
-class Visual(Collision, tag="visual", extra="ignore"):
+class Visual(Collision, tag="visual"):
     """What is drawn of a link."""
 
 

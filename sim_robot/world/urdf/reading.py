@@ -219,9 +219,12 @@ def _drop_foreign(root: _Element, note: Say, fault: Say) -> None:
         for element in [child for child in joint if child.tag in _ONLY_MOVING]:
             joint.remove(element)
     for link in root.iterfind("link"):
-        if link.find("collision") is not None:
-            for visual in link.findall("visual"):
+        for visual in link.findall("visual"):
+            if link.find("collision") is not None:
                 link.remove(visual)
+            for element in [child for child in visual if child.tag not in ("origin", "geometry")]:
+                visual.remove(element)
+            visual.attrib.clear()
     _drop(root, _ROBOT, {"name", "version"}, note, fault)
 
 

@@ -175,7 +175,9 @@ def test_the_main_body_is_the_first_with_a_shape_or_mass(tmp_path: Path, weight:
 
 
 def test_a_main_body_that_is_only_drawn_is_as_it_is_drawn(tmp_path: Path) -> None:
-    base = BASE.replace("collision", "visual").replace("</visual>", "<material/></visual>")
+    red = '<material name="red"><color rgba="1 0 0 1"/></material><texture/>'
+    base = BASE.replace("<collision>", '<visual name="v" x="">')
+    base = base.replace("</collision>", f"{red}</visual>")
     body = taken(tmp_path, base, LEG, joint("revolute", "base", "leg", LIMIT))
     assert body.base_size == (0.2, 0.1, 0.1)
     assert body.notes == ("link 'base' has no <collision>; its <visual> is taken for one",)
