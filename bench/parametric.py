@@ -1,28 +1,26 @@
 """``make parametric``: the parametric problem at the paper's budget, on the reported seeds.
 
-Each seed is one simulated robot and one run, by the commands a user would type; every run is
-listed. Writes ``docs/parametric.md``.
+Each seed is one simulated robot and one run; every run is listed. Writes ``docs/parametric.md``.
 """
 
 from __future__ import annotations
 
-import json
+import argparse
 import statistics
-import subprocess
-import sys
-import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Final
 
-from rich.progress import track
+from bench.study_command import add_options, complete_by_command
+from estimator.evaluation.validate import BEST, POPULATION, RANDOM, PredictionErrors, Validation
+from estimator.readings.modalities.registry import MODALITIES
+from estimator.report.evaluation_files import TRUTH
+from estimator.reproduction.paper_run import Budget, PlannedRun, Summary
+from estimator.reproduction.plan import ALL_MODALITIES, PREDICTIONS, SEEDS
+from estimator.study.harness import made_by
+from estimator.study.robot_process import print_body
 
-from estimator.reproduction.runs.robot_process import RobotProcess, print_body
-
-SEEDS = range(1000, 1010)
-ROOT = Path(__file__).parents[1]
-BIN = Path(sys.executable).parent
-PAGE = ROOT / "docs" / "parametric.md"
+PAGE = Path(__file__).parents[1] / "docs" / "parametric.md"
 
 HEAD = """# What the parametric search finds
 
@@ -39,68 +37,52 @@ that miss their targets.
 """
 
 
-def _estimator(*arguments: str) -> None:
-    command = [str(BIN / "estimator"), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        raise SystemExit(f"estimator {' '.join(arguments)}: {done.stderr}")
-
-
-def run(seed: int, folder: Path, truth: Path) -> dict[str, Any]:
-    """One run, validated and scored; what was done already is not repeated."""
-    place = folder / str(seed)
-    figures = place / "figures.json"
-    if not figures.exists():
-        with RobotProcess(seed) as robot:
-            known = (place / "run.sqlite").exists()
-            start = (
-                ["resume", str(place)]
-                if known
-                else ["identify", "--method", "paper", "--problem", "parametric"]
-            )
-            rest = [] if known else ["--seed", str(seed), "--out", str(place)]
-            _estimator(*start, "--robot", robot.uri, *rest)
-            _estimator("validate", str(place), "--robot", robot.uri)
-        score = subprocess.run(
-            [BIN / "estimator", "score", str(place), "--truth", str(truth), "--json"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        figures.write_text(score.stdout, encoding="utf-8")
-    return {
-        "score": json.loads(figures.read_text("utf-8")),
-        "result": json.loads((place / "result.json").read_text("utf-8")),
-        "validation": json.loads((place / "validation.json").read_text("utf-8")),
-    }
+RUNS: Final = tuple(
+    PlannedRun(
+        problem="parametric",
+        variant=ALL_MODALITIES,
+        seed=seed,
+        budget=Budget(),
+        predicts=PREDICTIONS,
+    )
+    for seed in SEEDS[:10]
+)
 
 
 def main() -> None:
-    """Runs every seed and writes the page."""
-    folder = Path("runs") / "parametric"
-    folder.mkdir(parents=True, exist_ok=True)
-    truth = folder / "truth.urdf"
-    truth.write_text(print_body(), encoding="utf-8")
-    start = time.monotonic()
-    runs = {seed: run(seed, folder, truth) for seed in track(list(SEEDS), "seeds")}
-    minutes = (time.monotonic() - start) / 60
-    PAGE.write_text(page(runs, minutes), encoding="utf-8")
-    print(f"{PAGE.relative_to(ROOT)} is written; the runs are in {folder}")
+    """Does the runs that are not finished, and writes the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_options(parser, Path("runs/parametric"))
+    options = parser.parse_args()
+    complete_by_command(RUNS, options.out, options, shared={TRUTH: print_body()})
+    runs = {run.seed: Summary.read(run, options.out) for run in RUNS}
+    PAGE.write_text(page(runs, made_by(options.out, RUNS)), encoding="utf-8")
+    print(f"{PAGE.name} is written; the runs are in {options.out}")
 
 
-def page(runs: dict[int, dict[str, Any]], minutes: float) -> str:
-    """The page as markdown."""
-    lines = [HEAD.format(first=SEEDS[0], last=SEEDS[-1]), *_table(runs), "", *_predictions(runs)]
-    requested = statistics.mean(r["result"]["simulations_requested"] for r in runs.values())
-    simulated = statistics.mean(r["result"]["simulations_run"] for r in runs.values())
-    lines.append(
-        f"\nSimulations per run: {requested:.0f} requested, {simulated:.0f} run on average. "
-        f"All runs together took {minutes:.0f} minutes on two cores.\n"
+def page(runs: Mapping[int, Summary], made: str) -> str:
+    """The page as Markdown.
+
+    Args:
+        runs: Finished runs, by seed.
+        made: A sentence that names the commits which made them.
+    """
+    results = [run.result for run in runs.values() if run.result is not None]
+    requested = statistics.mean(result.simulations_requested for result in results)
+    simulated = statistics.mean(result.simulations_run for result in results)
+    return "\n".join(
+        [
+            HEAD.format(first=min(runs), last=max(runs)),
+            *_table(runs),
+            "",
+            *_predictions([run.validation for run in runs.values() if run.validation is not None]),
+            f"\nSimulations per run: {requested:.0f} requested, {simulated:.0f} run on average. "
+            f"{made}\n",
+        ]
     )
-    return "\n".join(lines)
 
 
-def _table(runs: dict[int, dict[str, Any]]) -> list[str]:
+def _table(runs: Mapping[int, Summary]) -> list[str]:
     rows = [
         "## Leg lengths (mm)",
         "",
@@ -111,16 +93,17 @@ def _table(runs: dict[int, dict[str, Any]]) -> list[str]:
     never: list[float] = []
     signed: list[float] = []
     for seed, run in runs.items():
-        score = run["score"]
-        errors = [1000 * error for error in score["leg_errors_m"]]
-        mine = [error for error, bit in zip(errors, score["touched"], strict=True) if bit]
-        others = [error for error, bit in zip(errors, score["touched"], strict=True) if not bit]
+        assert run.score is not None
+        assert run.result is not None
+        errors = [1000 * error for error in run.score.leg_errors_m]
+        felt = list(zip(errors, run.score.touched, strict=True))
+        mine, others = ([error for error, bit in felt if bool(bit) == own] for own in (True, False))
         touched += mine
         never += others
-        signed.append(1000 * statistics.mean(score["leg_errors_signed_m"]))
+        signed.append(1000 * run.score.mean_signed_leg_error_m)
         rows.append(
             f"| {seed} | {statistics.mean(errors):.1f} | {_mean(mine)} | {_mean(others)} "
-            f"| {signed[-1]:+.1f} | {run['result']['sensor_error']:.2f} |"
+            f"| {signed[-1]:+.1f} | {run.result.sensor_error:.2f} |"
         )
     everything = touched + never
     rows.append(
@@ -132,7 +115,7 @@ def _table(runs: dict[int, dict[str, Any]]) -> list[str]:
     return rows
 
 
-def _predictions(runs: dict[int, dict[str, Any]]) -> list[str]:
+def _predictions(validations: Sequence[Validation]) -> list[str]:
     rows = [
         "## Prediction on 20 fresh motor programs",
         "",
@@ -142,14 +125,14 @@ def _predictions(runs: dict[int, dict[str, Any]]) -> list[str]:
         "|---|---|---|---|",
     ]
     for key, name in (
-        ("best_model", "best model"),
-        ("population_median", "population, median"),
-        ("random_models", "random models, median"),
+        (BEST, "best model"),
+        (POPULATION, "population, median"),
+        (RANDOM, "random models, median"),
     ):
-        predictions = [run["validation"][key] for run in runs.values()]
+        errors: list[PredictionErrors] = [getattr(item, key) for item in validations]
         touch, tilt, clearance = (
-            statistics.mean(item[field] for item in predictions)
-            for field in ("touch", "tilt_deg", "clearance_mm")
+            statistics.mean(one[modality.error_name] or 0.0 for one in errors)
+            for modality in MODALITIES.values()
         )
         rows.append(f"| {name} | {100 * touch:.1f} | {tilt:.2f} | {clearance:.1f} |")
     return rows

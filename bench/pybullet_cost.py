@@ -17,7 +17,7 @@ import numpy as np
 from bench.prior_bodies import on_default_robot
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
-from estimator.parallel.workers import LocalWorkers
+from estimator.parallel.executors import WorkerProcesses
 from estimator.physics.backends import REFERENCE, foresight_of
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool
@@ -116,7 +116,8 @@ def _search_here() -> tuple[int, int, float]:
 
 
 def _search_in_pool(jobs: int) -> float:
-    with PhysicsPool(partial(PyBulletPhysics, WorldSettings()), LocalWorkers(jobs)) as pool:
+    make = partial(PyBulletPhysics, WorldSettings())
+    with WorkerProcesses(jobs) as workers, PhysicsPool(make, workers) as pool:
         pool.read(_pairs(*workload()[1:], 4 * jobs))  # workers start
         start = time.perf_counter()
         search(pool, POPULATION, BRIEF)

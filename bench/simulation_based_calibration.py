@@ -20,23 +20,23 @@ import importlib
 import json
 import math
 from collections.abc import Iterable
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from rich.progress import track
 
 from bench.prior_bodies import drawn_genes, on_default_robot
+from bench.study_command import add_options, complete_by_command
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
 from estimator.identification.doubting import SURE
-from estimator.parallel.workers import ThisProcess
+from estimator.identification.listener import Listener
+from estimator.parallel.executors import ThisProcess
 from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
@@ -52,6 +52,7 @@ from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
+from estimator.study.harness import directory, made_by
 from protocol.system.replace_file import replace_text
 
 BEYOND: Final = 0.1
@@ -119,11 +120,58 @@ class StaticsRobot:
         return sides[int(self.rng.choice(len(sides), p=np.array(likely) / sum(likely)))]
 
 
-def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list[dict[str, Any]]:
-    """One body, and what was believed of it after each interaction; what was done is kept."""
-    figures = folder / f"{seed}.json"
-    if figures.exists():
-        return list(json.loads(figures.read_text()))
+@dataclass(frozen=True, kw_only=True)
+class BodyRun:
+    """One body, and what was believed of it after each interaction; broken off, it begins anew.
+
+    Attributes:
+        problem: Name or file.
+        interactions: How many.
+        seed: Of the body and of all else.
+    """
+
+    problem: str
+    interactions: int
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Its own in the study."""
+        return f"{Path(self.problem).stem}-{self.interactions}/{self.seed}"
+
+    @property
+    def work(self) -> float:
+        """One: bodies are alike."""
+        return 1.0
+
+    def do(self, root: Path, listener: Listener) -> None:
+        """Leaves what was believed."""
+        told = trial(self.seed, self.problem, self.interactions)
+        replace_text(self._file(root), json.dumps(told))
+
+    def is_finished(self, root: Path) -> bool:
+        """Whether it was done before."""
+        return self._file(root).exists()
+
+    def work_done(self, root: Path) -> float:
+        """Nothing, before it is finished."""
+        return 0.0
+
+    def told(self, root: Path) -> list[dict[str, Any]]:
+        """What a finished run has left, by interaction."""
+        return list(json.loads(self._file(root).read_text("utf-8")))
+
+    def sentence(self, root: Path) -> str:
+        """How it went."""
+        last = self.told(root)[-1]
+        return f"{'right' if last['right'] else 'wrong'}, stated {last['probability']}"
+
+    def _file(self, root: Path) -> Path:
+        return directory(self, root) / "figures.json"
+
+
+def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any]]:
+    """One body, and what was believed of it after each interaction."""
     problem, genome, capabilities = on_default_robot(problem_name)
     noise = Noise.announced(capabilities)
     world, effort, rng = problem.settings(capabilities), Effort(), np.random.default_rng(seed)
@@ -181,7 +229,6 @@ def trial(seed: int, problem_name: str, interactions: int, folder: Path) -> list
                 "true_bits": information_gained(before, truth, predictor, data, noise),
             }
         )
-    replace_text(figures, json.dumps(told))
     return told
 
 
@@ -236,22 +283,15 @@ def main() -> None:
     parser.add_argument("--problem", default="topological")
     parser.add_argument("--bodies", type=int, default=300)
     parser.add_argument("--interactions", type=int, default=4)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("runs/simulation-based-calibration"))
+    add_options(parser, Path("runs/simulation-based-calibration"))
     options = parser.parse_args()
-    folder = options.out / f"{Path(options.problem).stem}-{options.interactions}"
-    folder.mkdir(parents=True, exist_ok=True)
-    work = partial(
-        trial,
-        problem_name=options.problem,
-        interactions=options.interactions,
-        folder=folder,
-    )
-    with ProcessPoolExecutor(options.jobs) as workers:
-        bodies = workers.map(work, range(options.bodies))
-        trials = list(track(bodies, "bodies", total=options.bodies))
-    print(table(trials))
+    runs = [
+        BodyRun(problem=options.problem, interactions=options.interactions, seed=seed)
+        for seed in range(options.bodies)
+    ]
+    complete_by_command(runs, options.out, options)
+    print(table(run.told(options.out) for run in runs), made_by(options.out, runs), sep="\n")
 
 
 if __name__ == "__main__":
-    main()
+    importlib.import_module("bench.simulation_based_calibration").main()  # so workers find runs

@@ -36,6 +36,7 @@ Room               What is in it
 ================== ==============================================================================
 ``cli``            the command line; beside it ``api``: the same from a program
 ``reproduction``   the paper's figures
+``study``          many runs, done side by side and resumed by the same command
 ``live``           a page in the browser that follows a run
 ``report``         a run in numbers, tables and plots
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
@@ -51,7 +52,7 @@ Room               What is in it
 ``problem``        what is known and what is to be found; genes to bodies
 ``physics``        what a body feels at rest: back-ends by name, in processes or on a cluster
 ``search``         what optimises a population, ask and tell
-``parallel``       worker processes, and workers on a cluster
+``parallel``       executors: processes and threads here, workers of a cluster
 ``readings``       what was observed; the modalities
 ``body``           a body as a tree of parts, and its kinematics
 ================== ==============================================================================

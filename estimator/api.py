@@ -16,12 +16,7 @@ from estimator.identification.order import MethodName, Order
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run
-from estimator.physics.backends import (
-    BACKENDS,
-    IN_THIS_PROCESS,
-    Computers,
-    on_this_computer,
-)
+from estimator.physics.backends import BACKENDS, on_this_computer
 from estimator.physics.base import Physics
 from estimator.plugins import Registry
 from estimator.readings.modalities.registry import MODALITIES
@@ -107,9 +102,10 @@ def identify(
         full_steps=full_steps,
         keys=keys,
     )
-    return identify_run(
-        Path(directory), order, _computers(jobs), listener or Listener(), report=write_report
-    )
+    with on_this_computer(jobs) as computers:
+        return identify_run(
+            Path(directory), order, computers, listener or Listener(), report=write_report
+        )
 
 
 def resume(
@@ -147,14 +143,15 @@ def resume(
     _add_those_of(
         Path(directory), physics=physics, search=search, objective=objective, explore=explore
     )
-    return resume_run(
-        Path(directory),
-        _computers(jobs),
-        listener or Listener(),
-        robot=robot,
-        keys=keys,
-        report=write_report,
-    )
+    with on_this_computer(jobs) as computers:
+        return resume_run(
+            Path(directory),
+            computers,
+            listener or Listener(),
+            robot=robot,
+            keys=keys,
+            report=write_report,
+        )
 
 
 def _name(registry: Registry[T], part: T | str) -> str:
@@ -173,9 +170,3 @@ def _add_those_of(directory: Path, **parts: object) -> None:
                 f"the run was started with the {_REGISTRIES[kind].kind} {was!r}, not {given!r}: "
                 "leave that out, or start a new run"
             )
-
-
-def _computers(jobs: int) -> Computers:
-    if jobs < 1:
-        raise EstimatorError(f"jobs must be at least 1, not {jobs}")
-    return IN_THIS_PROCESS if jobs == 1 else on_this_computer(jobs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass, fields
 from importlib import metadata
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 
 from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
-from estimator.parallel.worker_processes import Raised, Work, WorkerProcesses
+from estimator.parallel.executors import WorkerProcesses
 from estimator.physics.base import Pair, Readings
 from protocol.system.native_output import native_output_discarded
 from protocol.system.replace_file import replace_file
@@ -60,16 +61,10 @@ def simulate(missing: Sequence[Piece], jobs: int, done: Callable[[], None]) -> N
         jobs: Number of worker processes.
         done: Called after each piece.
     """
-    workers: WorkerProcesses[Piece, None, None]
-    with WorkerProcesses(_start, jobs) as workers:
-        for _, event in workers.do(missing):
-            if isinstance(event, Raised):
-                raise event.error
+    with WorkerProcesses(jobs) as workers:
+        for future in as_completed([workers.submit(_simulate_one, piece) for piece in missing]):
+            future.result()
             done()
-
-
-def _start() -> Work[Piece, None, None]:
-    return lambda piece, _: _simulate_one(piece)
 
 
 def _simulate_one(piece: Piece) -> None:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import importlib
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from bench.power.curves import plot_success
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.study import PICTURES, REPORTED, SEEDS, study
-from bench.power.tables import page
-from bench.power.trial import Figures, Trial, figures_of, is_done
+from bench.power.tables import by_group, page
+from bench.power.trial import Trial, TrialRun
+from bench.study_command import add_options, complete_by_command
 from estimator.report.plots.canvas import as_png
+from estimator.study.harness import made_by
 from sim_robot.world.body import DEFAULT
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"
@@ -35,26 +34,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         groups = {name: trials for name, trials in groups.items() if name in known}
     else:
         groups = {BY_HAND: (_by_hand(options),)}
-    done: dict[str, list[tuple[Trial, list[Figures]]]] = {}
-    with _workers(options) as workers:
-        waiting = [
-            (group, trial, [workers.submit(figures_of, trial, seed, root) for seed in seeds])
-            for group, trials in groups.items()
-            for root in [options.out.resolve() / options.seeds / group.replace(" ", "-")]
-            for trial in trials
-            if options.trial in trial.name
-            for seeds in [
-                [one for one in trial.seeds if is_done(trial, one, root) or not options.done]
-            ]
-            if seeds
-        ]
-        for group, trial, futures in waiting:
-            runs: list[Figures] = []
-            done.setdefault(group, []).append((trial, runs))
-            for future in futures:
-                runs.append(future.result())
-                print(f"{group}: {trial.name}, {_said(runs[-1])}", flush=True)
-    text = page(done)
+    root = options.out / options.seeds
+    runs = [
+        run
+        for group, trials in groups.items()
+        for trial in trials
+        if options.trial in trial.name
+        for seed in trial.seeds
+        for run in [TrialRun(group=group, trial=trial, seed=seed)]
+        if run.is_finished(root) or not options.done
+    ]
+    complete_by_command(runs, root, options)
+    done = by_group(runs, root)
+    text = page(done, made_by(root, runs))
     print(text)
     if options.page:
         PAGE.write_text(text, encoding="utf-8")
@@ -64,27 +56,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
             )
 
 
-@contextmanager
-def _workers(options: argparse.Namespace) -> Iterator[Executor]:
-    """Processes here or, given a scheduler, a Dask cluster's, which see the same folders."""
-    if options.dask is None:
-        with ProcessPoolExecutor(options.jobs) as processes:
-            yield processes
-        return
-    distributed: Any = importlib.import_module("distributed")  # an extra; others do without
-    with distributed.Client(options.dask) as client:
-        yield client.get_executor()
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", choices=SEEDS, default=REPORTED)
     parser.add_argument("--only", nargs="*", metavar="GROUP", help="default: all groups")
     parser.add_argument("--trial", default="", help="only trials whose name contains this")
     parser.add_argument("--done", action="store_true", help="only runs that were made before")
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, instead of --jobs")
-    parser.add_argument("--out", type=Path, default=Path("runs/power"))
+    add_options(parser, Path("runs/power"))
     parser.add_argument("--page", action="store_true", help=f"write {PAGE.name} and its pictures")
     hand = parser.add_argument_group("a trial that is not of the study")
     hand.add_argument("--problem", help="name, or file")
@@ -110,19 +88,6 @@ def _by_hand(options: argparse.Namespace) -> Trial:
         method=options.method,
         explore=options.explore,
         robot=Robot(body=body, options=("--engine", options.engine)),
-    )
-
-
-def _said(one: Figures) -> str:
-    if not one.steps:
-        return f"seed {one.seed}: {one.verdict}"
-    last = one.steps[-1]
-    stated = "" if last.probability is None else f", stated {last.probability:.2f}"
-    errors = " ".join(f"{error:+.1f}" for error in last.leg_errors_mm)
-    return (
-        f"seed {one.seed}: {last.cells} of {one.cells}{stated}, legs {errors} mm, "
-        f"{one.cpu_seconds:.0f} s of CPU. {'CERTAIN AND WRONG. ' * one.certain_and_wrong}"
-        f"{one.verdict}"
     )
 
 

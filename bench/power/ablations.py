@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,14 +18,17 @@ from unittest import mock
 import numpy as np
 
 from bench.power.study import SEEDS
-from bench.power.tables import Runs, run_table, success_table
-from bench.power.trial import Figures, Trial, figures_of
+from bench.power.tables import by_group, run_table, success_table
+from bench.power.trial import Trial, TrialRun
+from bench.study_command import add_options, complete_by_command
 from estimator.identification import posterior_method
+from estimator.identification.listener import Listener
 from estimator.posterior.chains import population
 from estimator.posterior.discovery import discovery
 from estimator.posterior.model import likelihood
 from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.sampling.sampler import Effort
+from estimator.study.harness import made_by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,7 @@ class Ablation:
     replaced: Mapping[tuple[Any, str], Any] = field(default_factory=dict)
 
 
+GROUP: Final = "ablations"
 ABLATIONS: Final[Mapping[str, Ablation]] = {
     "nothing left out": Ablation(),
     "random movements": Ablation(explore="random"),
@@ -56,12 +60,15 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
 }
 
 
-def run(name: str, trial: Trial, seed: int, root: Path) -> Figures:
-    """One run of ``figures_of``, without the part of that name."""
-    with ExitStack() as stack:
-        for (module, attribute), value in ABLATIONS[name].replaced.items():
-            stack.enter_context(mock.patch.object(module, attribute, value))
-        return figures_of(trial, seed, root)
+class AblationRun(TrialRun):
+    """A run without the part that its trial is called after."""
+
+    def do(self, root: Path, listener: Listener) -> None:
+        """Makes the run, and leaves its figures."""
+        with ExitStack() as stack:
+            for (module, attribute), value in ABLATIONS[self.trial.name].replaced.items():
+                stack.enter_context(mock.patch.object(module, attribute, value))
+            super().do(root, listener)
 
 
 def main() -> None:
@@ -69,19 +76,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--first", type=int, default=4, help="so many development seeds")
     parser.add_argument("--only", nargs="*", choices=ABLATIONS, default=list(ABLATIONS))
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("runs/power/ablations"))
+    add_options(parser, Path("runs/ablations"))
     options = parser.parse_args()
     seeds = SEEDS["development"][: options.first]
-    with ProcessPoolExecutor(options.jobs, max_tasks_per_child=1) as workers:
-        waiting = [
-            (trial, [workers.submit(run, name, trial, seed, options.out) for seed in seeds])
-            for name in options.only
-            for trial in [Trial(name=name, seeds=seeds, explore=ABLATIONS[name].explore)]
-        ]
-        runs: Runs = [(trial, [each.result() for each in futures]) for trial, futures in waiting]
-    print(success_table(runs), run_table(runs))
+    runs = [
+        AblationRun(group=GROUP, trial=trial, seed=seed)
+        for name in options.only
+        for trial in [Trial(name=name, seeds=seeds, explore=ABLATIONS[name].explore)]
+        for seed in seeds
+    ]
+    complete_by_command(runs, options.out, options)
+    done = by_group(runs, options.out)[GROUP]
+    print(success_table(done), run_table(done), made_by(options.out, runs), sep="\n")
 
 
 if __name__ == "__main__":
-    main()
+    importlib.import_module("bench.power.ablations").main()  # workers find runs by this name

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
-from bench.power.trial import Figures, Step, Trial
+from bench.power.trial import Figures, Step, Trial, TrialRun
 from estimator.identification.doubting import SURE
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
@@ -28,9 +29,23 @@ best body after each interaction is held against the true one, up to what no sen
 _BINS: Final = (0.0, 0.5, 0.8, SURE, 0.99, 1.0 + 1e-9)
 
 
-def page(done: Mapping[str, Runs]) -> str:
-    """All groups, and the calibration of all statements."""
-    parts = [_HEAD]
+def by_group(runs: Iterable[TrialRun], root: Path) -> dict[str, list[tuple[Trial, list[Figures]]]]:
+    """The figures of finished runs, by group and trial."""
+    done: dict[str, dict[str, tuple[Trial, list[Figures]]]] = {}
+    for run in runs:
+        trials = done.setdefault(run.group, {})
+        trials.setdefault(run.trial.name, (run.trial, []))[1].append(run.figures(root))
+    return {group: list(trials.values()) for group, trials in done.items()}
+
+
+def page(done: Mapping[str, Runs], made: str) -> str:
+    """All groups, and the calibration of all statements.
+
+    Args:
+        done: Runs by group.
+        made: A sentence that names the commits which made them.
+    """
+    parts = [_HEAD, f"\n{made}\n"]
     for group, runs in done.items():
         parts.append(f"\n## {group.capitalize()}\n\n{SUBJECTS.get(group, '')}\n\n")
         if group in PICTURES:

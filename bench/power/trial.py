@@ -27,13 +27,15 @@ from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.reproduction.runs.robot_process import RobotProcess
 from estimator.storage.store import RunStore
+from estimator.study.harness import directory
+from estimator.study.robot_process import RobotProcess
 from protocol.errors import BodyschemaError
 from protocol.system.replace_file import replace_text
 from sim_robot.world.body import DEFAULT
 
 _FIGURES: Final = "figures.json"
+_RUN: Final = "run"
 CLOSE: Final = 10.0
 """A length is wrong when it is farther off, mm, and outside its own 90 % interval."""
 
@@ -133,32 +135,63 @@ class Figures(BaseModel):
         )
 
 
-def figures_of(trial: Trial, seed: int, root: Path) -> Figures:
-    """One run; what was done before is not repeated, and what was broken off begins anew.
+@dataclass(frozen=True, kw_only=True)
+class TrialRun:
+    """A trial with one of its seeds, as a run of a study; broken off, it begins anew.
 
-    Args:
+    Attributes:
+        group: Of the trial.
         trial: What to run.
         seed: One of its seeds.
-        root: Folder of the trial's group.
     """
-    place = _place(trial, seed, root)
-    done = place / _FIGURES
-    if done.exists():
-        return Figures.model_validate_json(done.read_text(encoding="utf-8"))
-    shutil.rmtree(place, ignore_errors=True)
-    place.mkdir(parents=True)
-    figures = _run(trial, seed, place)
-    replace_text(done, figures.model_dump_json(indent=2))
-    return figures
 
+    group: str
+    trial: Trial
+    seed: int
 
-def is_done(trial: Trial, seed: int, root: Path) -> bool:
-    """Whether a run was made before; the arguments are those of ``figures_of``."""
-    return (_place(trial, seed, root) / _FIGURES).exists()
+    @property
+    def name(self) -> str:
+        """Its own in the study."""
+        words = (re.sub(r"\W+", "-", one) for one in (self.group, self.trial.name))
+        return "/".join([*words, str(self.seed)])
 
+    @property
+    def work(self) -> float:
+        """Roughly, in movements."""
+        return self.trial.interactions
 
-def _place(trial: Trial, seed: int, root: Path) -> Path:
-    return root / re.sub(r"\W+", "-", trial.name) / str(seed)
+    def do(self, root: Path, listener: Listener) -> None:
+        """Makes the run, and leaves its figures."""
+        place = directory(self, root)
+        shutil.rmtree(place / _RUN, ignore_errors=True)
+        place.mkdir(parents=True, exist_ok=True)
+        figures = _run(self.trial, self.seed, place)
+        replace_text(place / _FIGURES, figures.model_dump_json(indent=2))
+
+    def is_finished(self, root: Path) -> bool:
+        """Whether it was made before."""
+        return (directory(self, root) / _FIGURES).exists()
+
+    def work_done(self, root: Path) -> float:
+        """Nothing, before it is finished."""
+        return 0.0
+
+    def figures(self, root: Path) -> Figures:
+        """What a finished run has left."""
+        return Figures.model_validate_json((directory(self, root) / _FIGURES).read_text("utf-8"))
+
+    def sentence(self, root: Path) -> str:
+        """How it went."""
+        one = self.figures(root)
+        if not one.steps:
+            return one.verdict
+        last = one.steps[-1]
+        stated = "" if last.probability is None else f", stated {last.probability:.2f}"
+        errors = " ".join(f"{error:+.1f}" for error in last.leg_errors_mm)
+        return (
+            f"{last.cells} of {one.cells}{stated}, legs {errors} mm, {one.cpu_seconds:.0f} s of "
+            f"CPU. {'CERTAIN AND WRONG. ' * one.certain_and_wrong}{one.verdict}"
+        )
 
 
 def _run(trial: Trial, seed: int, place: Path) -> Figures:
@@ -190,7 +223,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
             return write_report(store, plots=False)
 
         try:
-            result = identify(place / "run", order, IN_THIS_PROCESS, Listener(), report=report)
+            result = identify(place / _RUN, order, IN_THIS_PROCESS, Listener(), report=report)
         except BodyschemaError as error:
             said = str(error).replace(str(place), "").replace(process.uri, "the robot")
             return Figures(
@@ -202,7 +235,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
                 cells=0,
                 steps=(),
             )
-    with RunStore.open(place / "run", to_write=False) as store:
+    with RunStore.open(place / _RUN, to_write=False) as store:
         cells, steps = held_against(store, place / "truth.urdf", spent)
     return Figures(
         seed=seed,

@@ -60,7 +60,8 @@ def computers(jobs: int, dask: str | None) -> Iterator[Computers]:
         dask: Address of a cluster's scheduler.
     """
     if dask is None:
-        yield on_this_computer(jobs)
+        with on_this_computer(jobs) as opened:
+            yield opened
     else:
         with Cluster(dask) as cluster:
             yield on_cluster(cluster)

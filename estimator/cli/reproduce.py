@@ -15,9 +15,10 @@ from estimator.cli.options import CORES, Dask
 from estimator.cli.screen import Screen
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import BACKENDS, REFERENCE
+from estimator.reproduction.paper_run import Budget
+from estimator.reproduction.plan import FIGURES, SEEDS
 from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
-from estimator.reproduction.runs.plan import FIGURES, SEEDS, Budget
 
 
 def command(

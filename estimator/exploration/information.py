@@ -12,7 +12,7 @@ from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Models, Situation
-from estimator.parallel.threads import Threads
+from estimator.parallel.executors import Threads
 from estimator.posterior.information import SAMPLES
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
-from estimator.parallel.threads import Threads
+from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import Noise, apart
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Final
 
@@ -10,7 +11,6 @@ import numpy as np
 
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
-from estimator.parallel.workers import Workers
 from estimator.physics.base import Physics
 from estimator.posterior.checks.departed import (
     clearly_better,
@@ -69,7 +69,7 @@ class Doubting:
         workers: Fit them.
     """
 
-    def __init__(self, store: RunStore, noise: Noise, movements: Array, workers: Workers) -> None:
+    def __init__(self, store: RunStore, noise: Noise, movements: Array, workers: Executor) -> None:
         self._store = store
         self._noise = noise
         self._movements = movements[:_FEW]

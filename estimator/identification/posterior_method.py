@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
@@ -16,7 +17,6 @@ from estimator.exploration.situation import Models
 from estimator.identification.doubting import SURE, Doubting, Grounds, attachments_known
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import ChoiceResources, next_program
-from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.alike import Alike, feel_alike, probability_of
@@ -59,7 +59,7 @@ class PosteriorMethod:
         *,
         make_physics: Callable[[], ArrayMarginPhysics],
         physics: ArrayMarginPhysics,
-        workers: Workers,
+        workers: Executor,
         make_reference: Callable[[], Physics],
     ) -> None:
         self._store = store

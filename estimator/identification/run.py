@@ -245,14 +245,15 @@ def _work(
                 stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
                 for _ in range(2)
             )
-            workers = stack.enter_context(closing(computers.open_workers()))
             method = PosteriorMethod(
                 store,
                 listener,
                 make_physics=make_physics,
                 physics=physics,
-                workers=workers,
-                make_reference=partial(in_workers, settings.reference, fine(world), workers),
+                workers=computers.workers,
+                make_reference=partial(
+                    in_workers, settings.reference, fine(world), computers.workers
+                ),
             )
         else:
             choosing = stack.enter_context(closing(StaticsPhysics(world)))

@@ -1,4 +1,4 @@
-"""A connection to a Dask cluster.
+"""The workers of a Dask cluster, as an executor.
 
 The scheduler and the workers are started by hand, with Dask's own commands. They must have the same
 versions of everything that computes, and the same code of ours, or results would differ from those
@@ -11,24 +11,25 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import hashlib
 import importlib
 import logging
 import pickle
+import threading
 import time
-import uuid
 import warnings
-from collections.abc import Callable, Collection, Mapping
-from pathlib import Path
-from typing import Any, Final, NoReturn, TypeAlias
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor, Future, InvalidStateError
+from contextlib import suppress
+from functools import partial
+from typing import Any, Final, ParamSpec, TypeAlias, TypeVar
 
 from estimator.errors import ClusterError, WorkerError
 from estimator.plugins import installed_packages
-from protocol.system.closable import Closable
+from estimator.versions import code_digest
 from protocol.system.missing_library import install_command
 
-Future: TypeAlias = Any
-"""What will come of some work: a ``distributed.Future``."""
+P = ParamSpec("P")
+Result = TypeVar("Result")
 
 _Versions: TypeAlias = Mapping[str, str | None]
 
@@ -37,12 +38,13 @@ _LOOK: Final = 1.0  # s
 _COMPUTING: Final = ("bodyschema", "numpy", "numba", "pybullet", "mujoco")
 _COMPARED: Final = ("python", "dask", "distributed", *_COMPUTING)
 _CODE: Final = "code of bodyschema"
-_PACKAGES: Final = ("estimator", "protocol", "robot", "sim_robot")
-_SOURCES: Final = (".py", ".toml", ".urdf")
 
 
-class Cluster(Closable):
-    """A connection to a cluster; use it as a context manager.
+class Cluster(Executor):
+    """Has tasks done by the workers of a Dask cluster, and again by others if those die.
+
+    A connection to its scheduler; closed at the end of a ``with`` block, or by ``shutdown``. Tasks
+    are functions of modules, without any effect but their results, which are picklable.
 
     Args:
         address: The scheduler's, such as ``tcp://HOST:8786``.
@@ -51,7 +53,9 @@ class Cluster(Closable):
 
     Raises:
         ClusterError: Dask is not installed, no scheduler answers, there is no worker, or the
-            scheduler or a worker differs from this computer.
+            scheduler or a worker differs from this computer. Of a task: the scheduler is lost, or
+            there was no worker for too long.
+        WorkerError: Of a task: several workers died of it.
     """
 
     def __init__(self, address: str, *, patience: float = 60.0):
@@ -67,86 +71,69 @@ class Cluster(Closable):
             self._look_for_workers()
             self._check_everybody()
         except BaseException:
-            self.close()
+            self._client.close()
             raise
+        self._executor = self._client.get_executor(pure=False)
         self._identity = _identity()
-        self._peopled = time.monotonic()
-
-    def close(self) -> None:
-        """Closes the connection; the cluster drops unfinished work. May be called twice."""
-        self._client.close()
+        self._outstanding: set[Future[Any]] = set()
+        self._closed = threading.Event()
+        self._watch = threading.Thread(target=self._look_after_workers, name="workers", daemon=True)
+        self._watch.start()
 
     @property
     def workers(self) -> int:
         """Number of workers at present."""
         return len(self._ask(self._client.nthreads))
 
-    def submit(self, name: str, function: Callable[..., Any], *arguments: Any) -> Future:
-        """Has a function called on some worker, and on another one if that worker dies.
+    def submit(self, fn: Callable[P, Result], /, *args: P.args, **kwargs: P.kwargs) -> Future[Any]:
+        """Has a function called by some worker."""
+        work = pickle.dumps(partial(fn, *args, **kwargs))  # for the scheduler not to look into
+        future: Future[Any] = Future()
+        inner = self._ask(lambda: self._executor.submit(_perform, self._identity, work))
+        future.add_done_callback(lambda done: done.cancelled() and inner.cancel())
+        self._outstanding.add(future)
+        inner.add_done_callback(partial(self._settle, future))
+        return future
 
-        Args:
-            name: What the work is called on Dask's dashboard.
-            function: A function of a module, with no effect but its result.
-            arguments: Its arguments; picklable, like its result.
-        """
-        work = pickle.dumps((function, arguments))  # in bytes, for the scheduler not to look into
-        key = f"{name}-{uuid.uuid4().hex}"
-        self._peopled = time.monotonic()  # patience begins anew
-        return self._ask(
-            lambda: self._client.submit(_perform, self._identity, work, key=key, pure=False)
-        )
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Closes the connection; the cluster drops unfinished work. May be called twice."""
+        self._closed.set()
+        self._client.close()
+        self._watch.join()
 
-    def wait(self, futures: Collection[Future]) -> list[Future]:
-        """Waits until some of the futures are done, and returns those.
-
-        Raises:
-            ClusterError: The scheduler is lost, or there was no worker for too long.
-        """
-        while True:
-            over = [future for future in futures if future.done()]
-            if over:
-                return over
-            try:
-                self._ask(lambda: self._wait_for_one(futures))
-            except TimeoutError:
-                self._check_peopled()
-
-    def result(self, future: Future) -> Any:
-        """Waits for a future and returns its result.
-
-        Raises:
-            ClusterError: The scheduler is lost, there was no worker for too long, or one differs
-                from this computer.
-            WorkerError: Several workers died of this work.
-            BodyschemaError: Whatever the function raised.
-        """
-        while True:
-            self.wait([future])
-            if future.status == "error":
-                return self._failure(future)
-            try:
-                return self._ask(lambda: future.result(timeout=_LOOK))
-            except TimeoutError:
-                self._check_peopled()  # its worker has just died, and it is computed again
-
-    def cancel(self, futures: Collection[Future]) -> None:
-        """Cancels work whose results are no longer needed."""
-        if futures and self._client.status == "running":
-            self._client.cancel(list(futures))
-
-    def _wait_for_one(self, futures: Collection[Future]) -> None:
-        with self._client.as_current():
-            self._dask.wait(list(futures), timeout=_LOOK, return_when="FIRST_COMPLETED")
-
-    def _failure(self, future: Future) -> NoReturn:
-        try:
-            future.result()
-        except self._dask.KilledWorker as error:
-            raise WorkerError(
+    def _settle(self, future: Future[Any], inner: Future[Any]) -> None:
+        """Hands on what has come of a task."""
+        self._outstanding.discard(future)
+        error = self._lost() if inner.cancelled() else inner.exception()
+        if isinstance(error, self._dask.KilledWorker):
+            error = WorkerError(
                 f"{error.allowed_failures + 1} workers died of the same work, perhaps for lack of "
                 "memory: see what they wrote"
-            ) from error
-        raise self._lost()  # between two looks
+            )
+        with suppress(InvalidStateError):  # it was cancelled, or given up
+            if error is None:
+                future.set_result(inner.result())
+            else:
+                future.set_exception(error)
+
+    def _look_after_workers(self) -> None:
+        """Gives tasks up when the scheduler is lost, or there was no worker for too long."""
+        peopled = time.monotonic()
+        while not self._closed.wait(_LOOK):
+            if self._client.status != "running":
+                self._give_up(self._lost())
+                continue
+            with suppress(ClusterError, TimeoutError):  # it is being lost, or busy
+                if not self._outstanding or self.workers:
+                    peopled = time.monotonic()
+                elif time.monotonic() - peopled > self._patience:
+                    self._give_up(self._no_worker())
+
+    def _give_up(self, error: ClusterError) -> None:
+        for future in list(self._outstanding):
+            self._outstanding.discard(future)
+            with suppress(InvalidStateError):
+                future.set_exception(error)
 
     def _ask(self, question: Callable[[], Any]) -> Any:
         """Calls something of Dask's that needs the scheduler."""
@@ -185,15 +172,6 @@ class Cluster(Closable):
             self._client.wait_for_workers(1, timeout=_ANSWER)
         except TimeoutError:
             raise self._no_worker() from None
-
-    def _check_peopled(self) -> None:
-        if self._client.status != "running":
-            raise self._lost()
-        now = time.monotonic()
-        if self.workers:
-            self._peopled = now
-        elif now - self._peopled > self._patience:
-            raise self._no_worker()
 
     def _no_worker(self) -> ClusterError:
         return ClusterError(
@@ -234,8 +212,7 @@ def _perform(ours: _Versions, work: bytes) -> Any:
     worker = _dask().get_worker()
     _check_threads(worker.address, worker.state.nthreads)
     _compare(f"Worker {worker.address}", _identity(), ours)
-    function, arguments = pickle.loads(work)
-    return function(*arguments)
+    return pickle.loads(work)()
 
 
 def _check_threads(address: str, threads: int) -> None:
@@ -265,18 +242,9 @@ def _identity() -> _Versions:
     """Everything that results could depend on."""
     versions = importlib.import_module("distributed.versions")
     packages = versions.get_versions(packages=_COMPUTING)["packages"]
-    return {name: packages[name] for name in _COMPARED} | {_CODE: _code()} | installed_packages()
-
-
-def _code() -> str:
-    """A digest of our source and data files, as installed."""
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            if path.suffix in _SOURCES:
-                digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return digest.hexdigest()[:12]
+    return (
+        {name: packages[name] for name in _COMPARED} | {_CODE: code_digest()} | installed_packages()
+    )
 
 
 async def _who_answers(dask: Any, address: str) -> str:

@@ -6,7 +6,9 @@ implements ``Physics`` and declares in its attribute ``abilities`` what else it 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
@@ -14,8 +16,7 @@ from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 from estimator.errors import EstimatorError
-from estimator.parallel.cluster import Cluster
-from estimator.parallel.workers import DaskWorkers, LocalWorkers, ThisProcess, Workers
+from estimator.parallel.executors import ThisProcess, WorkerProcesses
 from estimator.physics.base import Abilities, ArrayPhysics, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.statics import StaticsPhysics
@@ -31,12 +32,12 @@ class Computers:
 
     Attributes:
         open_physics: Makes back-ends there.
-        open_workers: Makes what shares out other work.
+        workers: Does other work.
         threads: How many this process may use.
     """
 
     open_physics: OpenPhysics
-    open_workers: Callable[[], Workers]
+    workers: Executor
     threads: int = 1
 
 
@@ -87,28 +88,34 @@ def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     return None if abilities_of(name).arrays else StaticsPhysics(settings)
 
 
-def on_this_computer(jobs: int) -> Computers:
-    """Works on ``jobs`` cores: back-ends in threads if they can, all else in worker processes."""
+@contextmanager
+def on_this_computer(jobs: int) -> Iterator[Computers]:
+    """Works on ``jobs`` cores: back-ends in threads if they can, all else in worker processes.
 
-    def opened(name: str, settings: WorldSettings) -> Physics:
-        if abilities_of(name).threads:
-            return partial(maker(name, settings), jobs=jobs)()
-        return in_workers(name, settings, LocalWorkers(jobs))
+    On one core all is done in this process.
 
-    workers = ThisProcess if jobs == 1 else partial(LocalWorkers, jobs)
-    return Computers(open_physics=opened, open_workers=workers, threads=jobs)
+    Raises:
+        WorkerError: ``jobs`` is less than 1.
+    """
+    if jobs == 1:
+        yield IN_THIS_PROCESS
+        return
+    with WorkerProcesses(jobs) as workers:
+
+        def opened(name: str, settings: WorldSettings) -> Physics:
+            if abilities_of(name).threads:
+                return partial(maker(name, settings), jobs=jobs)()
+            return in_workers(name, settings, workers)
+
+        yield Computers(open_physics=opened, workers=workers, threads=jobs)
 
 
-def on_cluster(cluster: Cluster) -> Computers:
-    """Works on the workers of a cluster."""
-    open_workers = partial(DaskWorkers, cluster)
-    return Computers(
-        open_physics=lambda name, settings: in_workers(name, settings, open_workers()),
-        open_workers=open_workers,
-    )
+def on_cluster(cluster: Executor) -> Computers:
+    """Works on the workers of a cluster, which stays open."""
+    return Computers(open_physics=partial(in_workers, workers=cluster), workers=cluster)
 
 
-def in_workers(name: str, settings: WorldSettings, workers: Workers) -> Physics:
+def in_workers(name: str, settings: WorldSettings, workers: Executor) -> Physics:
     """Opens a back-end in workers, which may have other work, too."""
     return PhysicsPool(maker(name, settings), workers, undecided=abilities_of(name).undecided)
 
@@ -118,7 +125,7 @@ def in_this_process(name: str, settings: WorldSettings) -> Physics:
     return maker(name, settings)()
 
 
-IN_THIS_PROCESS: Final = Computers(open_physics=in_this_process, open_workers=ThisProcess)
+IN_THIS_PROCESS: Final = Computers(open_physics=in_this_process, workers=ThisProcess())
 """For callers that are one of many processes."""
 
 

@@ -10,15 +10,16 @@ from __future__ import annotations
 import pickle
 import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from functools import partial
 from typing import Final, TypeAlias
 
-from estimator.parallel.workers import Workers
 from estimator.physics.base import Abilities, BackEnd, Pair, Physics, Readings, sensor_count
 
 MakePhysics: TypeAlias = Callable[[], Physics]
 
 _CHUNK: Final = 25  # most simulations that a worker fetches at a time: about 0.2 s of work
+_CHUNKS: Final = 32  # of a batch, at least, as long as it has so many pairs
 _Chunk: TypeAlias = tuple[Readings, int, int]  # and the simulations and steps that they took
 
 
@@ -28,11 +29,11 @@ class PhysicsPool(BackEnd):
     Args:
         make: Makes the back-end, in the worker; must be picklable, such as
             ``functools.partial(PyBulletPhysics, settings)``.
-        workers: Do the work.
+        workers: Do the work; stay open.
         undecided: Whether the back-end tells undecided poses.
     """
 
-    def __init__(self, make: MakePhysics, workers: Workers, *, undecided: bool = False) -> None:
+    def __init__(self, make: MakePhysics, workers: Executor, *, undecided: bool = False) -> None:
         super().__init__()
         self.abilities = Abilities(undecided=undecided)
         self._read_chunk = partial(_read_chunk, pickle.dumps(make))
@@ -48,19 +49,18 @@ class PhysicsPool(BackEnd):
         sensor_count(pairs)
         if not pairs:
             return Readings.empty(0, 0)
-        chunks = self._workers.map(self._read_chunk, _cut(pairs, self._workers.count))
+        chunks = list(self._workers.map(self._read_chunk, _cut(pairs)))
         self.simulations += sum(simulations for _, simulations, _ in chunks)
         self.steps += sum(steps for _, _, steps in chunks)
         return Readings.concatenate(readings for readings, _, _ in chunks)
 
     def close(self) -> None:
-        """Closes the workers; see there."""
-        self._workers.close()
+        """Does nothing: the workers are the caller's."""
 
 
-def _cut(pairs: Sequence[Pair], workers: int) -> list[Sequence[Pair]]:
-    """Cuts a batch into chunks, small enough for so many workers to share it evenly."""
-    size = max(1, min(_CHUNK, len(pairs) // (4 * max(1, workers))))
+def _cut(pairs: Sequence[Pair]) -> list[Sequence[Pair]]:
+    """Cuts a batch into chunks, small enough for several workers to share it evenly."""
+    size = max(1, min(_CHUNK, len(pairs) // _CHUNKS))
     return [pairs[start : start + size] for start in range(0, len(pairs), size)]
 
 

@@ -6,7 +6,9 @@
 ``report``              ``report.md`` and ``runs.csv``
 ``figures``             a module per figure
 ``claims``              the paper's claims, declared before the runs
-``runs``                which runs, and how they are done, in parallel or on a cluster
+``finished_run``        what the figures read of a finished run
+``plan``                seeds, experimental variants and runs, fixed in code before any run
+``paper_run``           one run from start to end, and what it left
 ``output_files``        pictures, tables and numbers, each written as a whole or not at all
 ======================= ==================================================================
 """

@@ -12,17 +12,15 @@ from estimator.report.tables.terminal import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import DrawnFigure
 from estimator.reproduction.output_files import write_csv
-from estimator.reproduction.runs.ledger import LedgerEntry
-from estimator.reproduction.runs.plan import (
+from estimator.reproduction.paper_run import Budget, Summary
+from estimator.reproduction.plan import (
     PARAMETRIC,
     PARAMETRIC_RUNS,
     TOPOLOGICAL,
     TOPOLOGICAL_8X4,
     TOPOLOGICAL_RUNS,
-    Budget,
 )
-from estimator.reproduction.runs.progress import in_words
-from estimator.reproduction.runs.run_summary import Summary
+from estimator.study.harness import Session, in_words, made_by
 from protocol.system.replace_file import replace_text
 
 REPORT: Final = "report.md"
@@ -41,7 +39,7 @@ def write_report(
     root: Path,
     *,
     budget: Budget,
-    sessions: Sequence[LedgerEntry],
+    sessions: Sequence[Session],
     figures: Sequence[DrawnFigure],
     claims: ClaimsTable | None,
     runs: Sequence[Summary],
@@ -59,7 +57,7 @@ def write_report(
     write_csv(root / "runs.csv", HEADER, map(_csv_row, runs))
     paragraphs = [
         "# Reproduction of Bongard, Zykov and Lipson (2006)",
-        *_how(budget, sessions, runs),
+        *_how(root, budget, sessions, runs),
     ]
     if claims is not None:
         paragraphs += ["## Claims", *claims.markdown()]
@@ -77,7 +75,9 @@ def write_report(
     replace_text(root / REPORT, "\n\n".join(paragraphs) + "\n")
 
 
-def _how(budget: Budget, sessions: Sequence[LedgerEntry], runs: Sequence[Summary]) -> list[str]:
+def _how(
+    root: Path, budget: Budget, sessions: Sequence[Session], runs: Sequence[Summary]
+) -> list[str]:
     finished = [item.result for item in runs if item.result is not None]
     seeds = sorted({item.run.seed for item in runs})
     requested = sum(result.simulations_requested for result in finished)
@@ -119,6 +119,7 @@ def _how(budget: Budget, sessions: Sequence[LedgerEntry], runs: Sequence[Summary
         f"{requested:,} simulations requested, {done:,} simulated; of these {invalid:,} were "
         f"invalid and {undecided:,} undecided.",
         *(f"Versions: {item}." for item in used),
+        made_by(root, [item.run for item in runs if item.failure is None]),
     ]
 
 

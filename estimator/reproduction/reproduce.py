@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from estimator.errors import EstimatorError, RunDirectoryError
+from estimator.errors import EstimatorError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import abilities_of
@@ -17,24 +17,13 @@ from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import Share
 from estimator.reproduction.figures import figure2, figure3, figure4, figure5, figure6
 from estimator.reproduction.figures.figure import DrawnFigure
+from estimator.reproduction.finished_run import FinishedRuns
 from estimator.reproduction.page import reproduction_page
+from estimator.reproduction.paper_run import Budget, Summary
+from estimator.reproduction.plan import FIGURES, SEEDS, planned_runs
 from estimator.reproduction.report import write_report
-from estimator.reproduction.runs.finished_run import FinishedRuns
-from estimator.reproduction.runs.ledger import Ledger
-from estimator.reproduction.runs.plan import (
-    FIGURES,
-    SEEDS,
-    Budget,
-    PlannedRun,
-    planned_runs,
-    work_of,
-)
-from estimator.reproduction.runs.progress import OverallProgress
-from estimator.reproduction.runs.robot_process import print_body
-from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Workers
-from estimator.reproduction.runs.run_summary import Summary
-from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
-from estimator.reproduction.runs.single_run import is_finished, work_done
+from estimator.study.harness import complete
+from estimator.study.robot_process import print_body
 from protocol.system.replace_file import replace_text
 
 
@@ -64,12 +53,12 @@ class ReproductionResult:
     Attributes:
         figures: As drawn.
         claims: The claims table; ``None`` where no figure bears on it.
-        failures: Runs that could not be finished, with the reason.
+        failures: Why runs could not be finished, by name.
     """
 
     figures: tuple[DrawnFigure, ...]
     claims: ClaimsTable | None
-    failures: dict[PlannedRun, str]
+    failures: Mapping[str, str]
 
 
 def figures_of(name: str) -> tuple[str, ...]:
@@ -101,30 +90,29 @@ def reproduce(
             are listed in the outcome.
     """
     _check(request)
-    jobs = request.jobs if cluster is None else cluster.workers
-    workers = Workers(jobs, root) if cluster is None else ClusterWorkers(cluster, root)
-    with Ledger(root, request.budget, command=request.command, jobs=jobs) as ledger:
-        _keep_truth(root)
-        runs = planned_runs(request.figures, request.runs, request.budget)
-        try:
-            failures = _do(root, runs, workers, listener, ledger)
-        except KeyboardInterrupt:
-            listener.say("Nothing is lost: the same command goes on from here.")
-            raise
-        listener.say("Drawing.")
-        finished_runs = FinishedRuns(root)
-        drawn, claims = _draw(finished_runs, request)
-        summaries = [Summary.read(run, root, failures.get(run)) for run in runs]
-        write_report(
-            root,
-            budget=request.budget,
-            sessions=ledger.sessions,
-            figures=drawn,
-            claims=claims,
-            runs=summaries,
-        )
-        replace_text(root / PAGE, reproduction_page(root))
-    return ReproductionResult(figures=drawn, claims=claims, failures=failures)
+    runs = planned_runs(request.figures, request.runs, request.budget)
+    completed = complete(
+        root,
+        runs,
+        listener,
+        jobs=request.jobs,
+        cluster=cluster,
+        command=request.command,
+        asked=request.budget.in_words,
+        shared={TRUTH: print_body()},
+    )
+    listener.say("Drawing.")
+    drawn, claims = _draw(FinishedRuns(root), request)
+    write_report(
+        root,
+        budget=request.budget,
+        sessions=completed.sessions,
+        figures=drawn,
+        claims=claims,
+        runs=[Summary.read(run, root, completed.failures.get(run.name)) for run in runs],
+    )
+    replace_text(root / PAGE, reproduction_page(root))
+    return ReproductionResult(figures=drawn, claims=claims, failures=completed.failures)
 
 
 def _check(request: ReproductionRequest) -> None:
@@ -135,48 +123,6 @@ def _check(request: ReproductionRequest) -> None:
         raise EstimatorError(
             f"--population must be even, not {request.budget.population}: models mate in pairs"
         )
-
-
-def _keep_truth(root: Path) -> None:
-    body, path = print_body(), root / TRUTH
-    if not path.exists():
-        replace_text(path, body)
-    elif path.read_text("utf-8") != body:
-        raise RunDirectoryError(
-            f"The simulated robot has another body than the one of the runs in {root}: give "
-            "another --out."
-        )
-
-
-def _do(
-    root: Path,
-    runs: Sequence[PlannedRun],
-    workers: Workers | ClusterWorkers,
-    listener: Listener,
-    ledger: Ledger,
-) -> dict[PlannedRun, str]:
-    """Completes the unfinished runs; returns those that failed, with the reason."""
-    left = [run for run in runs if not is_finished(run, root)]
-    if len(left) < len(runs):
-        listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")
-    progress = OverallProgress(
-        listener,
-        {run: work_of(run) for run in left},
-        {run: work_done(run, root) for run in left},
-    )
-    failures = {}
-    with workers:
-        for run, news in workers.do(left):
-            if isinstance(news, Worked):
-                progress.worked(run, news.work)
-            elif isinstance(news, Said):
-                listener.say(f"{run.name}: {news.sentence}")
-            elif isinstance(news, Ended):
-                if news.failure is not None:
-                    failures[run] = news.failure
-                progress.ended(run, Summary.read(run, root, news.failure).sentence)
-                ledger.note()
-    return failures
 
 
 def _draw(

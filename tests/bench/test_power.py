@@ -14,10 +14,11 @@ from bench.power.curves import plot_success
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
 from bench.power.tables import page
-from bench.power.trial import Figures, Step, Trial, figures_of, is_done
+from bench.power.trial import Figures, Step, Trial, TrialRun
 from bench.prior_bodies import drawn_body
+from estimator.identification.listener import Listener
+from estimator.study.harness import directory
 from sim_robot.world.body import load_body
-from tests.estimator.dask_cluster import dask
 
 
 def figures(
@@ -78,35 +79,48 @@ def test_a_body_of_the_prior_is_one_that_the_problem_allows(tmp_path: Path) -> N
         assert len(places) == len(hips) == 4
 
 
-def test_what_was_done_is_not_repeated(tmp_path: Path) -> None:
-    def never(seed: int) -> str:
-        raise AssertionError("it was done")
-
-    trial = Trial(name="a trial", seeds=(5,), robot=Robot(body=never))
-    done = figures(5, 12, 0.99)
-    (tmp_path / "a-trial" / "5").mkdir(parents=True)
-    (tmp_path / "a-trial" / "5" / "figures.json").write_text(done.model_dump_json())
-    assert is_done(trial, 5, tmp_path)
-    assert figures_of(trial, 5, tmp_path) == done
-    (tmp_path / "a-trial" / "6").mkdir()
-    assert not is_done(trial, 6, tmp_path)
-    with pytest.raises(AssertionError):
-        figures_of(trial, 6, tmp_path)
+def done_before(root: Path) -> None:
+    """Runs of one group, with the study's ledger."""
+    for seed in SEEDS["reported"][:10]:
+        folder = root / "reported" / "runs" / "eight-parts" / "topological-20" / str(seed)
+        folder.mkdir(parents=True)
+        (folder / "figures.json").write_text(figures(seed, 12, 0.9).model_dump_json())
+        (folder / "made.json").write_text('{"commits": ["commit 1"]}')
+    (root / "reported" / "study.json").write_text('{"asked": {}}')
 
 
-def test_a_cluster_is_asked_in_place_of_processes(
+def test_what_was_done_is_not_repeated(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = tmp_path / "reported" / "eight-parts" / "topological-20"
-    for seed in SEEDS["reported"][:10]:
-        (folder / str(seed)).mkdir(parents=True)
-        (folder / str(seed) / "figures.json").write_text(figures(seed, 12, 0.9).model_dump_json())
-    monkeypatch.setattr("bench.power.__main__.ProcessPoolExecutor", None)
-    with dask(tmp_path) as cluster:
-        cluster.start_worker(path=[Path.cwd()]).wait_for("Registered to")
-        options = ["--only", "eight parts", "--done", "--out", str(tmp_path)]
-        main([*options, "--dask", cluster.address])
+    done_before(tmp_path)
+    main(["--only", "eight parts", "--done", "--out", str(tmp_path)])
     assert "10 of 10" in capsys.readouterr().out
+    monkeypatch.setattr("bench.power.__main__.PAGE", tmp_path / "power.md")
+    (tmp_path / "images").mkdir()
+    with pytest.raises(SystemExit):
+        main(["--only", "eight parts", "--page", "--done", "--out", str(tmp_path)])
+    main(["--page", "--done", "--out", str(tmp_path)])
+    (picture,) = (tmp_path / "images").iterdir()
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    text = (tmp_path / "power.md").read_text()
+    assert f"](images/{picture.name})" in text
+    assert "Made at commit 1." in text
+
+
+def test_a_run_that_was_broken_off_begins_anew(tmp_path: Path) -> None:
+    def asked(seed: int) -> str:
+        raise AssertionError(f"seed {seed} is not done")
+
+    run = TrialRun(
+        group="a group", trial=Trial(name="a trial", seeds=(6,), robot=Robot(body=asked)), seed=6
+    )
+    assert run.name == "a-group/a-trial/6"
+    left = directory(run, tmp_path) / "run"
+    left.mkdir(parents=True)
+    assert not run.is_finished(tmp_path)
+    with pytest.raises(AssertionError, match="seed 6 is not done"):
+        run.do(tmp_path, Listener())
+    assert not left.exists()
 
 
 @pytest.mark.parametrize(
@@ -127,8 +141,10 @@ def test_the_page_holds_every_run() -> None:
     trial = Trial(name="one method", seeds=(1, 2))
     runs = [figures(1, 12, 0.99), figures(2, 11, 0.40)]
     text = page(
-        {"whole body": [(trial, runs)], "faults": [(trial, runs[:1])], "lengths": [(trial, runs)]}
+        {"whole body": [(trial, runs)], "faults": [(trial, runs[:1])], "lengths": [(trial, runs)]},
+        "Made at commit 1.",
     )
+    assert "Made at commit 1." in text
     assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 | 1.0 | 1.0 | 2 of 4 | 20 |" in text
     assert "| one method | 2 | □ | 0.40 | +1.0 -1.0 | 20 |  |" in text
     assert "| one method | 1 | 12 of 12 | 0.99 | +1 -1 | no | Some body explains it. |" in text
@@ -148,27 +164,10 @@ def test_the_picture_has_a_line_for_each_method() -> None:
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["one method", "another"]
 
 
-def test_a_page_is_written_with_its_pictures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    folder = tmp_path / "runs" / "reported" / "eight-parts" / "topological-20" / "1000"
-    folder.mkdir(parents=True)
-    (folder / "figures.json").write_text(figures(1000, 12, 0.9).model_dump_json())
-    (tmp_path / "images").mkdir()
-    monkeypatch.setattr("bench.power.__main__.PAGE", tmp_path / "power.md")
-    out = ["--done", "--page", "--out", str(tmp_path / "runs")]
-    with pytest.raises(SystemExit):
-        main(["--only", "eight parts", *out])
-    main(out)
-    (picture,) = (tmp_path / "images").iterdir()
-    assert picture.read_bytes().startswith(b"\x89PNG")
-    assert f"](images/{picture.name})" in (tmp_path / "power.md").read_text()
-
-
 def test_what_a_run_does_not_stand_by_is_no_statement() -> None:
     trial = Trial(name="one method", seeds=(1, 2))
     runs = [figures(1, 12, 0.99), figures(2, 11, 0.97, explained=False)]
-    text = page({"whole body": [(trial, runs)]})
+    text = page({"whole body": [(trial, runs)]}, "")
     assert "| one method | 1 | 1 of 2 | 9–91 % | 1 | 1 |" in text
     assert "| one method | 2 | □ | (0.97) | +1.0 -1.0 |" in text
     assert "| 0.95–0.99 |" not in text

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+
 import numpy as np
 
 from estimator.body.morphology import Array, Base
-from estimator.parallel.workers import ThisProcess, Workers
+from estimator.parallel.executors import ThisProcess
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
@@ -77,7 +79,7 @@ def make_sampler(
     noise: Noise = NOISE,
     effort: Effort = LITTLE,
     seed: int = 1,
-    workers: Workers | None = None,
+    workers: Executor | None = None,
 ) -> Sampler:
     """Samples the problem's posterior, in this process if no workers are given."""
     seeds = np.random.SeedSequence(seed).spawn(effort.populations + 1)

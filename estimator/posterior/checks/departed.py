@@ -14,13 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.parallel.workers import Workers
 from estimator.physics.base import Physics
 from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.checks.fitting import departing_starts, fitted, fitted_departures
@@ -56,7 +56,7 @@ def doubts(
     departures: Sequence[Departure],
     *,
     reference: Physics,
-    workers: Workers,
+    workers: Executor,
 ) -> tuple[Doubt, ...]:
     """Fits a body of each departure to the readings.
 

@@ -8,13 +8,13 @@ a whole leg make up for a servo at its root.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from functools import partial
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import BASE, Array
-from estimator.parallel.workers import Workers
 from estimator.posterior.model.departures import Departure
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
@@ -82,7 +82,7 @@ def fitted_departures(
     data: SensorData,
     noise: Noise,
     *,
-    workers: Workers,
+    workers: Executor,
 ) -> tuple[Array, Array]:
     """Of each departure the point that fits best, and their log-likelihoods, shape (n, k).
 
@@ -96,7 +96,7 @@ def fitted_departures(
     """
     groups = [starts[starts[:, -2] % _GROUPS == number] for number in range(_GROUPS)]
     task = partial(_fitted_in_part, predictor, departures, data, noise)
-    pieces = workers.map(task, [group for group in groups if len(group)])
+    pieces = list(workers.map(task, [group for group in groups if len(group)]))
     for _, _, cost in pieces:
         predictor.add_cost(cost)
     points, fits = (np.concatenate(arrays) for arrays in list(zip(*pieces, strict=True))[:2])

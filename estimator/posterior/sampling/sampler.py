@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
@@ -12,7 +13,6 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
-from estimator.parallel.workers import Workers
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery.discovery import Discovery, chains_like
@@ -87,7 +87,7 @@ class Sampler:
         effort: Effort,
         seeds: Sequence[np.random.SeedSequence],
         *,
-        workers: Workers,
+        workers: Executor,
         physics: ArrayMarginPhysics | None = None,
     ) -> None:
         self._noise = noise
@@ -113,7 +113,8 @@ class Sampler:
 
     def prepare(self) -> None:
         """Has the workers load what they will need, while others do something else."""
-        self._workers.prepare(partial(_read_one, self._searches[0].predictor))
+        for search in self._searches:
+            self._workers.submit(_read_one, search.predictor)
 
     def state(self) -> dict[str, Any]:
         """All that ``restore`` needs, for JSON."""
@@ -222,7 +223,7 @@ class Sampler:
         number, anew = 0, 0
         while True:
             search = partial(_searched, effort.steps, number > 0, anew > 0)
-            self._searches = self._workers.map(search, self._searches)
+            self._searches = list(self._workers.map(search, self._searches))
             bodies = [search.best() for search in self._searches]
             agreement = Agreement.of(bodies, self.predictor, estimator, data, self._noise)
             fresh = agreement.share_beyond(known)

@@ -8,13 +8,13 @@ next program is chosen, and from there the chains go on.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from functools import partial
 from typing import Final
 
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.parallel.workers import Workers
 from estimator.posterior.chains.population import EVERY, Population
 from estimator.posterior.discovery.discovery import BestPoints, Discovery
 from estimator.posterior.model.special import softmax
@@ -28,7 +28,7 @@ _ANEW: Final = 100  # steps with each number of interactions, where chains begin
 
 
 def wandered(
-    searches: Sequence[Discovery], workers: Workers, *, steps: int
+    searches: Sequence[Discovery], workers: Executor, *, steps: int
 ) -> tuple[list[Discovery], Posterior, float]:
     """What is believed after the interactions so far.
 
@@ -40,7 +40,7 @@ def wandered(
     Returns:
         The searches as they go on, the posterior, and how much of it both have met.
     """
-    moved = workers.map(partial(_wander, steps), searches)
+    moved = list(workers.map(partial(_wander, steps), searches))
     by_population = [drawn for _, drawn in moved]
     values, scales, fits = (np.concatenate(arrays) for arrays in zip(*by_population, strict=True))
     unknowns = searches[0].predictor.unknowns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -10,7 +11,6 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.parallel.workers import Workers
 from estimator.posterior.chains.population import Population
 from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Noise
@@ -95,7 +95,7 @@ def sampled(
     rng: np.random.Generator,
     *,
     count: int,
-    workers: Workers,
+    workers: Executor,
 ) -> tuple[Array, Array]:
     """Samples of the posterior: points of the cube, shape (count, size), and logarithms of scales.
 
@@ -120,10 +120,10 @@ def sampled(
     few = best.effective < _FEW * len(best.values)
     groups = np.split(np.arange(count), _GROUPS)
     seeds = rng.integers(2**32, size=_GROUPS).tolist()
-    moved = workers.map(
-        partial(_moved, predictor, data, noise, few),
-        [(values[rows], scales[rows], seed) for rows, seed in zip(groups, seeds, strict=True)],
-    )
+    starts_of_groups = [
+        (values[rows], scales[rows], seed) for rows, seed in zip(groups, seeds, strict=True)
+    ]
+    moved = list(workers.map(partial(_moved, predictor, data, noise, few), starts_of_groups))
     for _, _, cost in moved:
         predictor.add_cost(cost)
     values, scales = (np.concatenate(arrays) for arrays in list(zip(*moved, strict=True))[:2])

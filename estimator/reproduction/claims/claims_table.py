@@ -24,7 +24,7 @@ from estimator.reproduction.claims.paper_claims import (
 )
 from estimator.reproduction.claims.statistics import MeanDifference, Share
 from estimator.reproduction.output_files import write_csv, write_json
-from estimator.reproduction.runs.plan import VARIANTS
+from estimator.reproduction.plan import VARIANTS
 
 NAME: Final = "claims"
 HEADER: Final = (

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from estimator.reproduction.finished_run import FinishedRun
 from estimator.reproduction.output_files import write_csv, write_json, write_png
-from estimator.reproduction.runs.finished_run import FinishedRun
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

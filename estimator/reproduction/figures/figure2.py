@@ -13,8 +13,9 @@ from estimator.reproduction.figures.figure import (
     history_rows,
     write_figure,
 )
-from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
-from estimator.reproduction.runs.plan import Budget, typical_runs
+from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.paper_run import Budget
+from estimator.reproduction.plan import typical_runs
 
 NAME = "fig2"
 PANELS = (("a", "b"), ("c", "d"))

@@ -15,8 +15,9 @@ from estimator.report.plots.canvas import new_figure
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import mean_and_deviation
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
-from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
-from estimator.reproduction.runs.plan import VARIANTS, Budget, parametric_runs
+from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.paper_run import Budget
+from estimator.reproduction.plan import VARIANTS, parametric_runs
 from estimator.search.randomness import Stream, generator
 
 if TYPE_CHECKING:

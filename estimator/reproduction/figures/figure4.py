@@ -17,8 +17,9 @@ from estimator.reproduction.figures.figure import (
     history_rows,
     write_figure,
 )
-from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
-from estimator.reproduction.runs.plan import Budget, PlannedRun, topological_runs
+from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.paper_run import Budget, PlannedRun
+from estimator.reproduction.plan import topological_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -21,8 +21,8 @@ from estimator.report.evaluation_files import TRUTH
 from estimator.report.plots.canvas import leg_patches, new_figure
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.figures.figure4 import choose
-from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns, observed
-from estimator.reproduction.runs.plan import Budget
+from estimator.reproduction.finished_run import FinishedRun, FinishedRuns, observed
+from estimator.reproduction.paper_run import Budget
 
 NAME: Final = "fig5"
 CAPTION: Final = (

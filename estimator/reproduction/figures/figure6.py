@@ -10,8 +10,9 @@ from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.plots.canvas import new_figure
 from estimator.reproduction.claims.statistics import Share, share
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
-from estimator.reproduction.runs.finished_run import FinishedRun, FinishedRuns
-from estimator.reproduction.runs.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, Budget, topological_runs
+from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.paper_run import Budget
+from estimator.reproduction.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, topological_runs
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

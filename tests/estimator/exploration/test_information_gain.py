@@ -8,7 +8,7 @@ import pytest
 
 from estimator.body.morphology import Array
 from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.parallel.threads import Threads
+from estimator.parallel.executors import Threads
 from estimator.posterior.model.likelihood import Noise
 
 CAP = 0.2

@@ -16,7 +16,7 @@ from estimator.errors import EstimatorError, InteractionError, ProblemError, Run
 from estimator.identification.listener import Listener
 from estimator.identification.order import Order
 from estimator.identification.run import identify, resume
-from estimator.parallel.workers import ThisProcess
+from estimator.parallel.executors import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
 from estimator.physics.backends import REFERENCE, Computers, in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
@@ -132,7 +132,7 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
         opened.append(name)
         return in_this_process(name, settings)
 
-    computers = Computers(open_physics=opening, open_workers=ThisProcess)
+    computers = Computers(open_physics=opening, workers=ThisProcess())
     monkeypatch.setattr("estimator.identification.run.REFERENCE", "mujoco")
     order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
     order = changed(order, physics="statics")
@@ -158,7 +158,7 @@ def test_a_run_is_not_complete_before_the_reference_has_had_its_word(
 
     order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
     order = changed(order, physics="statics")
-    computers = Computers(open_physics=interrupted, open_workers=ThisProcess)
+    computers = Computers(open_physics=interrupted, workers=ThisProcess())
     with pytest.raises(KeyboardInterrupt):
         identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
     with RunStore.open(tmp_path / "run", to_write=False) as store:
@@ -187,7 +187,8 @@ def test_the_number_of_processes_does_not_show(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"replay:{directory}")
-    again = identify(tmp_path / "run", order, on_this_computer(2), Witness(), report=without_plots)
+    with on_this_computer(2) as computers:
+        again = identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
     assert outcome(again) == outcome(result)
 
 
@@ -336,7 +337,7 @@ def test_what_cannot_be_done_is_refused_with_a_sentence(
 ) -> None:
     order = changed(make_order(tmp_path, f"replay:{uninterrupted[1]}"), **changes)
     with pytest.raises(kind, match=sentence):
-        identify(tmp_path / "run", order, on_this_computer(1), Witness(), report=without_plots)
+        identify(tmp_path / "run", order, HERE, Witness(), report=without_plots)
     assert not (tmp_path / "run").exists()
 
 

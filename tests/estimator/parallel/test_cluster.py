@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import json
 import os
 import re
@@ -25,7 +24,6 @@ from estimator.body.morphology import Morphology
 from estimator.cli.command_line import app
 from estimator.errors import ClusterError, PhysicsError
 from estimator.parallel.cluster import Cluster
-from estimator.parallel.workers import DaskWorkers
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
@@ -39,7 +37,6 @@ from tests.estimator.dask_cluster import (
     Process,
     dask,
     gate,
-    held,
     pretend,
 )
 from tests.estimator.model_robot import ModelRobot, make_order, serving
@@ -70,7 +67,7 @@ def test_a_cluster_reads_what_this_process_reads(
     connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
 ) -> None:
     assert connected.workers == 2
-    with PhysicsPool(partial(PyBulletPhysics, SETTINGS), DaskWorkers(connected)) as physics:
+    with PhysicsPool(partial(PyBulletPhysics, SETTINGS), connected) as physics:
         assert_same(physics.read(pairs), expected[0])
         assert (physics.simulations, physics.steps) == (21, expected[1])
         with pytest.raises(PhysicsError, match="must be finite"):
@@ -82,7 +79,7 @@ def test_a_cluster_reads_what_this_process_reads(
     )  # the workers' engines are for the settings before
     with (
         PyBulletPhysics(other) as here,
-        PhysicsPool(partial(PyBulletPhysics, other), DaskWorkers(connected)) as there,
+        PhysicsPool(partial(PyBulletPhysics, other), connected) as there,
     ):
         assert_same(there.read(pairs), here.read(pairs))
 
@@ -93,28 +90,9 @@ def test_a_cluster_moves_chains_as_this_process_does(
     point = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
     data = draw(predictor, point, programs(1), np.random.default_rng(2))
     here = make_sampler(predictor, effort=QUICK)
-    there = make_sampler(predictor, effort=QUICK, workers=DaskWorkers(connected))
+    there = make_sampler(predictor, effort=QUICK, workers=connected)
     assert np.array_equal(there.learn(data).values, here.learn(data).values)
     assert there.simulations == here.simulations > 0
-
-
-def test_a_wait_ends_when_something_is_done_and_not_before(
-    connected: Cluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    waiting, done = threading.Event(), []
-    wait = connected._dask.wait
-
-    def watched(futures: object, **options: object) -> None:
-        waiting.set()
-        wait(futures, **options)
-        done.append(future.done())
-
-    monkeypatch.setattr(connected._dask, "wait", watched)
-    with gate(lambda pid: waiting.wait(120)) as address:
-        future = connected.submit("held", held, address)
-        assert connected.wait({future: "which run it is"}) == [future]
-    assert done
-    assert all(done)
 
 
 def test_an_interrupt_cancels_what_is_outstanding(
@@ -122,21 +100,22 @@ def test_an_interrupt_cancels_what_is_outstanding(
 ) -> None:
     begun: list[int] = []
     released = threading.Event()
+    interrupt = partial(signal.pthread_kill, threading.get_ident(), signal.SIGINT)
 
     def asked(pid: int) -> None:
         begun.append(pid)
         if len(begun) == 1:
-            _thread.interrupt_main()
+            interrupt()
             while not released.wait(60):  # Python loses an interrupt that meets a finaliser
-                _thread.interrupt_main()
+                interrupt()
         assert released.wait(120)
 
     with gate(asked) as address:
-        held = PhysicsPool(partial(HeldPhysics, address, SETTINGS), DaskWorkers(connected))
+        held = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
         with pytest.raises(KeyboardInterrupt):
             held.read(pairs)
         released.set()
-        physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), DaskWorkers(connected))
+        physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), connected)
         assert_same(physics.read(pairs), expected[0])
     assert len(begun) <= 4  # of 11 chunks: one on each worker, and one that it may have fetched
 
@@ -239,7 +218,7 @@ def test_who_is_not_like_us_does_not_work_for_us(
             many = cluster.start_worker(threads=2)
             old = cluster.start_worker(path=[tmp_path / "old"])
             cluster.have_workers(4)
-            physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), DaskWorkers(early))
+            physics = PhysicsPool(partial(PyBulletPhysics, SETTINGS), early)
             with pytest.raises(ClusterError, match=r"Worker tcp://.* (threads|not like this)"):
                 physics.read(pairs)
         with pytest.raises(ClusterError, match=r"pybullet is 3\.2\.6 there and .* here"):
@@ -251,7 +230,7 @@ def test_who_is_not_like_us_does_not_work_for_us(
         with pytest.raises(ClusterError, match=r"code of bodyschema is .* there and"):
             Cluster(cluster.address)
         old.kill()
-        Cluster(cluster.address).close()
+        Cluster(cluster.address).shutdown()
 
 
 # --- workers that die: last, since each must be replaced ------------------------------------------
@@ -268,7 +247,7 @@ def test_a_worker_killed_in_its_work_costs_time_not_results(
             victims.append(pid)
 
     with gate(asked) as address:
-        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), DaskWorkers(connected))
+        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
         assert_same(physics.read(pairs), expected[0])
     assert (physics.simulations, physics.steps) == (21, expected[1])
     assert len(victims) == 1
@@ -279,7 +258,7 @@ def test_a_cluster_that_loses_all_workers_is_a_sentence(
     cluster: Dask, connected: Cluster, pairs: list[Pair]
 ) -> None:
     with gate(lambda pid: os.kill(pid, signal.SIGKILL)) as address:
-        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), DaskWorkers(connected))
+        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
         with pytest.raises(ClusterError, match="has no worker: start one with `dask worker tcp://"):
             physics.read(pairs)
     assert not cluster.workers

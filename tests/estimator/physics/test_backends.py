@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Base, Morphology
-from estimator.errors import EstimatorError, PhysicsError
+from estimator.errors import EstimatorError, WorkerError
 from estimator.identification.listener import Listener
 from estimator.identification.run import resume
 from estimator.physics.backends import (
@@ -46,13 +46,13 @@ def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
         arrays=True, path_margins=True, undecided=True, threads=True
     )
     assert abilities_of("pybullet") == Abilities()
-    open_physics = on_this_computer(2).open_physics
-    with closing(open_physics("statics", WORLD)) as exact:
-        assert type(exact) is StaticsPhysics
-        assert takes_arrays(exact)
-    with closing(open_physics("pybullet", WORLD)) as simulated:
-        assert type(simulated) is PhysicsPool
-        assert not takes_arrays(simulated)
+    with on_this_computer(2) as computers:
+        with closing(computers.open_physics("statics", WORLD)) as exact:
+            assert type(exact) is StaticsPhysics
+            assert takes_arrays(exact)
+        with closing(computers.open_physics("pybullet", WORLD)) as simulated:
+            assert type(simulated) is PhysicsPool
+            assert not takes_arrays(simulated)
     with closing(in_this_process("pybullet", WORLD)) as engine:
         assert type(engine) is PyBulletPhysics
     with closing(in_this_process("mujoco", WORLD)) as engine:
@@ -153,7 +153,8 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
     code = PHYSICS.replace("super().__init__()", "raise RuntimeError('no licence')")
     put_on_path(install(tmp_path, THUMB, code=code), monkeypatch)
     with (
-        closing(on_this_computer(1).open_physics("thumb", WORLD)) as physics,
+        on_this_computer(2) as computers,
+        closing(computers.open_physics("thumb", WORLD)) as physics,
         pytest.raises(RuntimeError, match="no licence"),
     ):
         physics.read([(BALL, np.zeros(0))])
@@ -162,5 +163,5 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
 def test_nothing_is_sought_under_a_wrong_name() -> None:
     with pytest.raises(EstimatorError, match="no physics 'bullet': choose pybullet"):
         in_this_process("bullet", WORLD)
-    with pytest.raises(PhysicsError, match="at least one thread, not 0"):
-        on_this_computer(0).open_physics("statics", WORLD)
+    with pytest.raises(WorkerError, match="at least 1, not 0"), on_this_computer(0):
+        pass

@@ -15,7 +15,7 @@ import pytest
 
 from estimator.body.morphology import Morphology
 from estimator.errors import PhysicsError, WorkerError
-from estimator.parallel.workers import LocalWorkers
+from estimator.parallel.executors import WorkerProcesses
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
@@ -41,7 +41,7 @@ def test_the_number_of_workers_does_not_show(pairs: list[Pair]) -> None:
         here.read(pairs[:2])
         work = (here.simulations, here.steps)
     for jobs in (1, 3):
-        with PhysicsPool(MAKE, LocalWorkers(jobs)) as pool:
+        with WorkerProcesses(jobs) as workers, PhysicsPool(MAKE, workers) as pool:
             assert_same(pool.read(pairs), expected)
             assert_same(pool.read(pairs[:2]), expected[:2])
             assert (pool.simulations, pool.steps) == work
@@ -49,7 +49,7 @@ def test_the_number_of_workers_does_not_show(pairs: list[Pair]) -> None:
 
 
 def test_a_dead_worker_costs_time_not_results(pairs: list[Pair]) -> None:
-    with PhysicsPool(MAKE, LocalWorkers(2)) as pool:
+    with WorkerProcesses(2) as workers, PhysicsPool(MAKE, workers) as pool:
         expected = pool.read(pairs)
         victims = active_children()
         assert victims
@@ -61,23 +61,25 @@ def test_a_dead_worker_costs_time_not_results(pairs: list[Pair]) -> None:
 
 
 def test_workers_that_always_die_end_in_a_sentence(pairs: list[Pair]) -> None:
-    pool = PhysicsPool(partial(os._exit, 1), LocalWorkers(2))
-    with pool, pytest.raises(WorkerError, match="3 worker processes died of the same work"):
-        pool.read(pairs)
+    with (
+        WorkerProcesses(2) as workers,
+        pytest.raises(WorkerError, match="3 worker processes died of the same work"),
+    ):
+        PhysicsPool(partial(os._exit, 1), workers).read(pairs)
 
 
 def test_workers_leave_an_interrupt_to_their_parent(pairs: list[Pair]) -> None:
-    with PhysicsPool(MAKE, LocalWorkers(2)) as pool:
+    with WorkerProcesses(2) as workers, PhysicsPool(MAKE, workers) as pool:
         expected = pool.read(pairs)
-        workers = {worker.pid for worker in active_children() if worker.pid}
-        for worker in workers:
-            os.kill(worker, signal.SIGINT)
+        pids = {process.pid for process in active_children() if process.pid}
+        for pid in pids:
+            os.kill(pid, signal.SIGINT)
         assert_same(pool.read(pairs), expected)
-        assert {worker.pid for worker in active_children()} == workers
+        assert {process.pid for process in active_children()} == pids
 
 
 def test_errors_come_back_from_workers(pairs: list[Pair]) -> None:
-    with PhysicsPool(MAKE, LocalWorkers(2)) as pool:
+    with WorkerProcesses(2) as workers, PhysicsPool(MAKE, workers) as pool:
         with pytest.raises(PhysicsError, match="must be finite"):
             pool.read([*pairs[:3], (pairs[3][0], np.full(8, np.nan))])
         assert len(pool.read(pairs[:1])) == 1  # and the pool is still of use
@@ -88,14 +90,17 @@ import os
 from functools import partial
 import numpy as np
 from estimator.body.morphology import Base, Morphology
-from estimator.parallel.workers import LocalWorkers
+from estimator.parallel.executors import WorkerProcesses
 from estimator.physics.base import WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 
 if __name__ == "__main__":
     body = Morphology(base=Base(size=(0.1, 0.1, 0.1), mass=1.0), parts=(), density=1.0)
-    with PhysicsPool(partial(PyBulletPhysics, WorldSettings(steps=3000)), LocalWorkers(2)) as pool:
+    with (
+        WorkerProcesses(2) as workers,
+        PhysicsPool(partial(PyBulletPhysics, WorldSettings(steps=3000)), workers) as pool,
+    ):
         try:
             while True:
                 pool.read([(body, np.zeros(0))] * 20)
@@ -137,6 +142,6 @@ def test_workers_follow_a_killed_parent(tmp_path: Path) -> None:
 
 def test_unused_pool_starts_no_process() -> None:
     before = active_children()
-    with PhysicsPool(MAKE, LocalWorkers(2)) as pool:
+    with WorkerProcesses(2) as workers, PhysicsPool(MAKE, workers) as pool:
         assert active_children() == before
         assert pool.simulations == 0

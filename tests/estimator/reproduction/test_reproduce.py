@@ -11,7 +11,6 @@ import subprocess
 import sys
 import time
 from contextlib import closing
-from multiprocessing import active_children
 from pathlib import Path
 
 import psutil
@@ -21,15 +20,14 @@ from typer.testing import CliRunner
 from estimator.cli.command_line import app
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
-from estimator.report.evaluation_files import SCORE
+from estimator.reproduction.paper_run import PlannedRun
+from estimator.reproduction.plan import FIGURES, planned_runs, typical_runs
 from estimator.reproduction.reproduce import (
     ReproductionRequest,
     ReproductionResult,
     figures_of,
     reproduce,
 )
-from estimator.reproduction.runs.plan import FIGURES, PlannedRun, planned_runs, typical_runs
-from estimator.reproduction.runs.run_processes import Ended, Worked, Workers
 from estimator.storage.database import DATABASE
 from tests.estimator.reproduction.conftest import TINY
 
@@ -179,7 +177,7 @@ def test_the_report_tells_all(everything: tuple[Path, ReproductionResult, Hearin
     assert len(outcome.claims.findings) == 22
     for words in (
         *("`estimator reproduce`", "seeds 1000 to 1000", "Not the paper's budgets"),
-        *("numpy", "simulations requested", "![Figure 5](fig5.png)", "not shown"),
+        *("Made at commit", "numpy", "simulations requested", "![Figure 5](fig5.png)", "not shown"),
         "![Figure 6-8x4](fig6-8x4.png)",
         *("| topological/touch+tilt+clearance/1000 |", "| parametric/clearance/1000 |"),
     ):
@@ -245,34 +243,19 @@ def test_an_interrupted_reproduction_ends_as_one_that_never_was(
         done = generations(tmp_path)
         assert done > 0
     assert process.returncode == 1
-    assert "the same command goes on" in said
+    assert "The same command goes on" in said
     assert "Traceback" not in said
     process = start(tmp_path)
     _, said = process.communicate(timeout=300)
     assert process.returncode == 0, said
     for name in ("fig2.csv", "fig2.json", "fig2.png"):
         assert (tmp_path / name).read_bytes() == (everything[0] / name).read_bytes()
-    assert len(json.loads((tmp_path / "reproduction.json").read_text())["sessions"]) == 3
+    assert len(json.loads((tmp_path / "study.json").read_text())["sessions"]) == 3
 
 
 @pytest.fixture
 def typical(root: Path) -> tuple[PlannedRun, Path]:
     return typical_runs(TINY)[0], root
-
-
-def test_a_worker_that_dies_costs_time(typical: tuple[PlannedRun, Path]) -> None:
-    run, root = typical
-    killed = 0
-    with Workers(1, root) as workers:
-        for _, news in workers.do([run]):
-            if isinstance(news, Worked) and not killed:
-                (worker,) = active_children()
-                worker.kill()
-                killed += 1
-            ended = news
-    assert killed
-    assert ended == Ended(None)
-    assert (run.directory(root) / SCORE).exists()
 
 
 def test_a_run_that_fails_is_listed_and_tried_again(
@@ -284,7 +267,7 @@ def test_a_run_that_fails_is_listed_and_tried_again(
     (directory / DATABASE).write_text("no database at all, but long enough to be taken for one")
     request = ReproductionRequest(figures=("fig2",), budget=TINY, jobs=1)
     outcome = reproduce(root, request, Listener())
-    assert list(outcome.failures) == [run]
+    assert list(outcome.failures) == [run.name]
     assert not outcome.figures[0].complete
     text = (root / "report.md").read_text()
     assert "1 of 2 runs are not finished" in text
@@ -297,7 +280,7 @@ def test_a_run_that_fails_is_listed_and_tried_again(
 
 def test_another_robot_or_budget_does_not_mix(root: Path) -> None:
     (root / "truth.urdf").write_text("<robot/>")
-    with pytest.raises(RunDirectoryError, match="another body"):
+    with pytest.raises(RunDirectoryError, match=r"truth\.urdf is not what it would be now"):
         reproduce(root, ReproductionRequest(figures=("fig2",), budget=TINY), Listener())
     with pytest.raises(RunDirectoryError, match="give another --out"):
         reproduce(root, ReproductionRequest(figures=("fig2",)), Listener())

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import closing
-
 import numpy as np
 
-from estimator.parallel.workers import LocalWorkers, ThisProcess
+from estimator.parallel.executors import ThisProcess, WorkerProcesses
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import doubts
 from estimator.posterior.model.unknowns import Predictor
@@ -25,7 +23,7 @@ from tests.estimator.two_unknown_rows import NOISE
 def test_who_fits_what_departs_makes_no_difference(predictor: Predictor) -> None:
     data, few = felt_by(predictor), (THICK, ASKEW, DEAD, HEAVY)
     fitted, costs = [], []
-    with closing(LocalWorkers(1)) as another:
+    with WorkerProcesses(1) as another:
         for workers in (ThisProcess(), another):
             counting, reference = Predictor(predictor.unknowns, StaticsPhysics()), StaticsPhysics()
             fitted.append(

@@ -1,15 +1,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
 from estimator.errors import SearchStateError
-from estimator.parallel.workers import LocalWorkers, ThisProcess
+from estimator.parallel.executors import ThisProcess, WorkerProcesses
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.likelihood import Likelihood, Noise
@@ -57,7 +56,7 @@ def test_the_body_is_identified_and_its_lengths_bracketed(predictor: Predictor) 
 def test_who_moves_the_chains_makes_no_difference(predictor: Predictor) -> None:
     data = draw(predictor, POINT, programs(2), np.random.default_rng(2))
     here = make_sampler(predictor, effort=QUICK)
-    with closing(LocalWorkers(2)) as workers:
+    with WorkerProcesses(2) as workers:
         there = make_sampler(predictor, effort=QUICK, workers=workers)
         for turns in (1, 2):
             expected, posterior = here.learn(data[:turns]), there.learn(data[:turns])
@@ -99,11 +98,11 @@ def test_nothing_is_certain_while_one_of_two_interactions_is_explained_by_nobody
 class Watched(ThisProcess):
     """Remembers the searches that it has moved."""
 
-    def map(self, function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
-        results = super().map(function, tasks)
+    def map(self, fn: Callable[..., Any], *tasks: Iterable[Any], **options: Any) -> Iterator[Any]:
+        results = list(super().map(fn, *tasks, **options))
         if isinstance(results[0], Discovery):
             self.searches = results
-        return results
+        return iter(results)
 
 
 @pytest.mark.usefixtures("little")

@@ -15,13 +15,13 @@ from estimator.readings.observation import Observation
 from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION
 from estimator.report.result import Result
 from estimator.report.run_files import RESULT
-from estimator.reproduction.runs.finished_run import FinishedRun
-from estimator.reproduction.runs.plan import PlannedRun, topological_runs, work_of
-from estimator.reproduction.runs.robot_process import RobotProcess, catch_up
-from estimator.reproduction.runs.single_run import complete_run, has_begun, is_finished, work_done
-from estimator.storage.database import DATABASE
+from estimator.reproduction.finished_run import FinishedRun
+from estimator.reproduction.paper_run import PlannedRun
+from estimator.reproduction.plan import topological_runs
+from estimator.storage.database import DATABASE, holds_run
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
+from estimator.study.robot_process import RobotProcess, catch_up
 from tests.estimator.reproduction.conftest import TINY
 
 
@@ -60,40 +60,40 @@ def history(run: PlannedRun, root: Path) -> tuple[list[Generation], list[Observa
 @pytest.fixture(scope="module", autouse=True)
 def few_predictions() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("estimator.reproduction.runs.plan.PREDICTIONS", 2)
+        patch.setattr("estimator.reproduction.plan.PREDICTIONS", 2)
         yield
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory, body: str) -> tuple[Path, float]:
-    """Where a run is that nothing broke off, and how much work it said that it had done."""
+def whole(tmp_path_factory: pytest.TempPathFactory, body: str) -> Path:
+    """Where a run is that nothing broke off."""
     (run,) = topological_runs(1, TINY)
-    place, counting = tmp_path_factory.mktemp("whole"), Breaking()
+    place = tmp_path_factory.mktemp("whole")
     (place / TRUTH).write_text(body)
-    complete_run(run, place, counting)
-    return place, counting.work
+    run.do(place, Listener())
+    return place
 
 
 def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
-    topological: PlannedRun, root: Path, whole: tuple[Path, float]
+    topological: PlannedRun, root: Path, whole: Path
 ) -> None:
-    uninterrupted, work = whole
-    assert work == work_of(topological)
-
-    breaks = 0
-    while not is_finished(topological, root):
+    assert topological.work_done(whole) == topological.work
+    breaks, done = 0, 0.0
+    while not topological.is_finished(root):
         try:
-            complete_run(topological, root, Breaking(after=breaks + 1))
+            topological.do(root, Breaking(after=breaks + 1))
         except KeyboardInterrupt:
             breaks += 1
+            assert topological.work_done(root) > done
+            done = topological.work_done(root)
     assert breaks == 4  # of 4 generations, then 2 predictions, twice, and 2 performances
-    assert history(topological, root) == history(topological, uninterrupted)
+    assert history(topological, root) == history(topological, whole)
     for name in (SCORE, VALIDATION):
-        ours, theirs = (topological.directory(place) / name for place in (root, uninterrupted))
+        ours, theirs = (topological.directory(place) / name for place in (root, whole))
         assert ours.read_text() == theirs.read_text()
     results = [
         Result.model_validate_json((topological.directory(place) / RESULT).read_text())
-        for place in (root, uninterrupted)
+        for place in (root, whole)
     ]
     assert results[0].best_models == results[1].best_models
     finished = FinishedRun.read(topological, root)
@@ -102,11 +102,11 @@ def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
 
 
 def test_what_is_damaged_or_of_another_version_is_written_again(
-    topological: PlannedRun, tmp_path: Path, whole: tuple[Path, float]
+    topological: PlannedRun, tmp_path: Path, whole: Path
 ) -> None:
     root = tmp_path / "copy"
-    shutil.copytree(whole[0], root)
-    assert is_finished(topological, root)
+    shutil.copytree(whole, root)
+    assert topological.is_finished(root)
     before = history(topological, root)
     damages = {SCORE: b'{"of": "another version"}', RESULT: b"{}", VALIDATION: b"\xff damaged"}
     for name, text in damages.items():
@@ -114,17 +114,17 @@ def test_what_is_damaged_or_of_another_version_is_written_again(
         sound = file.read_bytes()
         for content in (text, sound):
             file.write_bytes(content)
-            assert is_finished(topological, root) == (content == sound), name
+            assert topological.is_finished(root) == (content == sound), name
     for name, text in damages.items():
         (topological.directory(root) / name).write_bytes(text)
-    complete_run(topological, root, Breaking())
-    assert is_finished(topological, root)
+    topological.do(root, Breaking())
+    assert topological.is_finished(root)
     assert history(topological, root) == before
 
 
 def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        complete_run(topological, root, Breaking(after=1))
+        topological.do(root, Breaking(after=1))
     with (
         RunStore.open(topological.directory(root), to_write=False) as store,
         RobotProcess(topological.seed + 1) as robot,
@@ -134,13 +134,13 @@ def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: 
 
 
 def test_how_far_a_run_is(topological: PlannedRun, root: Path) -> None:
-    assert not has_begun(topological, root)
-    assert work_done(topological, root) == 0
+    assert not holds_run(topological.directory(root))
+    assert topological.work_done(root) == 0
     breaking = Breaking(after=1)
     with pytest.raises(KeyboardInterrupt):
-        complete_run(topological, root, breaking)
-    assert has_begun(topological, root)
-    assert work_done(topological, root) == breaking.work == 4
+        topological.do(root, breaking)
+    assert holds_run(topological.directory(root))
+    assert topological.work_done(root) == breaking.work == 4
 
 
 def test_a_database_that_was_never_filled_is_no_beginning(
@@ -150,7 +150,7 @@ def test_a_database_that_was_never_filled_is_no_beginning(
     directory.mkdir(parents=True)
     sqlite3.connect(directory / DATABASE).close()
     (directory / DATABASE).touch()
-    assert not has_begun(topological, root)
+    assert not holds_run(topological.directory(root))
     with pytest.raises(KeyboardInterrupt):
-        complete_run(topological, root, Breaking(after=1))
-    assert has_begun(topological, root)
+        topological.do(root, Breaking(after=1))
+    assert holds_run(topological.directory(root))

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Final
 
 from estimator.errors import EstimatorError, InteractionError, RunDirectoryError
-from estimator.parallel.child_process import die_with
+from estimator.parallel.executors import die_with
 from estimator.readings.observation import Observation, by_joint_name
 from estimator.storage.store import RunStore
 from protocol.system.closable import Closable

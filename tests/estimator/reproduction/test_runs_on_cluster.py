@@ -15,16 +15,23 @@ import pytest
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.report.evaluation_files import TRUTH
-from estimator.reproduction.runs.plan import Budget, PlannedRun, typical_runs
-from estimator.reproduction.runs.robot_process import print_body
-from estimator.reproduction.runs.run_processes import Ended, Worked
-from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
-from estimator.reproduction.runs.single_run import complete_run
+from estimator.reproduction.paper_run import Budget, PlannedRun
+from estimator.reproduction.plan import typical_runs
+from estimator.study.harness import complete
+from estimator.study.robot_process import print_body
 from tests.estimator.dask_cluster import Dask, Process, robots
 from tests.estimator.parallel.test_cluster import content, estimator
 
 SMALL = Budget(interactions=1, population=4, generations=1)
 RUN = typical_runs(SMALL)[0]
+
+
+class Hearing(Listener):
+    def __init__(self) -> None:
+        self.work: list[float] = []
+
+    def worked(self, work: float, what: str) -> None:
+        self.work.append(work)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +43,7 @@ def truth() -> str:
 def done_here(tmp_path_factory: pytest.TempPathFactory, truth: str) -> Path:
     root = tmp_path_factory.mktemp("here")
     (root / TRUTH).write_text(truth)
-    complete_run(RUN, root, Listener())
+    RUN.do(root, Listener())
     return RUN.directory(root)
 
 
@@ -61,7 +68,6 @@ def when_robots_run(
 def test_an_interrupt_ends_runs_and_their_robots(
     tmp_path: Path, two_workers: list[Process], connected: Cluster, truth: str
 ) -> None:
-    (tmp_path / TRUTH).write_text(truth)
     budget = Budget(population=20, generations=1000)
     long = PlannedRun(problem=RUN.problem, variant=RUN.variant, seed=1, budget=budget)
     left: list[psutil.Process] = []
@@ -71,8 +77,8 @@ def test_an_interrupt_ends_runs_and_their_robots(
         _thread.interrupt_main()
 
     watch = when_robots_run(two_workers, interrupt)
-    with pytest.raises(KeyboardInterrupt), ClusterWorkers(connected, tmp_path) as workers:
-        list(workers.do([long]))
+    with pytest.raises(KeyboardInterrupt):
+        complete(tmp_path, [long], Listener(), jobs=1, cluster=connected, shared={TRUTH: truth})
     watch.join()
     assert psutil.wait_procs(left, timeout=120)[1] == []
 
@@ -98,13 +104,14 @@ def test_a_run_in_turns_whose_worker_is_killed_ends_as_it_would_have(
         orphans.append(robot)
         os.kill(robot.ppid(), signal.SIGKILL)
 
-    (tmp_path / TRUTH).write_text(truth)
+    hearing, shared = Hearing(), {TRUTH: truth}
     watch = when_robots_run(two_workers, kill)
-    with ClusterWorkers(connected, tmp_path, turn=0.0) as workers:
-        news = [item for _, item in workers.do([RUN])]
+    completed = complete(
+        tmp_path, [RUN], hearing, jobs=1, cluster=connected, shared=shared, turn=0.0
+    )
     watch.join()
-    assert [item for item in news if isinstance(item, Ended)] == [Ended(None)]
-    assert [item.work for item in news if isinstance(item, Worked) and item.work] == [4, 4]
+    assert not completed.failures
+    assert hearing.work == [4, 4]
     assert content(RUN.directory(tmp_path)) == content(done_here)
     for name in ("score.json", "readings.csv"):
         here, there = done_here / name, RUN.directory(tmp_path) / name

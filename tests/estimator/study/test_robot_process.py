@@ -11,14 +11,14 @@ import psutil
 import pytest
 
 from estimator.errors import EstimatorError, InteractionError
-from estimator.reproduction.runs import robot_process
-from estimator.reproduction.runs.robot_process import RobotProcess
+from estimator.study import robot_process
+from estimator.study.robot_process import RobotProcess
 from protocol.errors import RobotUnreachableError
 from protocol.transport.client import RobotClient
 
 KEEPER = """
 import sys
-from estimator.reproduction.runs.robot_process import RobotProcess
+from estimator.study.robot_process import RobotProcess
 with RobotProcess(1) as robot:
     print(robot.uri, flush=True)
     sys.stdin.read()

@@ -1,11 +1,10 @@
-from estimator.reproduction.runs.plan import (
+from estimator.reproduction.paper_run import Budget
+from estimator.reproduction.plan import (
     FIGURES,
     SEEDS,
     VARIANTS,
-    Budget,
     planned_runs,
     topological_runs,
-    work_of,
 )
 
 
@@ -39,8 +38,8 @@ def test_figures_share_their_runs() -> None:
 def test_budgets_are_the_papers_unless_told_otherwise() -> None:
     (parametric,) = planned_runs(["fig2"], None, Budget())[:1]
     (topological,) = topological_runs(1, Budget())
-    assert work_of(parametric) == 100 * (4 + 10 * (1 + 2 + 3 + 4))
-    assert work_of(topological) == 300 * (9 + 40 * 45 + 20)
+    assert parametric.work == 100 * (4 + 10 * (1 + 2 + 3 + 4))
+    assert topological.work == 300 * (9 + 40 * 45 + 20)
     order = topological.order("tcp://127.0.0.1:1")
     assert (order.interactions, order.population, order.generations) == (None, None, None)
     assert Budget().is_the_papers

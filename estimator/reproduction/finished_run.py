@@ -19,9 +19,7 @@ from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.result import Result
-from estimator.reproduction.runs.plan import PlannedRun
-from estimator.reproduction.runs.run_summary import Summary
-from estimator.reproduction.runs.single_run import is_finished
+from estimator.reproduction.paper_run import PlannedRun, Summary
 from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
@@ -60,7 +58,7 @@ class FinishedRun:
 
     @classmethod
     def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
-        """Reads a run that ``single_run.is_finished`` says is."""
+        """Reads a run that is finished."""
         written = Summary.read(run, root)
         assert written.result is not None
         assert written.score is not None
@@ -143,4 +141,4 @@ class FinishedRuns:
 
     def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
         """Reads some runs, one at a time, in the order given."""
-        return (FinishedRun.read(run, self.root) for run in runs if is_finished(run, self.root))
+        return (FinishedRun.read(run, self.root) for run in runs if run.is_finished(self.root))

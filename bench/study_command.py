@@ -1,0 +1,55 @@
+"""The options that commands of studies share, and what they do with them."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+
+from estimator.cli.console import err, errors_as_sentences, fail
+from estimator.cli.screen import Screen
+from estimator.parallel.cluster import Cluster
+from estimator.study.harness import Run, complete
+
+
+def add_options(parser: argparse.ArgumentParser, out: Path) -> None:
+    """Adds where a study's runs are done and kept; ``out`` is the default."""
+    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (%(default)s)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, instead of --jobs")
+    parser.add_argument("--out", type=Path, default=out, help="folder (%(default)s)")
+
+
+def complete_by_command(
+    runs: Sequence[Run],
+    root: Path,
+    options: argparse.Namespace,
+    *,
+    shared: Mapping[str, str] | None = None,
+) -> None:
+    """Does the runs that are not finished; exits where one of them fails, or with Ctrl-C.
+
+    Args:
+        runs: Of the study.
+        root: Its directory.
+        options: As ``add_options`` defines them.
+        shared: As for ``complete``.
+    """
+    with (
+        errors_as_sentences(None),
+        nullcontext() if options.dask is None else Cluster(options.dask) as cluster,
+        Screen(err) as screen,
+    ):
+        completed = complete(
+            root,
+            runs,
+            screen,
+            jobs=options.jobs,
+            cluster=cluster,
+            command=shlex.join(sys.orig_argv[1:]),
+            shared=shared,
+        )
+    if completed.failures:
+        fail(f"{len(completed.failures)} runs failed: the same command tries them again", None)

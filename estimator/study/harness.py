@@ -1,0 +1,485 @@
+"""Does the runs of a study side by side, here or on a Dask cluster; the same command resumes it.
+
+Here a run works in its own directory, so that Ctrl-C loses nothing that it has written. On a
+cluster runs are done in turns: a worker is sent what a run has on disk, takes it further for a
+minute, and sends its files back. So no file system is shared, and no worker holds anything that is
+not here a minute later: one that is lost costs a turn, and so does an interrupt.
+
+Layout of a study's directory::
+
+    DIR/
+    ├── study.json           what was asked of all runs, and the sessions in which they were made
+    └── runs/NAME/           each run's own files, and
+        └── made.json        the commits that made it
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sqlite3
+import tempfile
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Final, Protocol
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from estimator.errors import RunDirectoryError, WorkerError
+from estimator.identification.listener import Listener
+from estimator.parallel.cluster import Cluster, still_wanted
+from estimator.parallel.executors import WorkerProcesses
+from estimator.storage.locking import lock
+from estimator.versions import commit, versions
+from protocol.errors import BodyschemaError
+from protocol.system.closable import Closable
+from protocol.system.replace_file import replace_file, replace_text
+
+LEDGER: Final = "study.json"
+_LOCK: Final = "study.lock"
+_RUNS: Final = "runs"
+_MADE: Final = "made.json"
+TURN: Final = 60.0
+"""Least time of a turn that does not end the run, s. Starting a robot anew takes two or three."""
+_LOOK: Final = 5.0  # s, between two looks at how far runs are
+_FAILURES: Final = (BodyschemaError, OSError, sqlite3.Error)  # end one run; the others go on
+
+
+class Run(Protocol):
+    """One run of a study: picklable, and the same from start to start of the command."""
+
+    @property
+    def name(self) -> str:
+        """For people, and the place of its directory among the study's; its own."""
+
+    @property
+    def work(self) -> float:
+        """How much work it is, in any unit that all runs of the study share."""
+
+    def do(self, root: Path, listener: Listener) -> None:
+        """Begins or resumes it, and leaves it finished.
+
+        What says that it is finished is written last. The listener ends a turn by an exception when
+        it is told of work that is safe on disk.
+
+        Args:
+            root: The study's directory.
+            listener: Hears what happens.
+        """
+
+    def is_finished(self, root: Path) -> bool:
+        """Whether all its files are there."""
+
+    def work_done(self, root: Path) -> float:
+        """How much of it is on disk; 0 where it would begin anew."""
+
+    def sentence(self, root: Path) -> str:
+        """How it went, once it is finished."""
+
+
+class Session(BaseModel):
+    """One start of the command.
+
+    Attributes:
+        command: As it was typed.
+        started: When, in UTC.
+        jobs: Runs at a time.
+        seconds: How long it worked; a session that was killed is known up to its last finished run.
+        commit: Of the code.
+        versions: Of everything that computed.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    command: str
+    started: str
+    jobs: int
+    seconds: float
+    commit: str
+    versions: dict[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Completed:
+    """What has come of a study.
+
+    Attributes:
+        failures: Why runs are not finished, by name.
+        sessions: All starts of the command, the present one last.
+    """
+
+    failures: Mapping[str, str]
+    sessions: tuple[Session, ...]
+
+
+def complete(
+    root: Path,
+    runs: Sequence[Run],
+    listener: Listener,
+    *,
+    jobs: int,
+    cluster: Cluster | None = None,
+    command: str = "",
+    asked: Mapping[str, str] | None = None,
+    shared: Mapping[str, str] | None = None,
+    turn: float = TURN,
+) -> Completed:
+    """Does all runs that are not finished, the first ones first.
+
+    Args:
+        root: The study's directory; made if it is not there.
+        runs: What it consists of.
+        listener: Hears how far it is, how long the rest will take, and how runs went.
+        jobs: Runs at a time, where there is no cluster.
+        cluster: Where to do them; ``None``: in processes of this computer.
+        command: As it was typed.
+        asked: What all runs of a directory must have in common, by name.
+        shared: Files that its runs read in the study's directory, content by name; kept there.
+        turn: Least time of a turn on a cluster, s.
+
+    Raises:
+        RunDirectoryError: The directory cannot be made, another process works on it, or its runs
+            were asked for otherwise, or with other shared files.
+        ClusterError: The cluster failed. A run of which workers die is only given up.
+    """
+
+    def at_once() -> int:
+        return jobs if cluster is None else max(1, cluster.workers)
+
+    def start(workers: Executor, run: Run) -> Future[_Turn]:
+        if cluster is None:
+            return workers.submit(_do, run, root)
+        files = {name: (root / name).read_bytes() for name in shared or ()}
+        return workers.submit(_take_turn, run, _packed(directory(run, root), root) | files, turn)
+
+    with _Ledger(root, asked or {}, command, at_once()) as ledger:
+        for name, content in (shared or {}).items():
+            _keep(root / name, content)
+        left = [run for run in runs if not run.is_finished(root)]
+        if len(left) < len(runs):
+            listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")
+        progress = Progress(
+            listener,
+            {run.name: run.work for run in left},
+            {run.name: run.work_done(root) for run in left},
+        )
+        failures: dict[str, str] = {}
+        try:
+            with WorkerProcesses(jobs) if cluster is None else nullcontext(cluster) as workers:
+                for run, failure in _ended(root, left, partial(start, workers), at_once, progress):
+                    if failure is not None:
+                        failures[run.name] = failure
+                    how = run.sentence(root) if failure is None else f"failed: {failure}"
+                    progress.ended(run.name, how)
+                    ledger.note()
+        except KeyboardInterrupt:
+            listener.say("The same command goes on from here.")
+            raise
+        ledger.note()
+        return Completed(failures=failures, sessions=ledger.sessions)
+
+
+def directory(run: Run, root: Path) -> Path:
+    """The directory of a run."""
+    return root / _RUNS / run.name
+
+
+def made_by(root: Path, runs: Iterable[Run]) -> str:
+    """A sentence that names the commits which made some finished runs."""
+    counts = Counter(
+        ", then ".join(_commits(directory(run, root))) or "an unknown commit" for run in runs
+    )
+    if len(counts) == 1:
+        return f"Made at {next(iter(counts))}."
+    return f"Made at {'; '.join(f'{made} ({count} runs)' for made, count in counts.items())}."
+
+
+def _keep(path: Path, content: str) -> None:
+    """Writes a file that is to stay as it is."""
+    if not path.exists():
+        replace_text(path, content)
+    elif path.read_text("utf-8") != content:
+        raise RunDirectoryError(
+            f"{path} is not what it would be now, so that its runs would not be alike: give "
+            "another --out."
+        )
+
+
+class Progress:
+    """Progress over all runs, by work rather than by number: runs differ a hundredfold.
+
+    Args:
+        listener: Is told.
+        works: The work of each run, by name.
+        done: How much of it was done before.
+        clock: Wall clock, s.
+    """
+
+    def __init__(
+        self,
+        listener: Listener,
+        works: Mapping[str, float],
+        done: Mapping[str, float],
+        clock: Callable[[], float] = time.monotonic,
+    ):
+        self._listener = listener
+        self._works = works
+        self._done = {name: min(done.get(name, 0.0), work) for name, work in works.items()}
+        self._ended = 0
+        self._before = sum(self._done.values())
+        self._clock = clock
+        self._started = clock()
+        listener.expect(sum(works.values()), self._before)
+
+    def stands(self, name: str, done: float) -> None:
+        """So much of a run's work is done by now."""
+        more = min(done, self._works[name]) - self._done[name]
+        if more > 0:
+            self._done[name] += more
+            self._listener.worked(more, f"{self._ended}/{len(self._works)} runs, {name}")
+
+    def ended(self, name: str, sentence: str) -> None:
+        """A run is over; the sentence says how it went."""
+        self._ended += 1
+        self.stands(name, math.inf)
+        left = self.seconds_left()
+        later = f"; {in_words(left)} left" if left else ""
+        self._listener.say(f"{self._ended}/{len(self._works)} {name}: {sentence}{later}")
+
+    def said(self, name: str, sentence: str) -> None:
+        """A run has something to say."""
+        self._listener.say(f"{name}: {sentence}")
+
+    def seconds_left(self) -> float | None:
+        """Time that the rest will take at the pace so far, s; ``None`` while there is no pace."""
+        done, elapsed = sum(self._done.values()), self._clock() - self._started
+        if done <= self._before or elapsed <= 0:
+            return None
+        return (sum(self._works.values()) - done) * elapsed / (done - self._before)
+
+
+def in_words(seconds: float) -> str:
+    """A time in words, no more exact than it is known."""
+    if seconds < 90:
+        return f"about {max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    if minutes < 90:
+        return f"about {minutes} min"
+    return f"about {minutes // 60} h {minutes % 60:02d} min"
+
+
+class _Content(BaseModel):
+    model_config = ConfigDict(frozen=True)
+
+    asked: dict[str, str]
+    sessions: tuple[Session, ...] = ()
+
+
+class _Ledger(Closable):
+    """The directory of a study, kept for one process; use it as a context manager."""
+
+    def __init__(self, root: Path, asked: Mapping[str, str], command: str, jobs: int):
+        self._path = root / LEDGER
+        self._started = time.monotonic()
+        self._lock = lock(root, _LOCK)
+        try:
+            self._content = self._read(dict(asked))
+        except BaseException:
+            os.close(self._lock)
+            raise
+        self._session = Session(
+            command=command,
+            started=datetime.now(UTC).isoformat(timespec="seconds"),
+            jobs=jobs,
+            seconds=0.0,
+            commit=commit(),
+            versions=versions(),
+        )
+        self.note()
+
+    def close(self) -> None:
+        """Lets others work on the directory."""
+        os.close(self._lock)
+
+    @property
+    def sessions(self) -> tuple[Session, ...]:
+        """All starts of the command, the present one last."""
+        seconds = time.monotonic() - self._started
+        return (*self._content.sessions, self._session.model_copy(update={"seconds": seconds}))
+
+    def note(self) -> None:
+        """Puts on disk how long this session has worked."""
+        content = self._content.model_copy(update={"sessions": self.sessions})
+        replace_text(self._path, content.model_dump_json(indent=2) + "\n")
+
+    def _read(self, asked: dict[str, str]) -> _Content:
+        root = self._path.parent
+        if not self._path.exists():
+            if (root / _RUNS).exists():
+                raise RunDirectoryError(
+                    f"{root} holds runs of another version, without {LEDGER}: give another --out."
+                )
+            return _Content(asked=asked)
+        try:
+            content = _Content.model_validate_json(self._path.read_text("utf-8"))
+        except (OSError, ValidationError) as error:
+            raise RunDirectoryError(f"{self._path} is no ledger of a study.") from error
+        if content.asked != asked:
+            names = sorted({*content.asked, *asked})
+            nothing = "nothing"
+            differences = ", ".join(
+                f"{name} {content.asked.get(name, nothing)}, not {asked.get(name, nothing)}"
+                for name in names
+                if content.asked.get(name) != asked.get(name)
+            )
+            raise RunDirectoryError(f"{root} holds runs with {differences}: give another --out.")
+        return content
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Turn:
+    """The outcome of a turn.
+
+    Attributes:
+        files: By their path below the study's directory, in the order in which they were written.
+        over: Whether its time was up; else there is nothing left to do.
+        said: What a person should know.
+        failure: Why the run cannot go on.
+    """
+
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    over: bool = False
+    said: tuple[str, ...] = ()
+    failure: str | None = None
+
+
+def _ended(
+    root: Path,
+    runs: Sequence[Run],
+    start: Callable[[Run], Future[_Turn]],
+    at_once: Callable[[], int],
+    progress: Progress,
+) -> Iterator[tuple[Run, str | None]]:
+    """Does runs; yields each that has ended, and why it failed if it did."""
+    waiting = deque(runs)
+    busy: dict[Future[_Turn], Run] = {}
+    try:
+        while waiting or busy:
+            while waiting and len(busy) < at_once():
+                run = waiting.popleft()
+                _note_commit(run, root)
+                busy[start(run)] = run
+            done, _ = wait(busy, timeout=_LOOK, return_when=FIRST_COMPLETED)
+            for future in done:
+                run = busy.pop(future)
+                try:
+                    turn = future.result()
+                except WorkerError as error:
+                    turn = _Turn(failure=str(error))
+                for name, content in turn.files.items():
+                    replace_file(root / name, partial(Path.write_bytes, data=content))
+                for sentence in turn.said:
+                    progress.said(run.name, sentence)
+                finished = run.is_finished(root)
+                if turn.over and not finished:
+                    waiting.appendleft(run)
+                    progress.stands(run.name, run.work_done(root))
+                else:
+                    yield run, None if finished else turn.failure or "not finished"
+            for run in busy.values():
+                progress.stands(run.name, run.work_done(root))
+    finally:
+        for future in busy:
+            future.cancel()
+
+
+def _do(run: Run, root: Path) -> _Turn:
+    """Does a run to its end, in a worker process of this computer."""
+    return _advance(run, root, _TurnListener(run, root, math.inf))
+
+
+def _take_turn(run: Run, files: Mapping[str, bytes], seconds: float) -> _Turn:
+    """Takes a run further, on a worker of a cluster."""
+    with tempfile.TemporaryDirectory(prefix="study-") as name:
+        root = Path(name)
+        for path, content in files.items():
+            (root / path).parent.mkdir(parents=True, exist_ok=True)
+            (root / path).write_bytes(content)
+        turn = _advance(run, root, _TurnListener(run, root, seconds, wanted=still_wanted()))
+        return replace(turn, files=_packed(directory(run, root), root))
+
+
+def _advance(run: Run, root: Path, listener: _TurnListener) -> _Turn:
+    failure, over = None, False
+    try:
+        run.do(root, listener)
+    except _TurnOver:
+        over = True
+    except _FAILURES as error:
+        failure = str(error)
+    return _Turn(over=over, said=tuple(listener.sentences), failure=failure)
+
+
+class _TurnOver(Exception):  # noqa: N818  not an error
+    """The time of a turn is up."""
+
+
+class _NoLongerWanted(Exception):  # noqa: N818  not an error
+    """The run was cancelled."""
+
+
+class _TurnListener(Listener):
+    """Ends a turn when its time is up, provided that it has brought anything.
+
+    What a run is doing between two commits to its database would be done again in the next turn,
+    for ever if it took longer than a turn.
+    """
+
+    def __init__(
+        self, run: Run, root: Path, seconds: float, wanted: Callable[[], bool] = lambda: True
+    ):
+        self.sentences: list[str] = []
+        self._done = partial(run.work_done, root)
+        self._end = time.monotonic() + seconds
+        self._before = self._done()
+        self._wanted = wanted
+
+    def say(self, sentence: str) -> None:
+        self.sentences.append(sentence)
+
+    def worked(self, work: float, what: str) -> None:
+        if not self._wanted():
+            raise _NoLongerWanted
+        if time.monotonic() >= self._end and self._done() > self._before:
+            raise _TurnOver
+
+
+def _packed(folder: Path, root: Path) -> dict[str, bytes]:
+    """The files of a folder, first what was written first."""
+    paths = [path for path in folder.rglob("*") if path.is_file()]
+    paths.sort(key=lambda path: path.stat().st_mtime_ns)
+    return {str(path.relative_to(root)): path.read_bytes() for path in paths}
+
+
+def _note_commit(run: Run, root: Path) -> None:
+    """Notes, before a run is begun or resumed, which commit does so."""
+    place = directory(run, root)
+    before = _commits(place) if run.work_done(root) else ()
+    if before[-1:] != (commit(),):
+        place.mkdir(parents=True, exist_ok=True)
+        replace_text(place / _MADE, json.dumps({"commits": [*before, commit()]}) + "\n")
+
+
+def _commits(place: Path) -> tuple[str, ...]:
+    try:
+        return tuple(map(str, json.loads((place / _MADE).read_text("utf-8"))["commits"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return ()
