@@ -35,7 +35,6 @@ from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Models
 from estimator.identification.doubting import SURE
-from estimator.identification.listener import Listener
 from estimator.parallel.executors import ThisProcess
 from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
@@ -52,7 +51,7 @@ from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
-from estimator.study.harness import directory, made_by
+from estimator.study.harness import BriefRun, made_by
 from protocol.system.replace_file import replace_text
 
 BEYOND: Final = 0.1
@@ -121,14 +120,16 @@ class StaticsRobot:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BodyRun:
-    """One body, and what was believed of it after each interaction; broken off, it begins anew.
+class BodyRun(BriefRun):
+    """One body, and what was believed of it after each interaction.
 
     Attributes:
         problem: Name or file.
         interactions: How many.
         seed: Of the body and of all else.
     """
+
+    leaves = "figures.json"
 
     problem: str
     interactions: int
@@ -139,35 +140,19 @@ class BodyRun:
         """Its own in the study."""
         return f"{Path(self.problem).stem}-{self.interactions}/{self.seed}"
 
-    @property
-    def work(self) -> float:
-        """One: bodies are alike."""
-        return 1.0
-
-    def do(self, root: Path, listener: Listener) -> None:
+    def make(self, place: Path) -> None:
         """Leaves what was believed."""
         told = trial(self.seed, self.problem, self.interactions)
-        replace_text(self._file(root), json.dumps(told))
-
-    def is_finished(self, root: Path) -> bool:
-        """Whether it was done before."""
-        return self._file(root).exists()
-
-    def work_done(self, root: Path) -> float:
-        """Nothing, before it is finished."""
-        return 0.0
+        replace_text(place / self.leaves, json.dumps(told))
 
     def told(self, root: Path) -> list[dict[str, Any]]:
         """What a finished run has left, by interaction."""
-        return list(json.loads(self._file(root).read_text("utf-8")))
+        return list(json.loads(self.file(root).read_text("utf-8")))
 
     def sentence(self, root: Path) -> str:
         """How it went."""
         last = self.told(root)[-1]
         return f"{'right' if last['right'] else 'wrong'}, stated {last['probability']}"
-
-    def _file(self, root: Path) -> Path:
-        return directory(self, root) / "figures.json"
 
 
 def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any]]:

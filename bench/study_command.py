@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from pathlib import Path
 
 from estimator.cli.console import err, errors_as_sentences, fail
+from estimator.cli.options import CORES
 from estimator.cli.screen import Screen
 from estimator.parallel.cluster import Cluster
 from estimator.study.harness import Run, complete
@@ -17,7 +18,7 @@ from estimator.study.harness import Run, complete
 
 def add_options(parser: argparse.ArgumentParser, out: Path) -> None:
     """Adds where a study's runs are done and kept; ``out`` is the default."""
-    parser.add_argument("--jobs", type=int, default=2, help="runs at a time (%(default)s)")
+    parser.add_argument("--jobs", type=int, default=CORES, help="runs at a time (%(default)s)")
     parser.add_argument("--dask", metavar="ADDRESS", help="of a scheduler, instead of --jobs")
     parser.add_argument("--out", type=Path, default=out, help="folder (%(default)s)")
 

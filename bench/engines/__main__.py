@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -18,8 +17,11 @@ from bench.engines.causes import list_causes
 from bench.engines.figures import Compared, figures
 from bench.engines.page import publish, tables, write_csv
 from bench.engines.plots import plot_differences, plot_risk
-from bench.engines.simulate import Piece, load, pieces, simulate
+from bench.engines.simulate import Piece, load, pieces
+from bench.study_command import add_options, complete_by_command
+from estimator.cli.console import errors_as_sentences
 from estimator.physics.statics import StaticsPhysics
+from estimator.study.harness import made_by
 
 _ROOT: Final = Path(__file__).parents[2]
 _PICTURES: Final = (
@@ -32,20 +34,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Simulates what is missing and writes tables and plots; returns the exit status."""
     options = _options(arguments)
     console = Console()
-    work = {
-        name: pieces(options.out, name, options.seed, options.bodies) for name in options.problems
-    }
-    try:
-        _simulate_missing(work, options.jobs, console)
-        compared = [_compared(finished, options.bodies) for finished in work.values()]
-        causes = _explain(compared, work, options.seed, console)
-    except KeyboardInterrupt:
-        console.print("Interrupted: the same command goes on from here.")
-        return 130
+    work = {name: pieces(name, options.seed, options.bodies) for name in options.problems}
+    everything = [piece for of_problem in work.values() for piece in of_problem]
+    everything.sort(key=lambda piece: piece.start)  # all problems grow alike
+    complete_by_command(everything, options.out, options)
+    with errors_as_sentences(None):
+        compared = [_compared(finished, options.out, options.bodies) for finished in work.values()]
+        causes = _explain(compared, work, options, console)
     problems = [figures(item) for item in compared]
     command = f"make compare-engines BODIES={options.bodies} SEED={options.seed}"
-    measured = tables(problems, causes, command)
-    options.out.mkdir(parents=True, exist_ok=True)
+    measured = f"{tables(problems, causes, command)}\n{made_by(options.out, everything)}\n"
     report = {"command": command, "problems": problems, "disagreements": causes}
     (options.out / "engines.json").write_text(json.dumps(report, indent=1), encoding="utf-8")
     (options.out / "engines.md").write_text(measured, encoding="utf-8")
@@ -69,10 +67,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--problems", nargs="+", choices=PROBLEMS, default=PROBLEMS)
     parser.add_argument("--bodies", type=int, default=1000, help="of each problem (%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of bodies and poses (%(default)s)")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="worker processes")
-    parser.add_argument(
-        "--out", type=Path, default=Path("runs") / "engines", help="folder (%(default)s)"
-    )
+    add_options(parser, Path("runs/engines"))
     parser.add_argument(
         "--publish", action="store_true", help="put tables and plots into docs/statics.md"
     )
@@ -85,19 +80,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _simulate_missing(work: dict[str, list[Piece]], jobs: int, console: Console) -> None:
-    everything = [piece for of_problem in work.values() for piece in of_problem]
-    everything.sort(key=lambda piece: piece.start)  # all problems grow alike
-    missing = [piece for piece in everything if not piece.path.exists()]
-    if not missing:
-        return
-    with _progress(console) as progress:
-        task = progress.add_task("pieces simulated", total=len(everything))
-        progress.advance(task, len(everything) - len(missing))
-        simulate(missing, jobs, lambda: progress.advance(task))
-
-
-def _compared(finished: list[Piece], bodies: int) -> Compared:
+def _compared(finished: list[Piece], root: Path, bodies: int) -> Compared:
     problem, seed = finished[0].problem, finished[0].seed
     pairs = [draw(problem, seed, number)[1] for number in range(bodies)]
     with StaticsPhysics() as physics:
@@ -105,20 +88,23 @@ def _compared(finished: list[Piece], bodies: int) -> Compared:
             problem=problem,
             statics=physics.read(pairs),
             margins=physics.path_margins(pairs),
-            simulated=load(finished, bodies),
+            simulated=load(finished, root, bodies),
         )
 
 
 def _explain(
-    compared: Sequence[Compared], work: dict[str, list[Piece]], seed: int, console: Console
+    compared: Sequence[Compared],
+    work: dict[str, list[Piece]],
+    options: argparse.Namespace,
+    console: Console,
 ) -> list[dict[str, Any]]:
     causes: list[dict[str, Any]] = []
     with _progress(console) as progress:
         total = sum(len(item.disagreements()) for item in compared)
         task = progress.add_task("disagreements explained", total=total)
         for item in compared:
-            memory = work[item.problem][0].path.parent / "causes.json"
-            causes += list_causes(item, seed, memory, lambda: progress.advance(task))
+            memory = work[item.problem][0].file(options.out).parents[1] / "causes.json"
+            causes += list_causes(item, options.seed, memory, lambda: progress.advance(task))
     return causes
 
 

@@ -1,11 +1,11 @@
-"""Simulates what was not simulated yet, in worker processes; each piece of work is one file."""
+"""Simulates bodies in all engines, piece by piece; each piece is a run of a study."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import as_completed
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any, Final, TypeAlias
@@ -14,8 +14,8 @@ import numpy as np
 
 from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
-from estimator.parallel.executors import WorkerProcesses
 from estimator.physics.base import Pair, Readings
+from estimator.study.harness import BriefRun
 from protocol.system.native_output import native_output_discarded
 from protocol.system.replace_file import replace_file
 
@@ -27,55 +27,42 @@ Simulated: TypeAlias = dict[str, Readings]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class Piece(BriefRun):
     """Bodies ``start`` to ``start + size`` of a problem."""
+
+    leaves = "readings.npz"
 
     problem: str
     seed: int
     start: int
     size: int
-    path: Path
+
+    @property
+    def name(self) -> str:
+        """Its own, and another one in other worlds."""
+        return f"{_worlds()}-seed-{self.seed}/{self.problem}/{self.start:06d}-{self.size}"
+
+    def make(self, place: Path) -> None:
+        """Leaves the readings of its bodies in all runs."""
+        drawn = [draw(self.problem, self.seed, self.start + row) for row in range(self.size)]
+        simulated = simulate_here(
+            [pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn]
+        )
+        arrays: dict[str, Any] = {
+            f"{run}:{item.name}": getattr(readings, item.name)
+            for run, readings in simulated.items()
+            for item in fields(Readings)
+        }
+        replace_file(place / self.leaves, lambda fresh: np.savez_compressed(fresh, **arrays))
 
 
-def pieces(folder: Path, problem: str, seed: int, bodies: int) -> list[Piece]:
+def pieces(problem: str, seed: int, bodies: int) -> list[Piece]:
     """The pieces that so many bodies are made of; the last may hold more than is asked for."""
-    place = folder / f"{_worlds()}-seed-{seed}" / problem
     size = min(PIECE, bodies)
     return [
-        Piece(
-            problem=problem,
-            seed=seed,
-            start=start,
-            size=size,
-            path=place / f"{start:06d}-{size}.npz",
-        )
+        Piece(problem=problem, seed=seed, start=start, size=size)
         for start in range(0, bodies, size)
     ]
-
-
-def simulate(missing: Sequence[Piece], jobs: int, done: Callable[[], None]) -> None:
-    """Simulates pieces; when interrupted, those that are under way are lost.
-
-    Args:
-        missing: What to simulate.
-        jobs: Number of worker processes.
-        done: Called after each piece.
-    """
-    with WorkerProcesses(jobs) as workers:
-        for future in as_completed([workers.submit(_simulate_one, piece) for piece in missing]):
-            future.result()
-            done()
-
-
-def _simulate_one(piece: Piece) -> None:
-    drawn = [draw(piece.problem, piece.seed, piece.start + row) for row in range(piece.size)]
-    simulated = simulate_here([pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn])
-    arrays: dict[str, Any] = {
-        f"{run}:{item.name}": getattr(readings, item.name)
-        for run, readings in simulated.items()
-        for item in fields(Readings)
-    }
-    replace_file(piece.path, lambda fresh: np.savez_compressed(fresh, **arrays))
 
 
 def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
@@ -84,11 +71,11 @@ def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
         return {name: run.read(nudged if run.nudged else pairs) for name, run in RUNS.items()}
 
 
-def load(finished: Sequence[Piece], bodies: int) -> Simulated:
-    """Loads the simulated readings of the first bodies."""
+def load(finished: Sequence[Piece], root: Path, bodies: int) -> Simulated:
+    """Loads the simulated readings of the first bodies; ``root`` is the study's directory."""
     parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
     for piece in finished:
-        with np.load(piece.path) as arrays:
+        with np.load(piece.file(root)) as arrays:
             for name in RUNS:
                 parts[name].append(_unpacked(arrays, name))
     return {name: Readings.concatenate(readings)[:bodies] for name, readings in parts.items()}
@@ -98,6 +85,7 @@ def _unpacked(arrays: Mapping[str, Any], run: str) -> Readings:
     return Readings(**{item.name: arrays[f"{run}:{item.name}"] for item in fields(Readings)})
 
 
+@cache
 def _worlds() -> str:
     """Names the runs and the engines' versions: what was simulated otherwise is not mixed in.
 

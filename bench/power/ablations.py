@@ -22,7 +22,6 @@ from bench.power.tables import by_group, run_table, success_table
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
 from estimator.identification import posterior_method
-from estimator.identification.listener import Listener
 from estimator.posterior.chains import population
 from estimator.posterior.discovery import discovery
 from estimator.posterior.model import likelihood
@@ -63,12 +62,12 @@ ABLATIONS: Final[Mapping[str, Ablation]] = {
 class AblationRun(TrialRun):
     """A run without the part that its trial is called after."""
 
-    def do(self, root: Path, listener: Listener) -> None:
+    def make(self, place: Path) -> None:
         """Makes the run, and leaves its figures."""
         with ExitStack() as stack:
             for (module, attribute), value in ABLATIONS[self.trial.name].replaced.items():
                 stack.enter_context(mock.patch.object(module, attribute, value))
-            super().do(root, listener)
+            super().make(place)
 
 
 def main() -> None:

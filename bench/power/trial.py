@@ -28,13 +28,12 @@ from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore
-from estimator.study.harness import directory
+from estimator.study.harness import BriefRun
 from estimator.study.robot_process import RobotProcess
 from protocol.errors import BodyschemaError
 from protocol.system.replace_file import replace_text
 from sim_robot.world.body import DEFAULT
 
-_FIGURES: Final = "figures.json"
 _RUN: Final = "run"
 CLOSE: Final = 10.0
 """A length is wrong when it is farther off, mm, and outside its own 90 % interval."""
@@ -136,14 +135,16 @@ class Figures(BaseModel):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrialRun:
-    """A trial with one of its seeds, as a run of a study; broken off, it begins anew.
+class TrialRun(BriefRun):
+    """A trial with one of its seeds, as a run of a study.
 
     Attributes:
         group: Of the trial.
         trial: What to run.
         seed: One of its seeds.
     """
+
+    leaves = "figures.json"
 
     group: str
     trial: Trial
@@ -160,25 +161,15 @@ class TrialRun:
         """Roughly, in movements."""
         return self.trial.interactions
 
-    def do(self, root: Path, listener: Listener) -> None:
+    def make(self, place: Path) -> None:
         """Makes the run, and leaves its figures."""
-        place = directory(self, root)
         shutil.rmtree(place / _RUN, ignore_errors=True)
-        place.mkdir(parents=True, exist_ok=True)
         figures = _run(self.trial, self.seed, place)
-        replace_text(place / _FIGURES, figures.model_dump_json(indent=2))
-
-    def is_finished(self, root: Path) -> bool:
-        """Whether it was made before."""
-        return (directory(self, root) / _FIGURES).exists()
-
-    def work_done(self, root: Path) -> float:
-        """Nothing, before it is finished."""
-        return 0.0
+        replace_text(place / self.leaves, figures.model_dump_json(indent=2))
 
     def figures(self, root: Path) -> Figures:
         """What a finished run has left."""
-        return Figures.model_validate_json((directory(self, root) / _FIGURES).read_text("utf-8"))
+        return Figures.model_validate_json(self.file(root).read_text("utf-8"))
 
     def sentence(self, root: Path) -> str:
         """How it went."""

@@ -18,7 +18,7 @@ from estimator.physics.backends import BACKENDS, REFERENCE
 from estimator.reproduction.paper_run import Budget
 from estimator.reproduction.plan import FIGURES, SEEDS
 from estimator.reproduction.report import REPORT
-from estimator.reproduction.reproduce import ReproductionRequest, figures_of, reproduce
+from estimator.reproduction.reproduce import figures_of, reproduce
 
 
 def command(
@@ -62,14 +62,16 @@ def command(
         nullcontext() if dask is None else Cluster(dask) as cluster,
         Screen(err) as screen,
     ):
-        request = ReproductionRequest(
-            figures=figures_of(figure),
+        outcome = reproduce(
+            place,
+            figures_of(figure),
+            screen,
             runs=runs,
             budget=budget,
             jobs=jobs,
+            cluster=cluster,
             command=shlex.join(["estimator", *sys.argv[1:]]),
         )
-        outcome = reproduce(place, request, screen, cluster=cluster)
     out.print(f"Report: {place / REPORT}", soft_wrap=True)
     if outcome.failures:
         fail(f"{len(outcome.failures)} runs failed: the same command tries them again", None)

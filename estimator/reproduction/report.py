@@ -20,7 +20,8 @@ from estimator.reproduction.plan import (
     TOPOLOGICAL_8X4,
     TOPOLOGICAL_RUNS,
 )
-from estimator.study.harness import Session, in_words, made_by
+from estimator.study.harness import in_words, made_by
+from estimator.study.ledger import Session
 from protocol.system.replace_file import replace_text
 
 REPORT: Final = "report.md"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 from estimator.errors import EstimatorError
@@ -25,25 +25,6 @@ from estimator.reproduction.report import write_report
 from estimator.study.harness import complete
 from estimator.study.robot_process import print_body
 from protocol.system.replace_file import replace_text
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReproductionRequest:
-    """Which figures to reproduce, and how.
-
-    Attributes:
-        figures: Some of ``plan.FIGURES``.
-        runs: Seeds of Figures 3 to 6; ``None``: the paper's 30 and 10.
-        budget: What is asked of every run.
-        jobs: Runs at a time, where there is no cluster.
-        command: As it was typed.
-    """
-
-    figures: tuple[str, ...]
-    runs: int | None = None
-    budget: Budget = field(default_factory=Budget)
-    jobs: int = 1
-    command: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,77 +56,85 @@ def figures_of(name: str) -> tuple[str, ...]:
 
 
 def reproduce(
-    root: Path, request: ReproductionRequest, listener: Listener, *, cluster: Cluster | None = None
+    root: Path,
+    figures: Collection[str],
+    listener: Listener,
+    *,
+    runs: int | None = None,
+    budget: Budget | None = None,
+    jobs: int = 1,
+    cluster: Cluster | None = None,
+    command: str = "",
 ) -> ReproductionResult:
     """Completes the runs that figures need, resuming those that are begun, and draws the figures.
 
     Args:
         root: The reproduction's directory.
-        request: What is asked for.
+        figures: Some of ``plan.FIGURES``.
         listener: Hears what happens.
+        runs: Seeds of Figures 3 to 6; ``None``: the paper's 30 and 10.
+        budget: What is asked of every run; ``None``: what the paper's had.
+        jobs: Runs at a time, where there is no cluster.
         cluster: Where to do the runs; ``None``: in processes of this computer.
+        command: As it was typed.
 
     Raises:
         BodyschemaError: Something prevents it; the message says what. Runs that fail do not: they
             are listed in the outcome.
     """
-    _check(request)
-    runs = planned_runs(request.figures, request.runs, request.budget)
+    budget = budget or Budget()
+    abilities_of(budget.physics)
+    if runs is not None and not 1 <= runs <= len(SEEDS):
+        raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {runs}")
+    if (budget.population or 2) % 2:
+        raise EstimatorError(
+            f"--population must be even, not {budget.population}: models mate in pairs"
+        )
+    planned = planned_runs(figures, runs, budget)
     completed = complete(
         root,
-        runs,
+        planned,
         listener,
-        jobs=request.jobs,
+        jobs=jobs,
         cluster=cluster,
-        command=request.command,
-        asked=request.budget.in_words,
+        command=command,
+        asked=budget.in_words,
         shared={TRUTH: print_body()},
     )
     listener.say("Drawing.")
-    drawn, claims = _draw(FinishedRuns(root), request)
+    drawn, claims = _draw(FinishedRuns(root), figures, runs, budget)
     write_report(
         root,
-        budget=request.budget,
+        budget=budget,
         sessions=completed.sessions,
         figures=drawn,
         claims=claims,
-        runs=[Summary.read(run, root, completed.failures.get(run.name)) for run in runs],
+        runs=[Summary.read(run, root, completed.failures.get(run.name)) for run in planned],
     )
     replace_text(root / PAGE, reproduction_page(root))
     return ReproductionResult(figures=drawn, claims=claims, failures=completed.failures)
 
 
-def _check(request: ReproductionRequest) -> None:
-    abilities_of(request.budget.physics)
-    if request.runs is not None and not 1 <= request.runs <= len(SEEDS):
-        raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {request.runs}")
-    if (request.budget.population or 2) % 2:
-        raise EstimatorError(
-            f"--population must be even, not {request.budget.population}: models mate in pairs"
-        )
-
-
 def _draw(
-    finished_runs: FinishedRuns, request: ReproductionRequest
+    finished_runs: FinishedRuns, figures: Collection[str], runs: int | None, budget: Budget
 ) -> tuple[tuple[DrawnFigure, ...], ClaimsTable | None]:
-    budget, runs, asked = request.budget, request.runs, request.figures
     samples: Samples | None = None
     successes: Share | None = None
     drawn = []
-    if "fig2" in asked:
+    if "fig2" in figures:
         drawn.append(figure2.make(finished_runs, budget))
-    if "fig3" in asked:
+    if "fig3" in figures:
         models = figure3.make(finished_runs, budget, runs)
         samples = models.samples
         drawn.append(models.drawn)
-    if "fig4" in asked:
+    if "fig4" in figures:
         drawn.append(figure4.make(finished_runs, budget, runs))
-    if "fig5" in asked:
+    if "fig5" in figures:
         drawn.append(figure5.make(finished_runs, budget, runs))
-    if "fig6" in asked:
+    if "fig6" in figures:
         counted, successes = figure6.make(finished_runs, budget, runs, figure6.FOUR_BY_FOUR)
         drawn.append(counted)
-    if "fig6-8x4" in asked:
+    if "fig6-8x4" in figures:
         counted, _ = figure6.make(finished_runs, budget, runs, figure6.EIGHT_BY_FOUR)
         drawn.append(counted)
     if samples is None and successes is None:

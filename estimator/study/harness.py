@@ -15,38 +15,28 @@ Layout of a study's directory::
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import sqlite3
 import tempfile
 import time
+from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Final, Protocol
+from typing import ClassVar, Final, Protocol
 
-from pydantic import BaseModel, ConfigDict, ValidationError
-
-from estimator.errors import RunDirectoryError, WorkerError
+from estimator.errors import WorkerError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster, still_wanted
 from estimator.parallel.executors import WorkerProcesses
-from estimator.storage.locking import lock
-from estimator.versions import commit, versions
+from estimator.study.ledger import RUNS, Ledger, Session, commits_of, note_commit
 from protocol.errors import BodyschemaError
-from protocol.system.closable import Closable
-from protocol.system.replace_file import replace_file, replace_text
+from protocol.system.replace_file import replace_file
 
-LEDGER: Final = "study.json"
-_LOCK: Final = "study.lock"
-_RUNS: Final = "runs"
-_MADE: Final = "made.json"
 TURN: Final = 60.0
 """Least time of a turn that does not end the run, s. Starting a robot anew takes two or three."""
 _LOOK: Final = 5.0  # s, between two looks at how far runs are
@@ -85,26 +75,46 @@ class Run(Protocol):
         """How it went, once it is finished."""
 
 
-class Session(BaseModel):
-    """One start of the command.
+class BriefRun(ABC):
+    """A ``Run`` that is not worth resuming: it leaves one file, and begins anew if broken off."""
 
-    Attributes:
-        command: As it was typed.
-        started: When, in UTC.
-        jobs: Runs at a time.
-        seconds: How long it worked; a session that was killed is known up to its last finished run.
-        commit: Of the code.
-        versions: Of everything that computed.
-    """
+    leaves: ClassVar[str]
+    """Name of that file."""
 
-    model_config = ConfigDict(frozen=True)
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """See ``Run``."""
 
-    command: str
-    started: str
-    jobs: int
-    seconds: float
-    commit: str
-    versions: dict[str, str]
+    @property
+    def work(self) -> float:
+        """See ``Run``."""
+        return 1.0
+
+    @abstractmethod
+    def make(self, place: Path) -> None:
+        """Does the run in its directory, and leaves the file."""
+
+    def file(self, root: Path) -> Path:
+        """The file that says that it is finished."""
+        return directory(self, root) / self.leaves
+
+    def do(self, root: Path, listener: Listener) -> None:
+        """See ``Run``."""
+        self.file(root).parent.mkdir(parents=True, exist_ok=True)
+        self.make(self.file(root).parent)
+
+    def is_finished(self, root: Path) -> bool:
+        """See ``Run``."""
+        return self.file(root).exists()
+
+    def work_done(self, root: Path) -> float:
+        """See ``Run``."""
+        return 0.0
+
+    def sentence(self, root: Path) -> str:
+        """See ``Run``."""
+        return "done"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,9 +170,9 @@ def complete(
         files = {name: (root / name).read_bytes() for name in shared or ()}
         return workers.submit(_take_turn, run, _packed(directory(run, root), root) | files, turn)
 
-    with _Ledger(root, asked or {}, command, at_once()) as ledger:
+    with Ledger(root, asked or {}, command, at_once()) as ledger:
         for name, content in (shared or {}).items():
-            _keep(root / name, content)
+            ledger.keep(name, content)
         left = [run for run in runs if not run.is_finished(root)]
         if len(left) < len(runs):
             listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")
@@ -189,28 +199,17 @@ def complete(
 
 def directory(run: Run, root: Path) -> Path:
     """The directory of a run."""
-    return root / _RUNS / run.name
+    return root / RUNS / run.name
 
 
 def made_by(root: Path, runs: Iterable[Run]) -> str:
     """A sentence that names the commits which made some finished runs."""
     counts = Counter(
-        ", then ".join(_commits(directory(run, root))) or "an unknown commit" for run in runs
+        ", then ".join(commits_of(directory(run, root))) or "an unknown commit" for run in runs
     )
     if len(counts) == 1:
         return f"Made at {next(iter(counts))}."
     return f"Made at {'; '.join(f'{made} ({count} runs)' for made, count in counts.items())}."
-
-
-def _keep(path: Path, content: str) -> None:
-    """Writes a file that is to stay as it is."""
-    if not path.exists():
-        replace_text(path, content)
-    elif path.read_text("utf-8") != content:
-        raise RunDirectoryError(
-            f"{path} is not what it would be now, so that its runs would not be alike: give "
-            "another --out."
-        )
 
 
 class Progress:
@@ -276,74 +275,6 @@ def in_words(seconds: float) -> str:
     return f"about {minutes // 60} h {minutes % 60:02d} min"
 
 
-class _Content(BaseModel):
-    model_config = ConfigDict(frozen=True)
-
-    asked: dict[str, str]
-    sessions: tuple[Session, ...] = ()
-
-
-class _Ledger(Closable):
-    """The directory of a study, kept for one process; use it as a context manager."""
-
-    def __init__(self, root: Path, asked: Mapping[str, str], command: str, jobs: int):
-        self._path = root / LEDGER
-        self._started = time.monotonic()
-        self._lock = lock(root, _LOCK)
-        try:
-            self._content = self._read(dict(asked))
-        except BaseException:
-            os.close(self._lock)
-            raise
-        self._session = Session(
-            command=command,
-            started=datetime.now(UTC).isoformat(timespec="seconds"),
-            jobs=jobs,
-            seconds=0.0,
-            commit=commit(),
-            versions=versions(),
-        )
-        self.note()
-
-    def close(self) -> None:
-        """Lets others work on the directory."""
-        os.close(self._lock)
-
-    @property
-    def sessions(self) -> tuple[Session, ...]:
-        """All starts of the command, the present one last."""
-        seconds = time.monotonic() - self._started
-        return (*self._content.sessions, self._session.model_copy(update={"seconds": seconds}))
-
-    def note(self) -> None:
-        """Puts on disk how long this session has worked."""
-        content = self._content.model_copy(update={"sessions": self.sessions})
-        replace_text(self._path, content.model_dump_json(indent=2) + "\n")
-
-    def _read(self, asked: dict[str, str]) -> _Content:
-        root = self._path.parent
-        if not self._path.exists():
-            if (root / _RUNS).exists():
-                raise RunDirectoryError(
-                    f"{root} holds runs of another version, without {LEDGER}: give another --out."
-                )
-            return _Content(asked=asked)
-        try:
-            content = _Content.model_validate_json(self._path.read_text("utf-8"))
-        except (OSError, ValidationError) as error:
-            raise RunDirectoryError(f"{self._path} is no ledger of a study.") from error
-        if content.asked != asked:
-            names = sorted({*content.asked, *asked})
-            nothing = "nothing"
-            differences = ", ".join(
-                f"{name} {content.asked.get(name, nothing)}, not {asked.get(name, nothing)}"
-                for name in names
-                if content.asked.get(name) != asked.get(name)
-            )
-            raise RunDirectoryError(f"{root} holds runs with {differences}: give another --out.")
-        return content
-
-
 @dataclass(frozen=True, kw_only=True)
 class _Turn:
     """The outcome of a turn.
@@ -375,7 +306,7 @@ def _ended(
         while waiting or busy:
             while waiting and len(busy) < at_once():
                 run = waiting.popleft()
-                _note_commit(run, root)
+                note_commit(directory(run, root), resumed=run.work_done(root) > 0)
                 busy[start(run)] = run
             done, _ = wait(busy, timeout=_LOOK, return_when=FIRST_COMPLETED)
             for future in done:
@@ -429,11 +360,7 @@ def _advance(run: Run, root: Path, listener: _TurnListener) -> _Turn:
 
 
 class _TurnOver(Exception):  # noqa: N818  not an error
-    """The time of a turn is up."""
-
-
-class _NoLongerWanted(Exception):  # noqa: N818  not an error
-    """The run was cancelled."""
+    """The time of a turn is up, or nobody wants its outcome."""
 
 
 class _TurnListener(Listener):
@@ -456,9 +383,8 @@ class _TurnListener(Listener):
         self.sentences.append(sentence)
 
     def worked(self, work: float, what: str) -> None:
-        if not self._wanted():
-            raise _NoLongerWanted
-        if time.monotonic() >= self._end and self._done() > self._before:
+        late = time.monotonic() >= self._end and self._done() > self._before
+        if late or not self._wanted():
             raise _TurnOver
 
 
@@ -467,19 +393,3 @@ def _packed(folder: Path, root: Path) -> dict[str, bytes]:
     paths = [path for path in folder.rglob("*") if path.is_file()]
     paths.sort(key=lambda path: path.stat().st_mtime_ns)
     return {str(path.relative_to(root)): path.read_bytes() for path in paths}
-
-
-def _note_commit(run: Run, root: Path) -> None:
-    """Notes, before a run is begun or resumed, which commit does so."""
-    place = directory(run, root)
-    before = _commits(place) if run.work_done(root) else ()
-    if before[-1:] != (commit(),):
-        place.mkdir(parents=True, exist_ok=True)
-        replace_text(place / _MADE, json.dumps({"commits": [*before, commit()]}) + "\n")
-
-
-def _commits(place: Path) -> tuple[str, ...]:
-    try:
-        return tuple(map(str, json.loads((place / _MADE).read_text("utf-8"))["commits"]))
-    except (OSError, ValueError, KeyError, TypeError):
-        return ()

@@ -12,6 +12,7 @@ import sys
 import time
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -23,12 +24,12 @@ from estimator.identification.listener import Listener
 from estimator.reproduction.paper_run import PlannedRun
 from estimator.reproduction.plan import FIGURES, planned_runs, typical_runs
 from estimator.reproduction.reproduce import (
-    ReproductionRequest,
     ReproductionResult,
     figures_of,
     reproduce,
 )
 from estimator.storage.database import DATABASE
+from estimator.study.ledger import Ledger
 from tests.estimator.reproduction.conftest import TINY
 
 BUDGET = ("--interactions", "2", "--population", "4", "--generations", "1", "--physics", "statics")
@@ -56,10 +57,8 @@ def everything(
 ) -> tuple[Path, ReproductionResult, Hearing]:
     """One seed of the whole paper, nothing broken off."""
     root, hearing = tmp_path_factory.mktemp("everything"), Hearing()
-    request = ReproductionRequest(
-        figures=FIGURES, runs=1, budget=TINY, jobs=2, command="estimator reproduce"
-    )
-    return root, reproduce(root, request, hearing), hearing
+    asked: dict[str, Any] = {"runs": 1, "budget": TINY, "command": "estimator reproduce"}
+    return root, reproduce(root, FIGURES, hearing, jobs=2, **asked), hearing
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -263,17 +262,17 @@ def test_a_run_that_fails_is_listed_and_tried_again(
 ) -> None:
     run, root = typical
     directory = run.directory(root)
+    Ledger(root, TINY.in_words, command="", jobs=1).close()
     directory.mkdir(parents=True)
     (directory / DATABASE).write_text("no database at all, but long enough to be taken for one")
-    request = ReproductionRequest(figures=("fig2",), budget=TINY, jobs=1)
-    outcome = reproduce(root, request, Listener())
+    outcome = reproduce(root, ("fig2",), Listener(), budget=TINY)
     assert list(outcome.failures) == [run.name]
     assert not outcome.figures[0].complete
     text = (root / "report.md").read_text()
     assert "1 of 2 runs are not finished" in text
     assert "run.sqlite is not a run: file is not a database" in text
     (directory / DATABASE).unlink()
-    outcome = reproduce(root, request, Listener())
+    outcome = reproduce(root, ("fig2",), Listener(), budget=TINY)
     assert not outcome.failures
     assert outcome.figures[0].complete
 
@@ -281,9 +280,9 @@ def test_a_run_that_fails_is_listed_and_tried_again(
 def test_another_robot_or_budget_does_not_mix(root: Path) -> None:
     (root / "truth.urdf").write_text("<robot/>")
     with pytest.raises(RunDirectoryError, match=r"truth\.urdf is not what it would be now"):
-        reproduce(root, ReproductionRequest(figures=("fig2",), budget=TINY), Listener())
+        reproduce(root, ("fig2",), Listener(), budget=TINY)
     with pytest.raises(RunDirectoryError, match="give another --out"):
-        reproduce(root, ReproductionRequest(figures=("fig2",)), Listener())
+        reproduce(root, ("fig2",), Listener())
 
 
 @pytest.mark.parametrize(
