@@ -124,6 +124,9 @@ class Dask:
         for worker in self.workers:
             worker.wait_for("Registered to")
 
+    def kill_scheduler(self) -> None:
+        self._processes[0].kill()
+
     def close(self) -> None:
         for process in reversed(self._processes):
             process.kill()

@@ -262,3 +262,12 @@ def test_a_cluster_that_loses_all_workers_is_a_sentence(
         with pytest.raises(ClusterError, match="has no worker: start one with `dask worker tcp://"):
             physics.read(pairs)
     assert not cluster.workers
+
+
+def test_a_scheduler_that_dies_is_a_sentence(
+    cluster: Dask, connected: Cluster, pairs: list[Pair]
+) -> None:
+    with gate(lambda _: cluster.kill_scheduler()) as address:
+        physics = PhysicsPool(partial(HeldPhysics, address, SETTINGS), connected)
+        with pytest.raises(ClusterError, match=r"connection to the Dask scheduler at .* was lost"):
+            physics.read(pairs)

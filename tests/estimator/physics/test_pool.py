@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Morphology
-from estimator.errors import PhysicsError, WorkerError
+from estimator.errors import PhysicsError
 from estimator.parallel.executors import WorkerProcesses
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pool import PhysicsPool
@@ -58,24 +58,6 @@ def test_a_dead_worker_costs_time_not_results(pairs: list[Pair]) -> None:
             victim.join()
         assert_same(pool.read(pairs), expected)
         assert pool.simulations == 42
-
-
-def test_workers_that_always_die_end_in_a_sentence(pairs: list[Pair]) -> None:
-    with (
-        WorkerProcesses(2) as workers,
-        pytest.raises(WorkerError, match="3 worker processes died of the same work"),
-    ):
-        PhysicsPool(partial(os._exit, 1), workers).read(pairs)
-
-
-def test_workers_leave_an_interrupt_to_their_parent(pairs: list[Pair]) -> None:
-    with WorkerProcesses(2) as workers, PhysicsPool(MAKE, workers) as pool:
-        expected = pool.read(pairs)
-        pids = {process.pid for process in active_children() if process.pid}
-        for pid in pids:
-            os.kill(pid, signal.SIGINT)
-        assert_same(pool.read(pairs), expected)
-        assert {process.pid for process in active_children()} == pids
 
 
 def test_errors_come_back_from_workers(pairs: list[Pair]) -> None:
@@ -132,16 +114,3 @@ def test_ctrl_c_ends_workers_quietly(tmp_path: Path) -> None:
         os.killpg(program.pid, signal.SIGINT)
         out, err = program.communicate(timeout=120)  # returns when the last process is gone
     assert (out.splitlines()[-1], err, program.returncode) == ("interrupted", "", 0)
-
-
-def test_workers_follow_a_killed_parent(tmp_path: Path) -> None:
-    with run_until_working(tmp_path / "program.py") as program:
-        program.kill()
-        program.communicate(timeout=120)  # workers that lived on would keep its stderr open
-
-
-def test_unused_pool_starts_no_process() -> None:
-    before = active_children()
-    with WorkerProcesses(2) as workers, PhysicsPool(MAKE, workers) as pool:
-        assert active_children() == before
-        assert pool.simulations == 0
