@@ -209,7 +209,9 @@ def made_by(root: Path, runs: Iterable[Run]) -> str:
     )
     if len(counts) == 1:
         return f"Made at {next(iter(counts))}."
-    return f"Made at {'; '.join(f'{made} ({count} runs)' for made, count in counts.items())}."
+    total = counts.total()
+    parts = [f"{count} of {total} runs at {made}" for made, count in counts.items()]
+    return f"Made: {'; '.join(parts) or 'no run'}."
 
 
 class Progress:

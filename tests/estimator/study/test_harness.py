@@ -121,7 +121,10 @@ def test_a_run_names_every_commit_that_had_a_part_in_it(tmp_path: Path) -> None:
     begun(tmp_path, other, done=0)  # broken off before anything was kept
     complete(tmp_path, [one, other, fresh], Listener(), jobs=1)
     said = made_by(tmp_path, [one, other, fresh])
-    assert said == f"Made at commit before, then {commit()} (1 runs); {commit()} (2 runs)."
+    assert said == (
+        f"Made: 1 of 3 runs at commit before, then {commit()}; 2 of 3 runs at {commit()}."
+    )
+    assert made_by(tmp_path, ()) == "Made: no run."
 
 
 def study(root: Path, runs: Sequence[Count] = ()) -> Completed:
