@@ -7,10 +7,10 @@ Both are counted in simulations *requested*, which is what a search asks for, pe
 
 from __future__ import annotations
 
-import multiprocessing
 import time
 from collections.abc import Callable
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +27,8 @@ from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
+
+Result = TypeVar("Result")
 
 GENERATIONS = 40  # the paper's, with
 FEW = 50  # models: the share of children that win is that of a whole run
@@ -102,10 +104,10 @@ def search(physics: Physics, population: int, generations: int) -> tuple[int, in
     return counters.simulations_requested, counters.simulations_run
 
 
-def _in_process(work: Callable[[], object]) -> object:
+def _alone(work: Callable[[], Result]) -> Result:
     """Does the work in a fresh process: PyBullet keeps memory, and the CPU clock is a process's."""
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        return pool.apply(work)
+    with WorkerProcesses(1) as workers:
+        return workers.submit(work).result()
 
 
 def _search_here() -> tuple[int, int, float]:
@@ -126,11 +128,8 @@ def _search_in_pool(jobs: int) -> float:
 
 def main() -> None:
     """Prints the ratio to the plain loop, where it comes from, and the efficiency of two cores."""
-    plain = _in_process(plain_loop)
-    searched = _in_process(_search_here)
-    assert isinstance(plain, float)
-    assert isinstance(searched, tuple)
-    requested, run, seconds = searched
+    plain = _alone(plain_loop)
+    requested, run, seconds = _alone(_search_here)
     rate = requested / seconds
     print(f"PyBullet, plain loop: {plain:.0f} simulations per CPU second")
     print(

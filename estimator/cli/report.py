@@ -13,7 +13,7 @@ from estimator.errors import RunDirectoryError
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.run_files import PAGE, write_files
 from estimator.report.summarise import summarise
-from estimator.reproduction.page import reproduction_page
+from estimator.reproduction.report import reproduction_page
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 

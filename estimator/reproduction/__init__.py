@@ -2,8 +2,7 @@
 
 ======================= ==================================================================
 ``reproduce``           the command: does the runs that figures need, and draws them
-``page``                the same as one page
-``report``              ``report.md`` and ``runs.csv``
+``report``              ``report.md``, the same as one page, and ``runs.csv``
 ``figures``             a module per figure
 ``claims``              the paper's claims, declared before the runs
 ``finished_run``        what the figures read of a finished run

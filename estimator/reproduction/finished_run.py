@@ -125,20 +125,6 @@ def observed(item: InteractionRecord) -> Observation:
     return item.observation
 
 
-class FinishedRuns:
-    """Reads the finished runs of a reproduction; unfinished ones are left out.
-
-    Args:
-        root: The reproduction's directory.
-    """
-
-    def __init__(self, root: Path):
-        self.root = root
-
-    def score(self, run: PlannedRun) -> Score | None:
-        """A run's score, or ``None`` where it is not finished."""
-        return Summary.read(run, self.root).score
-
-    def read(self, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
-        """Reads some runs, one at a time, in the order given."""
-        return (FinishedRun.read(run, self.root) for run in runs if run.is_finished(self.root))
+def read_finished(root: Path, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
+    """Reads those runs of a reproduction that are finished, one at a time, in the order given."""
+    return (FinishedRun.read(run, root) for run in runs if run.is_finished(root))

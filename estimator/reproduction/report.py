@@ -1,4 +1,4 @@
-"""``report.md``: the whole reproduction for people, and ``runs.csv``, every run of it."""
+"""The whole reproduction for people, ``report.md`` and as one page, and ``runs.csv``, every run."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+from markupsafe import Markup
+
+from estimator.errors import RunDirectoryError
 from estimator.physics.backends import REFERENCE
 from estimator.readings.modalities.registry import MODALITIES
+from estimator.report.page.templates import picture, render
 from estimator.report.tables.terminal import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import DrawnFigure
@@ -74,6 +80,31 @@ def write_report(
             )
     paragraphs += ["## Runs", *_runs(runs)]
     replace_text(root / REPORT, "\n\n".join(paragraphs) + "\n")
+
+
+def reproduction_page(root: Path) -> str:
+    """The page as HTML.
+
+    Args:
+        root: The reproduction's directory.
+
+    Raises:
+        RunDirectoryError: There is no report.
+    """
+    try:
+        text = (root / REPORT).read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RunDirectoryError(
+            f"{root} holds no reproduction: {REPORT} cannot be read ({error}). Make one with "
+            f"`estimator reproduce all --out {root}`; of a single run, leave out --paper."
+        ) from error
+    parser = MarkdownIt("commonmark", {"html": False}).enable("table")
+    tokens = parser.parse(text)
+    for token in tokens:
+        for item in token.children or ():
+            _contain(item, root)
+    body = Markup(parser.renderer.render(tokens, parser.options, {}))  # the parser escapes all HTML
+    return render("reproduction.html", body=body)
 
 
 def _how(
@@ -215,3 +246,11 @@ def _csv_row(item: Summary) -> tuple[object, ...]:
         result and round(result.wall_seconds, 3),
         item.failure,
     )
+
+
+def _contain(item: Token, root: Path) -> None:
+    """Takes a picture into the page; one that is not there keeps its text."""
+    if item.type != "image":
+        return
+    file = root / Path(str(item.attrs["src"])).name
+    item.attrs["src"] = picture(file.read_bytes()) if file.is_file() else ""

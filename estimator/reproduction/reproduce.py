@@ -17,11 +17,9 @@ from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import Share
 from estimator.reproduction.figures import figure2, figure3, figure4, figure5, figure6
 from estimator.reproduction.figures.figure import DrawnFigure
-from estimator.reproduction.finished_run import FinishedRuns
-from estimator.reproduction.page import reproduction_page
 from estimator.reproduction.paper_run import Budget, Summary
 from estimator.reproduction.plan import FIGURES, SEEDS, planned_runs
-from estimator.reproduction.report import write_report
+from estimator.reproduction.report import reproduction_page, write_report
 from estimator.study.harness import complete
 from estimator.study.robot_process import print_body
 from protocol.system.replace_file import replace_text
@@ -102,7 +100,7 @@ def reproduce(
         shared={TRUTH: print_body()},
     )
     listener.say("Drawing.")
-    drawn, claims = _draw(FinishedRuns(root), figures, runs, budget)
+    drawn, claims = _draw(root, figures, runs, budget)
     write_report(
         root,
         budget=budget,
@@ -116,29 +114,29 @@ def reproduce(
 
 
 def _draw(
-    finished_runs: FinishedRuns, figures: Collection[str], runs: int | None, budget: Budget
+    root: Path, figures: Collection[str], runs: int | None, budget: Budget
 ) -> tuple[tuple[DrawnFigure, ...], ClaimsTable | None]:
     samples: Samples | None = None
     successes: Share | None = None
     drawn = []
     if "fig2" in figures:
-        drawn.append(figure2.make(finished_runs, budget))
+        drawn.append(figure2.make(root, budget))
     if "fig3" in figures:
-        models = figure3.make(finished_runs, budget, runs)
+        models = figure3.make(root, budget, runs)
         samples = models.samples
         drawn.append(models.drawn)
     if "fig4" in figures:
-        drawn.append(figure4.make(finished_runs, budget, runs))
+        drawn.append(figure4.make(root, budget, runs))
     if "fig5" in figures:
-        drawn.append(figure5.make(finished_runs, budget, runs))
+        drawn.append(figure5.make(root, budget, runs))
     if "fig6" in figures:
-        counted, successes = figure6.make(finished_runs, budget, runs, figure6.FOUR_BY_FOUR)
+        counted, successes = figure6.make(root, budget, runs, figure6.FOUR_BY_FOUR)
         drawn.append(counted)
     if "fig6-8x4" in figures:
-        counted, _ = figure6.make(finished_runs, budget, runs, figure6.EIGHT_BY_FOUR)
+        counted, _ = figure6.make(root, budget, runs, figure6.EIGHT_BY_FOUR)
         drawn.append(counted)
     if samples is None and successes is None:
         return tuple(drawn), None
     table = ClaimsTable.of(samples, successes)
-    table.write(finished_runs.root)
+    table.write(root)
     return tuple(drawn), table

@@ -166,7 +166,7 @@ def complete(
 
     def start(workers: Executor, run: Run) -> Future[_Turn]:
         if cluster is None:
-            return workers.submit(_do, run, root)
+            return workers.submit(_advance, run, root)
         files = {name: (root / name).read_bytes() for name in shared or ()}
         return workers.submit(_take_turn, run, _packed(directory(run, root), root) | files, turn)
 
@@ -334,11 +334,6 @@ def _ended(
             future.cancel()
 
 
-def _do(run: Run, root: Path) -> _Turn:
-    """Does a run to its end, in a worker process of this computer."""
-    return _advance(run, root, _TurnListener(run, root, math.inf))
-
-
 def _take_turn(run: Run, files: Mapping[str, bytes], seconds: float) -> _Turn:
     """Takes a run further, on a worker of a cluster."""
     with tempfile.TemporaryDirectory(prefix="study-") as name:
@@ -346,12 +341,15 @@ def _take_turn(run: Run, files: Mapping[str, bytes], seconds: float) -> _Turn:
         for path, content in files.items():
             (root / path).parent.mkdir(parents=True, exist_ok=True)
             (root / path).write_bytes(content)
-        turn = _advance(run, root, _TurnListener(run, root, seconds, wanted=still_wanted()))
+        turn = _advance(run, root, seconds, still_wanted())
         return replace(turn, files=_packed(directory(run, root), root))
 
 
-def _advance(run: Run, root: Path, listener: _TurnListener) -> _Turn:
-    failure, over = None, False
+def _advance(
+    run: Run, root: Path, seconds: float = math.inf, wanted: Callable[[], bool] = lambda: True
+) -> _Turn:
+    """Takes a run further in a directory, to its end or until the time is up."""
+    listener, failure, over = _TurnListener(run, root, seconds, wanted), None, False
     try:
         run.do(root, listener)
     except _TurnOver:
@@ -372,9 +370,7 @@ class _TurnListener(Listener):
     for ever if it took longer than a turn.
     """
 
-    def __init__(
-        self, run: Run, root: Path, seconds: float, wanted: Callable[[], bool] = lambda: True
-    ):
+    def __init__(self, run: Run, root: Path, seconds: float, wanted: Callable[[], bool]):
         self.sentences: list[str] = []
         self._done = partial(run.work_done, root)
         self._end = time.monotonic() + seconds

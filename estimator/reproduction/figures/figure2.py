@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from estimator.report.plots.canvas import new_figure
 from estimator.report.plots.generations import draw_errors, draw_lengths
 from estimator.report.tables.terminal import number
@@ -13,7 +15,7 @@ from estimator.reproduction.figures.figure import (
     history_rows,
     write_figure,
 )
-from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.finished_run import FinishedRun, read_finished
 from estimator.reproduction.paper_run import Budget
 from estimator.reproduction.plan import typical_runs
 
@@ -27,9 +29,9 @@ CAPTION = (
 )
 
 
-def make(finished_runs: FinishedRuns, budget: Budget) -> DrawnFigure:
+def make(root: Path, budget: Budget) -> DrawnFigure:
     """Draws the figure and writes its files."""
-    finished = list(finished_runs.read(typical_runs(budget)))
+    finished = list(read_finished(root, typical_runs(budget)))
     if len(finished) < len(PANELS):
         return DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("A run is missing.",), complete=False
@@ -58,7 +60,7 @@ def make(finished_runs: FinishedRuns, budget: Budget) -> DrawnFigure:
             for run, panels in zip(finished, PANELS, strict=True)
         },
     }
-    write_figure(finished_runs.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
+    write_figure(root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
     return DrawnFigure(
         name=NAME, caption=CAPTION, sentences=tuple(_sentence(run) for run in finished)
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -15,7 +16,7 @@ from estimator.report.plots.canvas import new_figure
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import mean_and_deviation
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
-from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.finished_run import FinishedRun, read_finished
 from estimator.reproduction.paper_run import Budget
 from estimator.reproduction.plan import VARIANTS, parametric_runs
 from estimator.search.randomness import Stream, generator
@@ -102,12 +103,12 @@ class Figure3:
     samples: Samples
 
 
-def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Figure3:
+def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
     """Draws the figure and writes its files."""
     cells: list[_Cell] = []
     chance: Quality | None = None
     for variant in VARIANTS:
-        for run in finished_runs.read(parametric_runs(variant, runs, budget)):
+        for run in read_finished(root, parametric_runs(variant, runs, budget)):
             cells += _cells(run)
             if chance is None:
                 chance = random_models(run.genome, run.true_lengths)
@@ -147,7 +148,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Figur
         },
     }
     write_figure(
-        finished_runs.root,
+        root,
         NAME,
         picture,
         header=HEADER,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,8 +18,8 @@ from estimator.reproduction.figures.figure import (
     history_rows,
     write_figure,
 )
-from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
-from estimator.reproduction.paper_run import Budget, PlannedRun
+from estimator.reproduction.finished_run import FinishedRun, read_finished
+from estimator.reproduction.paper_run import Budget, PlannedRun, Summary
 from estimator.reproduction.plan import topological_runs
 
 if TYPE_CHECKING:
@@ -36,21 +37,21 @@ CAPTION: Final = (
 _LETTERS: Final = {"parent": "P", "mount": "O", "hinge": "J"}
 
 
-def choose(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> PlannedRun | None:
+def choose(root: Path, budget: Budget, runs: int | None) -> PlannedRun | None:
     """The first successful run by seed, or where there is none the one that has most right."""
-    scores = {run: finished_runs.score(run) for run in topological_runs(runs, budget)}
+    scores = {run: Summary.read(run, root).score for run in topological_runs(runs, budget)}
     right = {run: score.configurations_right for run, score in scores.items() if score}
     return max(right, key=lambda run: right[run], default=None)  # the first of equals
 
 
-def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> DrawnFigure:
+def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
     """Draws the figure and writes its files."""
-    chosen = choose(finished_runs, budget, runs)
+    chosen = choose(root, budget, runs)
     if chosen is None:
         return DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
-    (run,) = finished_runs.read([chosen])
+    (run,) = read_finished(root, [chosen])
     right = np.array([run.configurations_right(item) for item in run.generations])
     names = _names(run)
     picture = new_figure(12, 8)
@@ -77,7 +78,7 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
         "right_at_iteration_ends": [right[item.number].tolist() for item in run.iteration_ends],
         "first_generation_with_all_right": _first_with_all(right),
     }
-    write_figure(finished_runs.root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
+    write_figure(root, NAME, picture, header=HISTORY, rows=rows, numbers=numbers)
     return DrawnFigure(name=NAME, caption=CAPTION, sentences=_sentences(run, right))
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -21,7 +22,7 @@ from estimator.report.evaluation_files import TRUTH
 from estimator.report.plots.canvas import leg_patches, new_figure
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.figures.figure4 import choose
-from estimator.reproduction.finished_run import FinishedRun, FinishedRuns, observed
+from estimator.reproduction.finished_run import FinishedRun, observed, read_finished
 from estimator.reproduction.paper_run import Budget
 
 NAME: Final = "fig5"
@@ -49,16 +50,16 @@ class _Subject:
     felt: Observation
 
 
-def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> DrawnFigure:
+def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
     """Draws the figure and writes its files."""
-    chosen = choose(finished_runs, budget, runs)
+    chosen = choose(root, budget, runs)
     if chosen is None:
         return DrawnFigure(
             name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
         )
-    (run,) = finished_runs.read([chosen])
+    (run,) = read_finished(root, [chosen])
     poses = [observed(item) for item in (run.interactions[0], *run.predictions[:1])]
-    subjects = [[_robot(run, finished_runs, pose), *_models(run, pose)] for pose in poses]
+    subjects = [[_robot(run, root, pose), *_models(run, pose)] for pose in poses]
     radius = max(reach(item.solids) for line in subjects for item in line)
     picture = new_figure(14, 6.2)
     axes = picture.subplots(len(poses), len(subjects[0]), squeeze=False)
@@ -83,14 +84,14 @@ def make(finished_runs: FinishedRuns, budget: Budget, runs: int | None) -> Drawn
         "seed": run.planned.seed,
         "poses": [dict(zip(HEADER, row, strict=True)) for row in rows],
     }
-    write_figure(finished_runs.root, NAME, picture, header=HEADER, rows=rows, numbers=numbers)
+    write_figure(root, NAME, picture, header=HEADER, rows=rows, numbers=numbers)
     return DrawnFigure(name=NAME, caption=CAPTION, sentences=(_sentence(run, subjects),))
 
 
-def _robot(run: FinishedRun, finished_runs: FinishedRuns, pose: Observation) -> _Subject:
+def _robot(run: FinishedRun, root: Path, pose: Observation) -> _Subject:
     joints = [joint["name"] for joint in run.result.robot["joints"]]
     driven = {joints[motor]: leg for leg, motor in enumerate(sorted(run.problem.motors.driven))}
-    links = robot_links(read_urdf(finished_runs.root / TRUTH), joints, driven)
+    links = robot_links(read_urdf(root / TRUTH), joints, driven)
     return _subject("robot", links, pose)
 
 

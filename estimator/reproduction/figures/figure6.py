@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.plots.canvas import new_figure
 from estimator.reproduction.claims.statistics import Share, share
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
-from estimator.reproduction.finished_run import FinishedRun, FinishedRuns
+from estimator.reproduction.finished_run import FinishedRun, read_finished
 from estimator.reproduction.paper_run import Budget
 from estimator.reproduction.plan import TOPOLOGICAL, TOPOLOGICAL_8X4, topological_runs
 
@@ -60,10 +61,10 @@ EIGHT_BY_FOUR: Final = Study(
 
 
 def make(
-    finished_runs: FinishedRuns, budget: Budget, runs: int | None, study: Study
+    root: Path, budget: Budget, runs: int | None, study: Study
 ) -> tuple[DrawnFigure, Share | None]:
     """Draws the figure of a study and writes its files; the share of runs with all right."""
-    finished = list(finished_runs.read(topological_runs(runs, budget, study.problem)))
+    finished = list(read_finished(root, topological_runs(runs, budget, study.problem)))
     if not finished:
         missing = ("All runs are missing.",)
         return DrawnFigure(
@@ -97,7 +98,7 @@ def make(
         "truth_fits_worse_than_the_best_model": hidden,
     }
     write_figure(
-        finished_runs.root,
+        root,
         study.name,
         picture,
         header=HEADER,
