@@ -45,6 +45,7 @@ from estimator.posterior.information import SAMPLES, information_gained
 from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import LEANS, LIKELY, Noise, apart
 from estimator.posterior.model.noise_factors import drawn_scales
+from estimator.posterior.model.noise_family import drawn
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
@@ -86,8 +87,8 @@ class StaticsRobot:
         beside = outlier and rng.random() < noise.nearby
         if beside:
             wide = np.hypot(wide, [DENSITIES["tilt"].beside, DENSITIES["clearance"].beside])
-        tilt = readings.tilt[0] + wide[0] * rng.standard_normal(2)
-        height = readings.clearance[0] + wide[1] * rng.standard_normal()
+        tilt = readings.tilt[0] + wide[0] * drawn(2, rng)
+        height = readings.clearance[0] + wide[1] * drawn(1, rng)[0]
         beyond = bool(readings.saturated[0]) or height >= cap
         doubtful = readings.touch_doubtful[0]
         wrong = rng.random(doubtful.size) < np.where(doubtful, 0.5, noise.touch)

@@ -12,9 +12,26 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
+from estimator.posterior.model import mixture, noise_family
+from estimator.posterior.model.mixture import Level, Spread, level_of, log_densities
 
-_SOURCES: Final = stamp(Path(__file__).parent)
-_LEAST: Final = -60.0  # densities with smaller exponents vanish beside an outlier's
+_SOURCES: Final = stamp(
+    Path(__file__).parent, *map(Path, (mixture.__file__, noise_family.__file__))
+)
+_LEVEL_SIZE: Final = len(Level._fields)
+_LEAST: Final = -60.0  # logarithm of a density that vanishes beside an outlier's
+
+
+@compiled
+def _differing(touch: Flags, doubtful: Flags, bits: Flags) -> tuple[float, float]:
+    """How many touch bits are not as one prediction has them, and of how many it is not sure."""
+    wrong, unsure = 0.0, 0.0
+    for bit in range(len(bits)):
+        if doubtful[bit]:
+            unsure += 1.0
+        elif touch[bit] != bits[bit]:
+            wrong += 1.0
+    return wrong, unsure
 
 
 @compiled
@@ -25,35 +42,25 @@ def _draw_bits(touch: Flags, doubtful: Flags, wrong: float, uniforms: Array, bit
 
 
 @compiled
-def _bits_factor(touch: Flags, doubtful: Flags, bits: Flags, wrong: float) -> float:
-    """Probability of touch bits under one prediction."""
-    factor = 1.0
-    for bit in range(len(bits)):
-        if doubtful[bit]:
-            factor *= 0.5
-        elif touch[bit] == bits[bit]:
-            factor *= 1 - wrong
-        else:
-            factor *= wrong
-    return factor
+def _keep(level: Level, kept: Array) -> None:
+    for number in range(len(level)):
+        kept[number] = level[number]
 
 
 @compiled
-def _clearance_factor(far: bool, clearance: float, beyond: bool, cap: float, sigma: float) -> float:
-    """What stands before the exponential of a clearance's density under one prediction.
-
-    Where the ground is beyond the sensor's range, the probability that it is.
-    """
-    if not far:
-        return 1 / (math.sqrt(2 * math.pi) * sigma)
-    return 1.0 if beyond else 0.5 * math.erfc((cap - clearance) / sigma / math.sqrt(2.0))
-
-
-@compiled
-def _take_reciprocals(sigma: Array, counts: bool, result: Array) -> None:
-    """1 / sigma, or 0 for what does not count."""
-    for sample in range(len(sigma)):
-        result[sample] = 1 / sigma[sample] if counts else 0.0
+def _kept(levels: Array, row: int) -> Level:
+    return Level(
+        levels[row, 0],
+        levels[row, 1],
+        levels[row, 2],
+        levels[row, 3],
+        levels[row, 4],
+        levels[row, 5],
+        levels[row, 6],
+        levels[row, 7],
+        levels[row, 8],
+        levels[row, 9],
+    )
 
 
 def _make_gains(sources: int) -> Any:
@@ -67,77 +74,90 @@ def _make_gains(sources: int) -> Any:
         clearance: Array,
         beyond: Flags,
         silent: Flags,
-        sigma_tilt: Array,
-        sigma_clearance: Array,
-        wrong: float,
-        outlier: float,
+        scales: Array,
+        spread: Spread,
+        anywhere: Array,
         cap: float,
-        senses: Flags,
+        angles: float,
+        clear: bool,
         groups: NDArray[np.int64],
-        normals: Array,
+        deviations: Array,
         uniforms: Array,
         result: Array,
     ) -> int:
         """Fills ``result`` of programs ``start`` to ``end``, in nats; see ``InformationGain.of``.
 
-        An outlier, drawn or of a sample that foretells nothing, tells nothing: p0 is the same for
-        every body.
+        What a robot feels anywhere, or that a sample has no prediction, tells nothing: that density
+        is the same for every body.
+
+        Args:
+            scales: Logarithms of each sample's noise factors, shape (samples, 2).
+            spread: How far readings stray.
+            anywhere: Density of a reading anywhere, the share of outliers included, shape (2,):
+                within the range of the distance sensor, and beyond it.
+            angles: How many angles are read; where none, those of all samples are alike.
+            clear: Whether clearance is read.
+            deviations: Of two tilts and the clearance, in units of the noise, shape (draws, 3).
+            uniforms: Decide on outliers and bits, shape (draws, 1 + sensors).
         """
         _, samples, sensors = touch.shape
-        anywhere = outlier
-        if senses[0]:
-            anywhere *= 0.5**sensors
-        if senses[1]:
-            anywhere /= math.pi * math.pi
-        if senses[2]:
-            anywhere /= cap
         bits = np.empty(sensors, np.bool_)
-        flat, upright = np.empty(samples), np.empty(samples)
-        _take_reciprocals(sigma_tilt, senses[1], flat)
-        _take_reciprocals(sigma_clearance, senses[2], upright)
+        levels = np.empty((samples, _LEVEL_SIZE))
+        for sample in range(samples):
+            _keep(level_of(spread, 1.0, scales[sample, 0], scales[sample, 1]), levels[sample])
+        beside = spread.outlier * spread.nearby
         for program in range(start, end):
             total = 0.0
-            for draw in range(len(normals)):
-                source = draw % samples
-                if silent[program, source] or uniforms[draw, 0] < outlier:
+            for draw in range(len(deviations)):
+                source, chance = draw % samples, uniforms[draw, 0]
+                if silent[program, source] or beside <= chance < spread.outlier:
                     continue
-                one = tilt[program, source, 0] + sigma_tilt[source] * normals[draw, 0]
-                two = tilt[program, source, 1] + sigma_tilt[source] * normals[draw, 1]
-                height = clearance[program, source] + sigma_clearance[source] * normals[draw, 2]
-                far = beyond[program, source] or height >= cap
+                level = _kept(levels, source)
+                of_tilt, of_clearance = level.tilt, level.clearance
+                if chance < beside:
+                    of_tilt, of_clearance = level.tilt_beside, level.clearance_beside
+                one = tilt[program, source, 0] + of_tilt * deviations[draw, 0]
+                two = tilt[program, source, 1] + of_tilt * deviations[draw, 1]
+                height = clearance[program, source] + of_clearance * deviations[draw, 2]
+                far = clear and (beyond[program, source] or height >= cap)
+                if far:
+                    height = cap
                 _draw_bits(
-                    touch[program, source], doubtful[program, source], wrong, uniforms[draw], bits
+                    touch[program, source],
+                    doubtful[program, source],
+                    spread.touch,
+                    uniforms[draw],
+                    bits,
                 )
+                elsewhere = anywhere[1 if far else 0]
                 everyone, own, members = 0.0, 0.0, 0
                 for other in range(samples):
-                    density = anywhere
-                    x = (one - tilt[program, other, 0]) * flat[other]
-                    y = (two - tilt[program, other, 1]) * flat[other]
-                    z = 0.0 if far else (height - clearance[program, other]) * upright[other]
-                    exponent = -0.5 * (x * x + y * y + z * z)
-                    if exponent > _LEAST and not silent[program, other]:
-                        inlier = (1 - outlier) * math.exp(exponent)
-                        if senses[1]:
-                            inlier *= flat[other] * flat[other] / (2 * math.pi)
-                        if senses[2]:
-                            inlier *= _clearance_factor(
-                                far,
-                                clearance[program, other],
-                                beyond[program, other],
-                                cap,
-                                sigma_clearance[other],
-                            )
-                        if senses[0]:
-                            inlier *= _bits_factor(
-                                touch[program, other], doubtful[program, other], bits, wrong
-                            )
-                        density += inlier
+                    density = elsewhere
+                    if not silent[program, other]:
+                        away = height - clearance[program, other]
+                        if far and beyond[program, other]:
+                            away = -math.inf
+                        near, nearby = log_densities(
+                            (one - tilt[program, other, 0], two - tilt[program, other, 1]),
+                            angles,
+                            away,
+                            clear,
+                            far,
+                            _differing(touch[program, other], doubtful[program, other], bits),
+                            float(sensors),
+                            _kept(levels, other),
+                        )
+                        density = (1 - spread.nearby) * elsewhere
+                        if nearby > _LEAST:
+                            density += beside * math.exp(nearby)
+                        if near > _LEAST:
+                            density += (1 - spread.outlier) * math.exp(near)
                     everyone += density
                     if groups[other] == groups[source]:
                         own += density
                         members += 1
                 total += math.log(own / members) - math.log(everyone / samples)
-            result[program] = total / len(normals)
+            result[program] = total / len(deviations)
         return 0 * sources
 
     return gains

@@ -2,8 +2,8 @@
 
 A reading is drawn from each sample's prediction, noise included, and what it would tell about the
 group of samples that its sample belongs to is ``log p(y | group) - log p(y)``, under the mixture by
-which bodies are judged, but that outliers may all end anywhere. So a program that separates bodies
-only by what cannot be measured, or in poses that the models cannot foretell, is worth nothing. With
+which bodies are judged. So a program that separates bodies only by what cannot be measured, or in
+poses that the models cannot foretell, is worth nothing. With
 every sample a group of its own this is the information about the body as a whole; with samples
 grouped by what they say of one leg's side, it is the information about that side.
 """
@@ -22,6 +22,8 @@ from estimator.body.morphology import Array
 from estimator.exploration.gain_kernel import gains
 from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
+from estimator.posterior.model import noise_family
+from estimator.posterior.model.densities import DENSITIES, Known
 from estimator.posterior.model.likelihood import Noise, apart
 
 
@@ -75,7 +77,7 @@ class InformationGain:
         self._noise = noise
         self._threads = threads or Threads(1)
         self._cap = cap
-        self._senses = np.array([name in modalities for name in ("touch", "tilt", "clearance")])
+        self._modalities = tuple(modalities)
 
     def apart(self, one: Readings, other: Readings) -> Flags:
         """Which of n readings are plainly not of the same pose, shape (n,)."""
@@ -99,28 +101,44 @@ class InformationGain:
             rng: Draws the noise, which is the same for all programs.
             draws: Readings per program; one sample after the other.
         """
-        noise, bits = self._noise, forecast.touch.shape[2]
+        touch, tilt, clear = (name in self._modalities for name in ("touch", "tilt", "clearance"))
+        sensors = slice(None if touch else 0)
+        deviations = noise_family.drawn((draws, 3), rng)
+        uniforms = rng.random((draws, 1 + forecast.touch.shape[2]))
+        if not tilt:
+            deviations[:, :2] = 0.0
         result = np.zeros(len(forecast.tilt))
         laid_out = np.ascontiguousarray  # the kernel would be compiled for each layout
         arguments = (
-            laid_out(forecast.touch),
-            laid_out(forecast.doubtful),
-            laid_out(forecast.tilt),
+            laid_out(forecast.touch[..., sensors]),
+            laid_out(forecast.doubtful[..., sensors]),
+            laid_out(forecast.tilt) if tilt else np.zeros_like(forecast.tilt),
             laid_out(forecast.clearance),
             laid_out(forecast.beyond),
             laid_out(forecast.silent),
-            noise.tilt * np.exp(scales[:, 0]),
-            noise.clearance * np.exp(scales[:, 1]),
-            noise.touch,
-            noise.outlier,
+            laid_out(scales),
+            self._noise.spread,
+            self._anywhere(forecast.touch.shape[2]),
             self._cap,
-            self._senses,
+            2.0 if tilt else 0.0,
+            clear,
             np.ascontiguousarray(groups, dtype=np.int64),
-            rng.normal(size=(draws, 3)),
-            rng.random((draws, 1 + bits)),
+            deviations,
+            uniforms,
             result,
         )
         self._threads.share_out(
             lambda start, end: gains(start, end, *arguments), len(result), fewest=1
         )
         return result / math.log(2)
+
+    def _anywhere(self, bits: int) -> Array:
+        """Density of a reading anywhere times the share of outliers: within the range, beyond."""
+        beyond = np.array([False, True])
+        logs = np.full(2, math.log(self._noise.outlier))
+        for name, count in (("touch", bits), ("tilt", 2), ("clearance", 1)):
+            if name in self._modalities:
+                known = Known(count=np.full(2, count), beyond=beyond)
+                logs += DENSITIES[name].log_anywhere(known, self._cap)
+        density: Array = np.exp(logs)
+        return density

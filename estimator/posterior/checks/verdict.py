@@ -20,6 +20,7 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise_family import MEAN_LOSS, VARIANCE_LOSS
 from estimator.posterior.model.sensor_data import COLUMNS, SensorData
 from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
@@ -135,8 +136,8 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     misfits = likelihood.misfits_of(predictor, one)
     outliers = likelihood.inlier_share(misfits)[0] < 0.5
     short = (likelihood.best() - likelihood.of(misfits))[0]
-    # of n deviations, half the sum of squares: n / 2 on average
-    half = 0.5 * sum(float(data.felt[name].known.count[~outliers].sum()) for name in SCALED)
+    read = sum(float(data.felt[name].known.count[~outliers].sum()) for name in SCALED)
+    excess = float(short[~outliers].sum()) - MEAN_LOSS * read
     unexplained = (
         np.count_nonzero(outliers & (_margins(one, predictor, data) > SURE_PATH))
         if outliers.any()
@@ -145,7 +146,7 @@ def fit_of(point: Array, predictor: Predictor, data: SensorData, noise: Noise) -
     return Fit(
         unexplained=int(unexplained),
         # where nothing is left, nothing strays
-        excess=float(short[~outliers].sum() - half) / math.sqrt(half) if half else 0.0,
+        excess=excess / math.sqrt(VARIANCE_LOSS * read) if read else 0.0,
     )
 
 

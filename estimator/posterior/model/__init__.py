@@ -5,7 +5,8 @@ Module                  What is in it
 ======================= =========================================================================
 ``slopes``              how readings change with lengths, and which lengths fit best
 ``likelihood``          the mixture: how likely an interaction is, given a body
-``mixture``             its compiled part
+``mixture``             its density, compiled
+``noise_family``        how readings scatter: the normal distribution, and all that follows
 ``noise_factors``       how much noisier than announced each sensor is, integrated out
 ``sensor_data``         the readings of an interaction as the likelihood takes them
 ``densities``           one modality's readings, held against predictions

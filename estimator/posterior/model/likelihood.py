@@ -104,6 +104,20 @@ class Noise:
         figure: float = getattr(self, modality)
         return figure
 
+    @property
+    def spread(self) -> Any:
+        """All that the density needs to know of it: a ``Spread`` of ``mixture``."""
+        return _compiled().Spread(
+            tilt=self.tilt,
+            clearance=self.clearance,
+            touch=self.touch,
+            worst_touch=_WORST_TOUCH,
+            tilt_beside=DENSITIES["tilt"].beside,
+            clearance_beside=DENSITIES["clearance"].beside,
+            outlier=self.outlier,
+            nearby=self.nearby,
+        )
+
 
 def apart(one: Readings, other: Readings, noise: Noise) -> Flags:
     """Which of n readings come from poses that are plainly not the same, shape (n,)."""
@@ -140,16 +154,7 @@ class Likelihood:
             bits=known["touch"].count.astype(float),
             log_anywhere=math.log(noise.outlier) + anywhere,
         )
-        self._spread = _compiled().Spread(
-            tilt=noise.tilt,
-            clearance=noise.clearance,
-            touch=noise.touch,
-            worst_touch=_WORST_TOUCH,
-            tilt_beside=DENSITIES["tilt"].beside,
-            clearance_beside=DENSITIES["clearance"].beside,
-            outlier=noise.outlier,
-            nearby=noise.nearby,
-        )
+        self._spread = noise.spread
         self.noise_factors = NoiseFactors.known_by(
             float(known["tilt"].count.sum()), float(known["clearance"].count.sum())
         )

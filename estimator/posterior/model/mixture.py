@@ -1,7 +1,8 @@
-"""The compiled part of the likelihood: both terms of the mixture, from misfits.
+"""The density of one interaction's readings, given what a body predicts; compiled.
 
-A search computes them for every proposal of every chain, on every level of noise, and for whole
-grids of noise factors where these are integrated out.
+A search computes it for every proposal of every chain, on every level of noise, and for whole grids
+of noise factors where these are integrated out; the information gain of a motor program for every
+pair of samples. ``likelihood`` has the formula.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import compiled, entrance, stamp
+from estimator.posterior.model.noise_family import LOG_PEAK, log_above, log_shape
 from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, SILENT
 
 _SOURCES: Final = stamp(Path(__file__).parent)
@@ -26,11 +28,12 @@ _DOUBTFUL: Final = _WRONG + 1
 _SILENT: Final = SILENT
 _ASTRAY: Final = ASTRAY
 
-_LOG_ROOT: Final = 0.5 * math.log(2 * math.pi)
+_LOG_PEAK: Final = LOG_PEAK
 _LOG_EVEN: Final = math.log(0.5)
-_ROOT_HALF: Final = math.sqrt(0.5)
-_FAR: Final = -30.0  # standard deviations, beyond which the error function underflows
 _MULTIPLIED: Final = 8  # interactions whose densities are multiplied before a logarithm is taken
+
+_log_shape: Final = compiled(log_shape)
+_log_above: Final = compiled(log_above)
 
 
 class Read(NamedTuple):
@@ -75,15 +78,112 @@ class Spread(NamedTuple):
     nearby: float
 
 
+class Level(NamedTuple):
+    """Noise on one level of a search and under one pair of noise factors, each with its logarithm.
+
+    Attributes:
+        tilt: rad.
+        log_tilt: Its logarithm, and likewise below.
+        clearance: m.
+        log_clearance: Likewise.
+        tilt_beside: Where a robot ends beside the pose foretold, rad.
+        log_tilt_beside: Likewise.
+        clearance_beside: m.
+        log_clearance_beside: Likewise.
+        log_wrong: Of the probability that a touch bit is wrong.
+        log_right: That it is not.
+    """
+
+    tilt: float
+    log_tilt: float
+    clearance: float
+    log_clearance: float
+    tilt_beside: float
+    log_tilt_beside: float
+    clearance_beside: float
+    log_clearance_beside: float
+    log_wrong: float
+    log_right: float
+
+
 @compiled
-def _log_ndtr(value: float) -> float:
-    """Logarithm of the normal distribution function."""
-    if value < _FAR:
-        square = value * value
-        return -0.5 * square - math.log(-value) - _LOG_ROOT + math.log1p((3 / square - 1) / square)
-    if value > 0:
-        return math.log1p(-0.5 * math.erfc(value * _ROOT_HALF))
-    return math.log(0.5 * math.erfc(-value * _ROOT_HALF))
+def level_of(spread: Spread, width: float, log_tilt: float, log_clearance: float) -> Level:
+    """The noise with a factor on all of it, and two more, as logarithms, on tilt and clearance."""
+    tilt = spread.tilt * width * math.exp(log_tilt)
+    clearance = spread.clearance * width * math.exp(log_clearance)
+    touch = min(spread.touch * width, spread.worst_touch)
+    tilt_beside = math.hypot(tilt, spread.tilt_beside)
+    clearance_beside = math.hypot(clearance, spread.clearance_beside)
+    return Level(
+        tilt,
+        math.log(tilt),
+        clearance,
+        math.log(clearance),
+        tilt_beside,
+        math.log(tilt_beside),
+        clearance_beside,
+        math.log(clearance_beside),
+        math.log(touch),
+        math.log1p(-touch),
+    )
+
+
+@compiled
+def _log_bits(bits: float, wrong: float, doubtful: float, level: Level) -> float:
+    """Of some touch bits, of which some differ and of some the model is not sure."""
+    right = bits - doubtful - wrong
+    return right * level.log_right + wrong * level.log_wrong + doubtful * _LOG_EVEN
+
+
+@compiled
+def _log_tilt(one: float, other: float, angles: float, noise: float, log_noise: float) -> float:
+    """Of both angles; the misfit of one that was not read is 0, and it is not counted."""
+    shape = _log_shape(one / noise) + _log_shape(other / noise)
+    return shape + angles * (_LOG_PEAK - log_noise)
+
+
+@compiled
+def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) -> float:
+    """Of a distance, or of the ground's lying beyond the sensor's range."""
+    if beyond:
+        return _log_above(misfit / noise)
+    return _log_shape(misfit / noise) + _LOG_PEAK - log_noise
+
+
+@compiled
+def log_densities(
+    tilt: tuple[float, float],
+    angles: float,
+    clearance: float,
+    clear: bool,
+    beyond: bool,
+    touch: tuple[float, float],
+    bits: float,
+    level: Level,
+) -> tuple[float, float]:
+    """Logarithms of p1 and p2: the robot ends in the pose foretold, or beside it.
+
+    Args:
+        tilt: Misfits of both angles, rad; 0 where not read.
+        angles: How many were read.
+        clearance: Misfit, m; of the end of the range where the ground lies beyond it, and -inf
+            where the body has it there, too.
+        clear: Whether it was read.
+        beyond: Whether the ground lies beyond the range.
+        touch: How many bits differ, and of how many the model is not sure.
+        bits: How many were read.
+        level: Noise.
+    """
+    near = _log_bits(bits, touch[0], touch[1], level)
+    beside = near
+    near += _log_tilt(tilt[0], tilt[1], angles, level.tilt, level.log_tilt)
+    beside += _log_tilt(tilt[0], tilt[1], angles, level.tilt_beside, level.log_tilt_beside)
+    if clear:
+        near += _log_clearance(clearance, beyond, level.clearance, level.log_clearance)
+        beside += _log_clearance(
+            clearance, beyond, level.clearance_beside, level.log_clearance_beside
+        )
+    return near, beside
 
 
 @compiled
@@ -91,29 +191,6 @@ def _log_sum(one: float, other: float) -> float:
     """Logarithm of the sum of two exponentials, of which one is finite."""
     high, low = (one, other) if one > other else (other, one)
     return high + math.log1p(math.exp(low - high))
-
-
-@compiled
-def _tilt_squares(misfits: Array, row: int, column: int) -> float:
-    """Sum of the squares of both angles' residuals, rad²."""
-    one, other = misfits[row, column, _TILT], misfits[row, column, _TILT + 1]
-    squares: float = one * one + other * other
-    return squares
-
-
-@compiled
-def _log_tilt(squares: float, angles: float, noise: float, log_noise: float) -> float:
-    """Normal, of some angles together."""
-    return -squares / (2 * noise * noise) - angles * (log_noise + _LOG_ROOT)
-
-
-@compiled
-def _log_clearance(misfit: float, beyond: bool, noise: float, log_noise: float) -> float:
-    """Normal, or its tail beyond the sensor's range."""
-    away = misfit / noise
-    if beyond:
-        return _log_ndtr(-away)
-    return -0.5 * away * away - log_noise - _LOG_ROOT
 
 
 def _make_mixture(sources: int) -> Any:
@@ -145,33 +222,27 @@ def _make_mixture(sources: int) -> Any:
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
         for row in range(misfits.shape[0]):
-            width = widths[row if len(widths) > 1 else 0]
             own = row if len(scales) > 1 else 0
-            tilt = spread.tilt * width * math.exp(scales[own, 0])
-            clearance = spread.clearance * width * math.exp(scales[own, 1])
-            touch = min(spread.touch * width, spread.worst_touch)
-            tilt_wide = math.hypot(tilt, spread.tilt_beside)
-            clearance_wide = math.hypot(clearance, spread.clearance_beside)
-            log_tilt, log_tilt_wide = math.log(tilt), math.log(tilt_wide)
-            log_clearance, log_wide = math.log(clearance), math.log(clearance_wide)
-            log_wrong, log_right = math.log(touch), math.log1p(-touch)
+            level = level_of(
+                spread, widths[row if len(widths) > 1 else 0], scales[own, 0], scales[own, 1]
+            )
             for column in range(misfits.shape[1]):
                 turn = turns[row if len(turns) > 1 else 0, column]
                 anywhere = read.log_anywhere[turn]
                 first, beside = -math.inf, anywhere
                 if not misfits[row, column, _SILENT] > 0:
-                    squares, angles = _tilt_squares(misfits, row, column), read.tilts[turn]
-                    wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
-                    bits = (read.bits[turn] - doubtful - wrong) * log_right
-                    bits += wrong * log_wrong + doubtful * _LOG_EVEN
-                    first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
-                    first += _log_tilt(squares, angles, tilt, log_tilt)
-                    beside = log_outlier + bits
-                    beside += _log_tilt(squares, angles, tilt_wide, log_tilt_wide)
-                    if read.clear[turn]:
-                        away, beyond = misfits[row, column, _CLEARANCE], read.beyond[turn]
-                        first += _log_clearance(away, beyond, clearance, log_clearance)
-                        beside += _log_clearance(away, beyond, clearance_wide, log_wide)
+                    first, beside = log_densities(
+                        (misfits[row, column, _TILT], misfits[row, column, _TILT + 1]),
+                        read.tilts[turn],
+                        misfits[row, column, _CLEARANCE],
+                        read.clear[turn],
+                        read.beyond[turn],
+                        (misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]),
+                        read.bits[turn],
+                        level,
+                    )
+                    first += log_inlier + log_likely[int(misfits[row, column, _ASTRAY])]
+                    beside += log_outlier
                 second = _log_sum(log_elsewhere + anywhere, log_nearby + beside)
                 if outlier.shape[1]:
                     inlier[row, column], outlier[row, column] = first, second
@@ -244,7 +315,7 @@ def _make_over_factors(sources: int) -> Any:
         """
         log_inlier, log_outlier = math.log1p(-spread.outlier), math.log(spread.outlier)
         log_elsewhere, log_nearby = math.log1p(-spread.nearby), math.log(spread.nearby)
-        log_wrong, log_right = math.log(spread.touch), math.log1p(-spread.touch)
+        level = level_of(spread, 1.0, 0.0, 0.0)
         tilts = np.empty((4, len(tilt_factors)))
         clearances = np.empty((4, len(clearance_factors)))
         _fill_noises(spread.tilt, spread.tilt_beside, tilt_factors, tilts)
@@ -262,15 +333,15 @@ def _make_over_factors(sources: int) -> Any:
                     continue
                 least = log_elsewhere + anywhere  # what remains where nothing is explained
                 _add(terms[row], least)
-                squares, angles = _tilt_squares(misfits, row, column), read.tilts[column]
+                left, forward = misfits[row, column, _TILT], misfits[row, column, _TILT + 1]
                 wrong, doubtful = misfits[row, column, _WRONG], misfits[row, column, _DOUBTFUL]
-                bits = (read.bits[column] - doubtful - wrong) * log_right
-                bits += wrong * log_wrong + doubtful * _LOG_EVEN - least
+                angles = read.tilts[column]
+                bits = _log_bits(read.bits[column], wrong, doubtful, level) - least
                 first = log_inlier + log_likely[int(misfits[row, column, _ASTRAY])] + bits
                 beside = log_nearby + log_outlier + bits
                 for one in range(len(tilt_factors)):
-                    alone = _log_tilt(squares, angles, tilts[0, one], tilts[1, one])
-                    wide = _log_tilt(squares, angles, tilts[2, one], tilts[3, one])
+                    alone = _log_tilt(left, forward, angles, tilts[0, one], tilts[1, one])
+                    wide = _log_tilt(left, forward, angles, tilts[2, one], tilts[3, one])
                     by_tilt[0, one] = math.exp(first + alone)
                     by_tilt[1, one] = math.exp(beside + wide)
                 away, beyond = misfits[row, column, _CLEARANCE], read.beyond[column]

@@ -19,6 +19,7 @@ from typing import Final, Self
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.posterior.model.noise_family import SCALE_INFORMATION
 from estimator.posterior.model.special import logsumexp
 
 _LESS: Final = 0.15  # standard deviations of the prior, of logarithms below 0
@@ -70,7 +71,7 @@ class NoiseFactors:
 
 def _axis(readings: float) -> tuple[Array, Array]:
     """Nodes and the logarithms of their weights, which add up to 1."""
-    step = _STEP / math.sqrt(2 * readings + _LESS**-2)
+    step = _STEP / math.sqrt(SCALE_INFORMATION * readings + _LESS**-2)
     below, above = (math.ceil(reach / step) for reach in _REACH)
     nodes: Array = step * np.arange(-below, above + 1, dtype=float)
     log_density = log_prior(nodes)

@@ -16,6 +16,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.model.likelihood import LEANS, Likelihood
+from estimator.posterior.model.noise_family import step_weight
 from estimator.posterior.model.sensor_data import ASTRAY, MISFITS, SensorData
 from estimator.posterior.model.unknowns import Columns, Predictor
 
@@ -173,7 +174,8 @@ class Lengths:
         there = self._residuals(others).reshape(count, lengths, turns, -1)
         change = (there - residuals[:, None]) / sign[:, :, None, None]
         weight = self._likelihood.inlier_share(misfits, width)[..., None]
-        weight = weight / (width * self._likelihood.sigmas) ** 2
+        sigmas = width * self._likelihood.sigmas
+        weight = weight * step_weight(residuals / sigmas) / sigmas**2
         weight = np.where(np.max(np.abs(change), axis=1, initial=0.0) > _STEEPEST, 0.0, weight)
         precision = np.einsum("nikc,nkc,njkc->nij", change, weight, change, optimize=True)
         climb = -np.einsum("nikc,nkc,nkc->ni", change, weight, residuals, optimize=True)

@@ -9,8 +9,14 @@ import pytest
 from estimator.body.morphology import Array
 from estimator.exploration.information_gain import Forecast, InformationGain
 from estimator.parallel.executors import Threads
-from estimator.posterior.model.likelihood import Noise
+from estimator.physics.base import Readings
+from estimator.posterior.model.densities import DENSITIES
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.special import logsumexp
+from estimator.readings.observation import Observation
 
+MODALITIES = ("touch", "tilt", "clearance")
 CAP = 0.2
 NOISE = Noise(tilt=0.01, clearance=0.002)
 
@@ -39,7 +45,7 @@ def bits(of: Forecast, groups: list[int]) -> float:
 
 def test_two_bodies_that_feel_quite_differently_are_told_apart_but_for_outliers() -> None:
     found = bits(forecast(np.array([0.0, 0.5])), [0, 1])
-    assert found == pytest.approx(1 - NOISE.outlier, abs=0.02)
+    assert found == pytest.approx(1 - NOISE.outlier * (1 - NOISE.nearby), abs=0.02)
 
 
 def test_bodies_that_feel_alike_are_not() -> None:
@@ -61,9 +67,60 @@ def test_a_difference_within_the_noise_tells_what_shannon_says() -> None:
     assert found == pytest.approx((1 - NOISE.outlier) * exact, abs=0.03)
 
 
+@pytest.mark.parametrize("modalities", [MODALITIES, ("tilt",), ("touch", "clearance")])
+def test_a_gain_is_what_readings_drawn_from_the_likelihood_tell(
+    modalities: tuple[str, ...],
+) -> None:
+    noise = Noise(tilt=0.01, clearance=0.004, touch=0.1, outlier=0.4, nearby=0.8)
+    readings, rng = Readings.empty(4, 2), np.random.default_rng(3)
+    readings.valid[:] = True
+    readings.undecided[3] = True
+    readings.touch[:] = [[False, True], [False, False], [True, True], [True, True]]
+    readings.touch_doubtful[2, 0] = True
+    readings.tilt[:] = [[0.0, 0.0], [0.015, 0.0], [0.0, 0.07], [0.3, 0.3]]
+    readings.clearance[:] = [0.1, CAP, CAP - 0.002, 0.05]
+    readings.saturated[1] = True
+    scales, groups = np.log([[1.0, 1.5], [2.0, 1.0], [1.0, 1.0], [1.0, 1.0]]), np.arange(4)
+    found = InformationGain(noise, CAP, modalities).of(
+        Forecast.of(readings, 4), scales, groups, np.random.default_rng(1), draws=40_000
+    )[0]
+    count, told = 3000, 0.0  # of each body that foretells anything
+    for source in range(3):
+        felt = [drawn_from(readings, source, noise, scales[source], rng) for _ in range(count)]
+        data = SensorData.of([one for one in felt if one is not None], modalities, CAP)
+        turns = np.tile(np.arange(len(data)), 4)
+        misfits = data.misfits(readings[np.repeat(np.arange(4), len(data))], turns)
+        fits = Likelihood(data, noise).of(misfits.reshape(4, len(data), -1), scales=scales)
+        told += (fits[source] - logsumexp(fits, axis=0) + math.log(4)).sum() / count
+    assert found == pytest.approx(told / 4 / math.log(2), abs=0.03)
+
+
+def drawn_from(
+    readings: Readings, source: int, noise: Noise, scales: Array, rng: np.random.Generator
+) -> Observation | None:
+    """What a robot with one of the bodies may feel; ``None``: what any other may, too."""
+    wide, chance = np.exp(scales) * [noise.tilt, noise.clearance], rng.random()
+    if chance < noise.outlier:
+        if chance > noise.outlier * noise.nearby:
+            return None
+        wide = np.hypot(wide, [DENSITIES["tilt"].beside, DENSITIES["clearance"].beside])
+    tilt = readings.tilt[source] + wide[0] * rng.normal(size=2)
+    height = readings.clearance[source] + wide[1] * rng.normal()
+    beyond = bool(readings.saturated[source] or height >= CAP)
+    wrong = np.where(readings.touch_doubtful[source], 0.5, noise.touch)
+    touch = readings.touch[source] != (rng.random(2) < wrong)
+    return Observation(
+        angles=(0.0,),
+        touch=tuple(touch.tolist()),
+        tilt=(float(tilt[0]), float(tilt[1])),
+        clearance=CAP if beyond else float(height),
+        clearance_saturated=beyond,
+    )
+
+
 def test_only_what_differs_between_groups_counts() -> None:
     tilts = np.array([0.0, 0.5, 0.0, 0.5])
-    assert bits(forecast(tilts), [0, 1, 0, 1]) == pytest.approx(0.95, abs=0.02)
+    assert bits(forecast(tilts), [0, 1, 0, 1]) == pytest.approx(0.975, abs=0.02)
     assert bits(forecast(tilts), [0, 0, 1, 1]) == pytest.approx(0.0, abs=0.01)
 
 
