@@ -33,7 +33,6 @@ from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
-from estimator.exploration.situation import Models
 from estimator.identification.doubting import SURE
 from estimator.parallel.executors import ThisProcess
 from estimator.physics.base import Readings
@@ -190,8 +189,8 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
     posterior, told = sampler.prior(), []
     felt: list[Observation] = []
     for _ in range(interactions):
-        models = Models(genes=posterior.values, weights=posterior.weights, scales=posterior.scales)
-        chosen = Chooser(predictor, gain, ends).choose(models.sample(SAMPLES, rng), len(felt), rng)
+        samples = posterior.sample(SAMPLES, rng)
+        chosen = Chooser(predictor, gain, ends).choose(samples, (), len(felt), rng)
         felt.append(robot.perform(chosen.program))
         data, before = SensorData.of(felt, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)

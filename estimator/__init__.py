@@ -14,6 +14,8 @@ Name                    What it is
 ======================= =========================================================================
 ``identify``            a run from start to end; ``resume`` sees an interrupted one through
 ``Result``              a run in numbers; ``Listener`` hears of it while it goes on
+``load``                what a run knows of the body: ``FittedPosterior``, with ``Attachment``
+``best_programs``       the motor programs that are best by a score of your own
 ``METHODS``             the methods by name, ``posterior`` and ``paper``, and their defaults
 ``BACKENDS``            what a body feels at rest: ``Physics``, of which ``StaticsPhysics`` and
                         ``PyBulletPhysics`` are two, ``BackEnd`` is the base class, ``Readings``

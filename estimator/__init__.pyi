@@ -1,13 +1,14 @@
 """The public names, and where each is; loaded when first asked for."""
 
 from .api import identify as identify
+from .api import load as load
 from .api import resume as resume
 from .errors import EstimatorError as EstimatorError
 from .errors import SearchStateError as SearchStateError
+from .exploration.best_programs import best_programs as best_programs
 from .exploration.rules import RULES as RULES
 from .exploration.rules import Rule as Rule
 from .exploration.situation import Choice as Choice
-from .exploration.situation import Models as Models
 from .exploration.situation import Objective as Objective
 from .exploration.situation import Situation as Situation
 from .identification.listener import Listener as Listener
@@ -27,6 +28,8 @@ from .physics.base import WorldSettings as WorldSettings
 from .physics.pybullet import PyBulletPhysics as PyBulletPhysics
 from .physics.statics import StaticsPhysics as StaticsPhysics
 from .plugins import Registry as Registry
+from .posterior.fitted import Attachment as Attachment
+from .posterior.fitted import FittedPosterior as FittedPosterior
 from .problem.genome import Genome as Genome
 from .problem.problem import Problem as Problem
 from .readings.observation import Observation as Observation

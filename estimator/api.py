@@ -1,4 +1,4 @@
-"""Runs from a program, as ``estimator identify`` and ``estimator resume`` make them."""
+"""Runs from a program, and what they know of the body."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from estimator.identification.run import resume as resume_run
 from estimator.physics.backends import BACKENDS, on_this_computer
 from estimator.physics.base import Physics
 from estimator.plugins import Registry
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -106,6 +107,29 @@ def identify(
         return identify_run(
             Path(directory), order, computers, listener or Listener(), report=write_report
         )
+
+
+def load(directory: Path | str, *, physics: type[Physics] | None = None) -> FittedPosterior:
+    """What a run knows of the robot's body, finished or not.
+
+    Args:
+        directory: The run directory.
+        physics: The class of your own with which the run was started, if there was one.
+
+    Returns:
+        The posterior; of a run of the method ``paper`` its population.
+
+    Raises:
+        BodyschemaError: There is no run, it is damaged, or nothing was learnt yet.
+    """
+    _add_those_of(Path(directory), physics=physics)
+    with RunStore.open(Path(directory), to_write=False) as store:
+        fitted = FittedPosterior.of(store)
+    if fitted is None:
+        raise EstimatorError(
+            f"{directory} has no model yet: go on with `estimator resume {directory}` first"
+        )
+    return fitted
 
 
 def resume(

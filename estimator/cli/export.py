@@ -11,7 +11,7 @@ from estimator.cli.console import errors_as_sentences
 from estimator.cli.options import Directory
 from estimator.errors import EstimatorError
 from estimator.export.formats import FORMATS, Format, in_words_of
-from estimator.storage.final_population import FinalPopulation
+from estimator.posterior.fitted import FittedPosterior
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 
@@ -42,13 +42,14 @@ def exported(directory: Path, form: Format, sample: int) -> str:
         EstimatorError: The run has no such model.
     """
     with RunStore.open(directory, to_write=False) as store:
-        population = FinalPopulation.of(store)
-        if not len(population):
-            raise EstimatorError(f"{directory} has no model yet: resume the run first")
-        if sample >= len(population):
-            raise EstimatorError(
-                f"{directory} holds {len(population)} models, so there is no sample {sample}: "
-                f"choose 0 to {len(population) - 1}"
-            )
-        body = store.genome.decode(population.genes[population.order[sample]])
-        return FORMATS[form](in_words_of(store.problem, store.capabilities, body))
+        fitted = FittedPosterior.of(store)
+    if fitted is None:
+        raise EstimatorError(f"{directory} has no model yet: resume the run first")
+    count = len(fitted.models)
+    if sample >= count:
+        raise EstimatorError(
+            f"{directory} holds {count} models, so there is no sample {sample}: choose 0 to "
+            f"{count - 1}"
+        )
+    body = fitted.genome.decode(fitted.models[fitted.ranked[sample]])
+    return FORMATS[form](in_words_of(fitted.problem, fitted.capabilities, body))

@@ -22,9 +22,9 @@ from estimator.identification.paper.fit import fit_bodies
 from estimator.identification.paper.objectives import LargestError
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation, touched
 from estimator.search.randomness import Stream, generator
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 
 
@@ -117,10 +117,10 @@ def score(store: RunStore, truth: Path, physics: ArrayMarginPhysics, reference: 
     Raises:
         TruthError: The URDF is wrong, is another robot's, or the run has no model yet.
     """
-    population = FinalPopulation.of(store)
-    if not len(population):
+    fitted = FittedPosterior.of(store)
+    if fitted is None or fitted.best is None:
         raise TruthError(f"{store.directory} has no model yet, so there is nothing to score")
-    body = store.genome.decode(population.genes[population.best])
+    body = fitted.genome.decode(fitted.best)
     known = Truth.read(truth, store.problem, store.capabilities)
     comparison = Comparison(store.problem, store.genome, body, known)
     search = length_search(store, comparison.true_body, physics)

@@ -20,11 +20,11 @@ from estimator.errors import EstimatorError, InteractionError
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.physics.base import Physics, Readings
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation, Program
 from estimator.robot_link.base import RobotLink
 from estimator.search.randomness import Stream, generator
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 
@@ -174,14 +174,13 @@ def _predict(
     programs: Sequence[Program],
     listener: Listener,
 ) -> list[Prediction]:
-    population = FinalPopulation.of(store)
-    if not len(population):
+    fitted = FittedPosterior.of(store)
+    if fitted is None or fitted.best is None:
         raise EstimatorError(f"{store.directory} has no model yet: resume the run first")
-    genome = store.genome
+    genome = fitted.genome
     rng = generator(store.settings.seed, Stream.RANDOM_MODELS)
     drawn = genome.permitted(rng.random((RANDOM_MODELS, genome.size)))
-    best = population.genes[[population.best]]
-    groups = {BEST: best, POPULATION: population.genes, RANDOM: drawn}
+    groups = {BEST: fitted.best[None], POPULATION: fitted.models, RANDOM: drawn}
     bodies = genome.decode_all(np.concatenate(list(groups.values())))
     predictions = []
     for program in programs:

@@ -7,7 +7,8 @@ Module                  What is in it
 ``situation``           what a rule is told, and what it answers
 ``information``         the rule ``information``: expected information gain, and it in words
 ``disagreement``        the rule ``disagreement``
-``choosing``            candidates, their refinement, and how sure their predictions are
+``best_programs``       the best programs by any score: candidates, and their refinement
+``choosing``            by what they tell, and how sure their predictions are
 ``few_limbs``           programs that leave most limbs as they lie
 ``information_gain``    expected information of programs, by nested Monte Carlo
 ``gain_kernel``         the compiled part of it

@@ -12,24 +12,18 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array
+from estimator.exploration.best_programs import CANDIDATES, best_programs
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.exploration.situation import Models
 from estimator.physics.base import Readings
-from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import FORKS, LEANS
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
+from estimator.posterior.posterior import Posterior, systematic
 
-_CANDIDATES: Final = 1000
 _DRAWS: Final = 100
-_LIKELY: Final = 100  # of the best candidates, which are looked at for forks
-_REFINED: Final = 8  # of the best of these, each by
-_VARIANTS: Final = 8
-_SPREADS: Final = (math.radians(6.0), math.radians(3.0))
-_THINNED: Final = slice(None, None, 2)  # of the bodies, by which these are chosen
-_FINALISTS: Final = 20  # compared by all bodies, by more readings, and by their path margins
+_THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
 _MORE_DRAWS: Final = 800
 _AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
 _THICKER: Final = 1.4  # times as thick; bodies that then lie otherwise foresee nothing
@@ -105,59 +99,61 @@ class Chooser:
         self._limbs = limbs_of(predictor.unknowns)
 
     def choose(
-        self, samples: Models, interactions: int, rng: np.random.Generator
+        self,
+        samples: Posterior,
+        doubts: Sequence[Doubt],
+        interactions: int,
+        rng: np.random.Generator,
     ) -> InformativeProgram:
         """The motor program that is expected to tell most.
 
         Args:
-            samples: Equally likely models. All their doubts together are taken to be half as
-                likely as they, and the program tells of them rather than more of lengths that are
+            samples: Equally likely bodies.
+            doubts: Bodies that depart from the problem. All together are taken to be half as likely
+                as the samples, and the program tells of them rather than more of lengths that are
                 known well.
             interactions: That the samples are believed after.
             rng: The choice's own.
         """
         low, high = self._ends.T
         models = self._models(samples)
-        known = self._with_doubts(models, samples, rng) if samples.doubts else models
-        programs = with_few_limbs(
-            rng.uniform(low, high, (_CANDIDATES, len(low))),
+        known = self._with_doubts(models, samples, doubts, rng) if doubts else models
+        few = known.some(_THINNED)
+        candidates = with_few_limbs(
+            rng.uniform(low, high, (CANDIDATES, len(low))),
             self._limbs,
-            self._predictor.unknowns.decided(samples.genes),
+            self._predictor.unknowns.decided(samples.values),
             interactions,
             rng,
         )
-        few = known.some(_THINNED)
-        (quick,) = self._read(few, programs, _PLUMB, quickly=True)
-        bits = self._bits(few, Forecast.of(quick, len(few)), rng, _DRAWS)
-        programs = programs[np.argsort(-bits, kind="stable")[:_LIKELY]]
-        bits = self._bits(few, self._sure_forecast(few, programs, quickly=True), rng, _DRAWS)
-        for spread in _SPREADS:
-            best = np.repeat(
-                programs[np.argsort(-bits, kind="stable")[:_REFINED]], _VARIANTS, axis=0
-            )
-            near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
-            near = np.where(best == 0, 0.0, near)
-            programs = np.concatenate([programs, near])
-            forecast = self._sure_forecast(few, near, quickly=True)
-            more = self._bits(few, forecast, rng, _DRAWS)
-            bits = np.concatenate([bits, more])
-        programs = programs[np.argsort(-bits, kind="stable")[:_FINALISTS]]
-        forecast = self._surest_forecast(known, programs)
-        sure = self._bits(known, forecast, rng, _MORE_DRAWS)
-        winner = int(np.argmax(sure))
-        chosen, bits = programs[[winner]], sure[[winner]]
+
+        def rough(programs: Array) -> Array:
+            (quick,) = self._read(few, programs, _PLUMB, quickly=True)
+            return self._bits(few, Forecast.of(quick, len(few)), rng, _DRAWS)
+
+        def good(programs: Array) -> Array:
+            forecast = self._sure_forecast(few, programs, quickly=True)
+            return self._bits(few, forecast, rng, _DRAWS)
+
+        def sure(programs: Array) -> Array:
+            return self._bits(known, self._surest_forecast(known, programs), rng, _MORE_DRAWS)
+
+        programs, gains = best_programs(
+            good, self._ends, rng, candidates=candidates, rough=rough, sure=sure
+        )
+        chosen, bits = programs[[0]], gains[[0]]
         forecast = self._surest_forecast(models, chosen)
-        if samples.doubts:
+        if doubts:
             bits = self._bits(models, forecast, rng, _MORE_DRAWS)
         return InformativeProgram(
             program=chosen[0],
             bits=float(bits[0]),
             about=self._about(samples, forecast, rng),
-            tests=self._tested(models, samples.doubts, chosen),
+            tests=self._tested(models, doubts, chosen),
         )
 
-    def _models(self, samples: Models) -> _Hypotheses:
-        bodies = self._predictor.unknowns.bodies(samples.genes)
+    def _models(self, samples: Posterior) -> _Hypotheses:
+        bodies = self._predictor.unknowns.bodies(samples.values)
         return _Hypotheses(
             bodies=bodies,
             scales=samples.scales,
@@ -165,7 +161,11 @@ class Chooser:
         )
 
     def _with_doubts(
-        self, models: _Hypotheses, samples: Models, rng: np.random.Generator
+        self,
+        models: _Hypotheses,
+        samples: Posterior,
+        doubts: Sequence[Doubt],
+        rng: np.random.Generator,
     ) -> _Hypotheses:
         """In random order, since few draws go to the first only.
 
@@ -173,16 +173,16 @@ class Chooser:
         bodies are spread as the models are: a movement that other lengths make up for tests
         nothing.
         """
-        count, doubts = len(models), samples.doubts
+        count = len(models)
         probabilities = softmax(np.array([doubt.log_weight for doubt in doubts]))
         others = systematic(probabilities, int(_DOUBTED * count), 0.5)
-        spread = samples.genes - samples.genes.mean(axis=0)
+        spread = samples.values - samples.values.mean(axis=0)
         spread = spread[rng.integers(len(spread), size=len(others))]
         order = rng.permutation(count + len(others))
         built = [
             self._built(doubts[index], away) for index, away in zip(others, spread, strict=True)
         ]
-        attachments = self._predictor.unknowns.attachments(samples.genes)
+        attachments = self._predictor.unknowns.attachments(samples.values)
         lengths = np.round(models.bodies.length / _KNOWN)
         _, alike = np.unique(np.hstack([attachments, lengths]), axis=0, return_inverse=True)
         return _Hypotheses(
@@ -259,17 +259,17 @@ class Chooser:
         readings = Readings.concatenate(pieces)
         return [readings[way::ways] for way in range(ways)]
 
-    def _about(self, samples: Models, forecast: Forecast, rng: np.random.Generator) -> Array:
+    def _about(self, samples: Posterior, forecast: Forecast, rng: np.random.Generator) -> Array:
         unknowns = self._predictor.unknowns
         about = np.zeros(unknowns.size)
         for column, groups in _groups(
-            samples.genes, unknowns.choices, unknowns.attachments(samples.genes)
+            samples.values, unknowns.choices, unknowns.attachments(samples.values)
         ):
             about[column] = self._gain.of(
                 forecast, samples.scales, groups, rng, draws=4 * len(groups)
             )[0]
         for column in unknowns.continuous:
-            halves = (samples.genes[:, column] > np.median(samples.genes[:, column])).astype(
+            halves = (samples.values[:, column] > np.median(samples.values[:, column])).astype(
                 np.int64
             )
             about[column] = self._gain.of(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Choice, Situation
 from estimator.posterior.model.densities import DENSITIES
-from estimator.posterior.model.likelihood import Noise
 from estimator.readings.modalities.registry import MODALITIES
 
 CANDIDATES: Final = 300
@@ -24,15 +22,15 @@ def most_disputed_program(situation: Situation) -> Choice:
     Distances are in units of the announced noise and saturate, so that one wild prediction does
     not outweigh many that differ.
     """
-    situation = replace(situation, models=situation.models.sample(MODELS, situation.rng))
-    noise = Noise.announced(situation.capabilities)
+    models = situation.posterior.sample(MODELS, situation.rng)
+    noise = models.noise
     programs = situation.random_programs(CANDIDATES)
     spread = np.zeros(CANDIDATES)
     for index, program in enumerate(programs):
-        readings = situation.predict(program)
+        readings = models.predict(program)
         told: list[Array] = []
         for name, density in DENSITIES.items():
-            if name in situation.modalities:
+            if name in models.modalities:
                 values = MODALITIES[name].predicted(readings).T
                 told += list(values / noise.of(name) if density.scaled else _SATURATED * values)
         spread[index] = sum(_mean_distance(values) for values in told)

@@ -11,13 +11,11 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
-from estimator.exploration.situation import Choice, Models, Situation
+from estimator.exploration.situation import Choice, Situation
 from estimator.parallel.executors import Threads
+from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.information import SAMPLES
 from estimator.posterior.model.departures import Doubt
-from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.problem.genome import Genome
 
 _WORTH_SAYING: Final = 0.25  # bits about one trait
 _SAID: Final = 2
@@ -25,29 +23,24 @@ _SAID: Final = 2
 
 def most_informative_program(situation: Situation) -> Choice:
     """Maximises the expected information gain under the models' own likelihood."""
-    problem, capabilities = situation.problem, situation.capabilities
-    genome = Genome(problem, problem.base(capabilities))
-    models = situation.models.sample(SAMPLES, situation.rng)
-    noise, cap = Noise.announced(capabilities), situation.clearance_cap
+    models = situation.posterior.sample(SAMPLES, situation.rng)
     with Threads(situation.jobs) as threads:
-        chooser = Chooser(
-            Predictor(Unknowns(genome), situation.physics),
-            InformationGain(noise, cap, situation.modalities, threads),
-            problem.program_range(capabilities),
+        gain = InformationGain(models.noise, models.clearance_cap, models.modalities, threads)
+        chosen = Chooser(models.predictor, gain, models.program_range).choose(
+            models.posterior, models.doubts, len(models.observations), situation.rng
         )
-        chosen = chooser.choose(models, len(situation.observations), situation.rng)
     return Choice(
         program=tuple(chosen.program.tolist()),
-        reason="; ".join([_reason(genome, models, chosen.about), *_tests(chosen.tests)]),
+        reason="; ".join([_reason(models, chosen.about), *_tests(chosen.tests)]),
         bits=chosen.bits,
     )
 
 
-def _reason(genome: Genome, models: Models, about: Array) -> str:
+def _reason(models: FittedPosterior, about: Array) -> str:
     """What the program tells apart, in words."""
     order = np.argsort(-about, kind="stable")
     named = [column for column in order.tolist() if about[column] >= _WORTH_SAYING][:_SAID]
-    parts = [_alternatives(genome, models, column) for column in named]
+    parts = [_alternatives(models, column) for column in named]
     return f"tells apart: {'; '.join(parts)}" if parts else "narrows what is known already"
 
 
@@ -59,12 +52,12 @@ def _tests(doubts: Sequence[Doubt]) -> list[str]:
     return [f"tests {most}" + (f" and {len(doubts) - 1} more" if len(doubts) > 1 else "")]
 
 
-def _alternatives(genome: Genome, models: Models, column: int) -> str:
-    gene = genome.genes[column]
+def _alternatives(models: FittedPosterior, column: int) -> str:
+    genome, gene = models.genome, models.genome.genes[column]
     if gene.choices:
-        likely = Counter(genome.words(column, models.genes)).most_common(2)
+        likely = Counter(genome.words(column, models.samples)).most_common(2)
         return f"{gene.name} ({' or '.join(word for word, _ in likely)})"
-    ends = np.quantile(models.genes[:, column], (0.05, 0.95))
+    ends = np.quantile(models.samples[:, column], (0.05, 0.95))
     low, high = genome.quantities(column, ends).tolist()
     digits = 0 if gene.trait == "length" else 1
     return f"{gene.name} ({low:.{digits}f} to {high:.{digits}f} {gene.unit})"

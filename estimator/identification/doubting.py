@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -20,13 +19,11 @@ from estimator.posterior.checks.departed import (
     that_can_be_felt,
     with_consequence,
 )
-from estimator.posterior.information import systematic
+from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.possible_departures import possible_departures
-from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Posterior
+from estimator.posterior.posterior import Posterior, systematic
 from estimator.storage.beliefs import Belief, NotKnown
 from estimator.storage.store import RunStore
 
@@ -42,98 +39,97 @@ def attachments_known(belief: Belief, wanted: float, store: RunStore) -> bool:
     return (belief.probability or 0.0) >= wanted and belief.explained and not contradicted
 
 
-@dataclass(frozen=True, kw_only=True)
-class Grounds:
-    """What a belief rests on.
-
-    Attributes:
-        posterior: Of the problem's bodies.
-        predictor: Of their readings.
-        data: What the robot felt.
-        reference: The simulator.
-    """
-
-    posterior: Posterior
-    predictor: Predictor
-    data: SensorData
-    reference: Physics
-
-
 class Doubting:
     """Fits bodies that depart from a run's problem, and says what they leave of a belief.
 
     Args:
         store: The run.
-        noise: How far readings stray.
         movements: At random, rad, shape (n, motors).
         workers: Fit them.
     """
 
-    def __init__(self, store: RunStore, noise: Noise, movements: Array, workers: Executor) -> None:
+    def __init__(self, store: RunStore, movements: Array, workers: Executor) -> None:
         self._store = store
-        self._noise = noise
         self._movements = movements[:_FEW]
         self._workers = workers
 
-    def once_sure(self, belief: Belief, grounds: Grounds) -> tuple[Doubt, ...]:
-        """Bodies that depart, where attachments are known, beforehand or by now; else none."""
+    def once_sure(
+        self, belief: Belief, fitted: FittedPosterior, reference: Physics
+    ) -> tuple[Doubt, ...]:
+        """Bodies that depart, where attachments are known, beforehand or by now; else none.
+
+        Args:
+            belief: What is believed.
+            fitted: Of the problem's bodies.
+            reference: The simulator.
+        """
         # that a robot has changed is a reason to look how
         as_stated = belief.model_copy(
             update={"departed": 0.0, "departure": None, "overturned": None}
         )
-        if grounds.predictor.unknowns.bits and not attachments_known(as_stated, SURE, self._store):
+        if fitted.unknowns.bits and not attachments_known(as_stated, SURE, self._store):
             return ()
-        return self._fitted(grounds, self._noise)
+        return self._departing(fitted, reference, fitted.noise)
 
-    def in_the_end(self, belief: Belief, grounds: Grounds) -> tuple[Doubt, ...]:
+    def in_the_end(
+        self, belief: Belief, fitted: FittedPosterior, reference: Physics
+    ) -> tuple[Doubt, ...]:
         """Bodies that depart, whatever is known."""
-        return self._fitted(grounds, self._noise_for(belief, grounds))
+        return self._departing(fitted, reference, self._noise_for(belief, fitted))
 
-    def _fitted(self, grounds: Grounds, noise: Noise) -> tuple[Doubt, ...]:
-        posterior, predictor, settings = grounds.posterior, grounds.predictor, self._store.settings
+    def _departing(
+        self, fitted: FittedPosterior, reference: Physics, noise: Noise
+    ) -> tuple[Doubt, ...]:
+        posterior, predictor = fitted.posterior, fitted.predictor
         departures = that_can_be_felt(
-            possible_departures(self._store.problem),
+            possible_departures(fitted.problem),
             posterior.modes[0].point,
             predictor,
             self._movements,
-            settings.modalities,
+            fitted.modalities,
         )
         return doubts(
             posterior,
             predictor,
-            grounds.data,
+            fitted.data,
             noise,
             departures,
-            reference=grounds.reference,
+            reference=reference,
             workers=self._workers,
         )
 
-    def _noise_for(self, belief: Belief, grounds: Grounds) -> Noise:
+    def _noise_for(self, belief: Belief, fitted: FittedPosterior) -> Noise:
         """As announced, or as sampled along where attachments are open and the best fits poorly.
 
         By announced noise readings of a noisier robot would speak for bodies that depart.
         """
-        if not grounds.predictor.unknowns.bits or belief.not_known is not NotKnown.POOR_FIT:
-            return self._noise
-        return self._noise.widened(np.exp(np.array(belief.weights) @ np.array(belief.scales)))
+        if not fitted.unknowns.bits or belief.not_known is not NotKnown.POOR_FIT:
+            return fitted.noise
+        return fitted.noise.widened(np.exp(np.array(belief.weights) @ np.array(belief.scales)))
 
-    def left_of(self, belief: Belief, doubted: Sequence[Doubt], grounds: Grounds) -> Belief:
+    def left_of(
+        self,
+        belief: Belief,
+        doubted: Sequence[Doubt],
+        fitted: FittedPosterior,
+        reference: Physics,
+    ) -> Belief:
         """What is believed, in the light of bodies that depart."""
         if not doubted:
             return belief
         by_statics = np.array([one.outlier for one in belief.foretold])
         outliers = outliers_left(
             by_statics,
-            grounds.posterior,
-            grounds.predictor,
-            grounds.data,
-            self._noise_for(belief, grounds),
-            reference=grounds.reference,
+            fitted.posterior,
+            fitted.predictor,
+            fitted.data,
+            self._noise_for(belief, fitted),
+            reference=reference,
         )
         better = clearly_better(doubted)
         return belief.model_copy(
             update={
-                "departed": probability_departed(doubted, outliers, self._noise),
+                "departed": probability_departed(doubted, outliers, fitted.noise),
                 "departure": None if better is None else better.name,
             }
         )

@@ -64,7 +64,7 @@ class Identification:
         )
         try:
             for number in numbers:
-                observations.append(self._act(number, observations))
+                observations.append(self._act(number))
                 news = self._method.done(number) < self._method.work(number)
                 self._method.learn(number, observations)
                 if number == numbers[-1] or self._method.is_sure(number):
@@ -76,7 +76,7 @@ class Identification:
                 self._link.close()
         self._method.finish(observations)
 
-    def _act(self, number: int, observations: list[Observation]) -> Observation:
+    def _act(self, number: int) -> Observation:
         """The observation of an interaction, which is performed if it was not yet."""
         interactions = self._store.interactions()
         planned = interactions[number] if number < len(interactions) else None
@@ -85,7 +85,7 @@ class Identification:
         if self._link is None:
             self._link = self._connect()
         if planned is None:
-            choice = self._choice(number, self._link, observations)
+            choice = self._choice(number, self._link)
             planned = InteractionRecord(
                 program=choice.program, reason=choice.reason, bits=choice.bits
             )
@@ -98,7 +98,7 @@ class Identification:
         self._listener.observed(number, observation)
         return observation
 
-    def _choice(self, number: int, link: RobotLink, observations: list[Observation]) -> Choice:
+    def _choice(self, number: int, link: RobotLink) -> Choice:
         settings = self._store.settings
         if link.recorded is None and not number and self._store.problem.reads_flat_first:
             return Choice(
@@ -106,10 +106,8 @@ class Identification:
                 reason="reads the accelerometer's own tilt while the robot lies flat",
             )
         if link.recorded is None:
-            models = self._method.models()
-            return next_program(
-                self._store, settings.explore, observations, models, self._resources
-            )
+            posterior = self._method.posterior()
+            return next_program(self._store, settings.explore, posterior, self._resources)
         if number >= len(link.recorded):
             raise InteractionError(
                 f"interaction {number + 1} was never recorded: the record holds "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from estimator.exploration.situation import Models
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 
 
@@ -29,8 +29,8 @@ class Method(Protocol):
             observations: Of all interactions so far.
         """
 
-    def models(self) -> Models:
-        """The current models; random ones before the first interaction."""
+    def posterior(self) -> FittedPosterior:
+        """What is known of the body by now; random bodies before the first interaction."""
 
     def is_sure(self, number: int) -> bool:
         """Whether after this interaction no further one is worth its while, by the settings."""

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES
-from estimator.exploration.situation import Choice, Models, Situation
+from estimator.exploration.situation import Choice, Situation
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics
-from estimator.readings.observation import Observation
+from estimator.posterior.fitted import FittedPosterior
 from estimator.search.randomness import Stream, generator
 from estimator.storage.store import RunStore
 
@@ -34,17 +33,15 @@ class ChoiceResources:
 def next_program(
     store: RunStore,
     rule: str,
-    observations: Sequence[Observation],
-    models: Models,
+    posterior: FittedPosterior,
     resources: ChoiceResources,
 ) -> Choice:
-    """What the rule chooses after these observations, the same each time.
+    """What the rule chooses after the interactions that were learnt from, the same each time.
 
     Args:
         store: The run's memory.
         rule: Name of the exploration rule.
-        observations: Of all interactions so far.
-        models: What is believed after them.
+        posterior: What is known of the body after them.
         resources: What the rule computes with.
 
     Raises:
@@ -52,15 +49,9 @@ def next_program(
     """
     settings = store.settings
     situation = Situation(
-        problem=store.problem,
-        capabilities=store.capabilities,
-        modalities=settings.modalities,
-        observations=tuple(observations),
-        models=models,
+        posterior=posterior.computed_by(resources.physics),
         objective=OBJECTIVES.load(settings.objective)(store.capabilities),
-        physics=resources.physics,
-        clearance_cap=store.world.clearance_cap,
-        rng=generator(settings.seed, Stream.PROGRAMS, len(observations)),
+        rng=generator(settings.seed, Stream.PROGRAMS, len(posterior.observations)),
         jobs=resources.jobs,
     )
     return _checked(RULES.load(rule)(situation), f"exploration rule {rule!r}", store)

@@ -8,24 +8,22 @@ from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import replace
 from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from estimator.body.limbs import leg_lengths
-from estimator.exploration.situation import Models
-from estimator.identification.doubting import SURE, Doubting, Grounds, attachments_known
+from estimator.identification.doubting import SURE, Doubting, attachments_known
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import ChoiceResources, next_program
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.alike import Alike, feel_alike, probability_of
-from estimator.posterior.belief import believe, recalled
+from estimator.posterior.belief import believe
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.checks.recheck import recheck
+from estimator.posterior.fitted import FittedPosterior, recalled
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
@@ -67,12 +65,11 @@ class PosteriorMethod:
         self._make_physics = make_physics
         self._make_reference = make_reference
         self._reference = make_reference()
-        self._noise = Noise.announced(store.capabilities)
         effort = Effort()
         self._sampler = Sampler(
             Unknowns(store.genome),
             make_physics,
-            self._noise,
+            Noise.announced(store.capabilities),
             effort,
             seeds(store.settings.seed, Stream.SEARCH, effort.populations + 1),
             workers=workers,
@@ -93,7 +90,7 @@ class PosteriorMethod:
         self._alike: Alike = partial(
             feel_alike, self._predictor, self._movements, store.settings.modalities
         )
-        self._doubting = Doubting(store, self._noise, self._movements, workers)
+        self._doubting = Doubting(store, self._movements, workers)
         checkpoint = store.checkpoint()
         if checkpoint is not None:
             self._sampler.restore(checkpoint.state)
@@ -115,16 +112,13 @@ class PosteriorMethod:
         """Samples the posterior after an interaction."""
         if number < self._learnt:
             return
-        data = self._data(observations)
-        before = self._posterior
-        self._posterior = self._sampler.learn(data)
-        belief = believe(
-            self._posterior, self._predictor, data, self._noise, self._alike, before=before
-        )
+        before, fitted = self._posterior, self._fitted(self._posterior, observations)
+        self._posterior = self._sampler.learn(fitted.data)
+        fitted = replace(fitted, posterior=self._posterior)
+        belief = self._believed(fitted, before)
         belief = belief.model_copy(update={"overturned": self._overturned(number)})
-        grounds = self._grounds(self._posterior, data)
-        self._doubted = self._doubting.once_sure(belief, grounds)
-        belief = self._doubting.left_of(belief, self._doubted, grounds)
+        self._doubted = self._doubting.once_sure(belief, fitted, self._reference)
+        belief = self._doubting.left_of(belief, self._doubted, fitted, self._reference)
         self._store.save_belief(number, belief, self._cost(), self._sampler.state())
         self._learnt = number + 1
         settings = self._store.settings
@@ -133,32 +127,26 @@ class PosteriorMethod:
             f"interaction {number + 1}/{settings.interactions}, {_how_sure(belief)}",
         )
 
-    def models(self) -> Models:
+    def posterior(self) -> FittedPosterior:
         """The samples, with doubts once attachments are sure or, where these are known, lengths."""
-        posterior, beliefs = self._posterior, self._store.beliefs()
+        beliefs, observations = self._store.beliefs(), self._store.observations()
+        if not beliefs:
+            return self._fitted(self._posterior, observations)
+        belief, _ = beliefs[-1]
         doubts: tuple[Doubt, ...] = ()
-        if beliefs:
-            belief, _ = beliefs[-1]
-            if self._predictor.unknowns.bits or self._lengths_known(belief):
-                doubts = tuple(one for one in self._doubted_of(belief) if one.is_left)
-        return Models(
-            genes=posterior.values,
-            weights=posterior.weights,
-            scales=posterior.scales,
-            doubts=doubts,
-        )
+        if self._predictor.unknowns.bits or self._lengths_known(belief):
+            doubts = tuple(one for one in self._doubted_of(belief) if one.is_left)
+        best = np.array(belief.best)
+        return self._fitted(self._posterior, observations, best=best, belief=belief, doubts=doubts)
 
     def _doubted_of(self, belief: Belief) -> tuple[Doubt, ...]:
         """Bodies that depart, fitted by ``learn``, or now if the run was resumed."""
         if self._doubted is None:
-            data = self._data(self._store.observations())
-            with closing(self._make_physics()) as physics:
-                apart = replace(  # what it costs was counted before
-                    self._grounds(self._posterior, data),
-                    predictor=Predictor(self._predictor.unknowns, physics),
-                    reference=self._make_reference(),
+            fitted = self._fitted(self._posterior, self._store.observations())
+            with closing(self._make_physics()) as physics:  # what it costs was counted before
+                self._doubted = self._doubting.once_sure(
+                    belief, fitted.computed_by(physics), self._make_reference()
                 )
-                self._doubted = self._doubting.once_sure(belief, apart)
         return self._doubted
 
     def is_sure(self, number: int) -> bool:
@@ -190,7 +178,7 @@ class PosteriorMethod:
         return sure[-1] if left < 1 - SURE else None
 
     def _lengths_known(self, belief: Belief) -> bool:
-        lengths = leg_lengths(self._store.genome.decode_all(np.array(belief.genes)))
+        lengths = FittedPosterior.of_belief(self._store, belief, ()).leg_lengths
         low, high = np.quantile(lengths, (0.05, 0.95), axis=0)
         return bool(np.all(high - low <= 2 * PRECISE))
 
@@ -200,26 +188,29 @@ class PosteriorMethod:
         belief, _ = self._store.beliefs()[last]
         if belief.simulated:
             return
-        data = self._data(observations)
-        checked = recheck(self._posterior, self._predictor, data, self._noise, self._reference)
+        sampled = self._fitted(self._posterior, observations)
+        data, noise = sampled.data, sampled.noise
+        checked = recheck(self._posterior, self._predictor, data, noise, self._reference)
         posterior = with_left_out(
             checked.posterior,
             self._predictor,
             data,
-            self._noise,
+            noise,
             reference=self._reference,
             like=self._like_first_of(checked.posterior, belief),
             rng=generator(self._store.settings.seed, Stream.LEFT_OUT),
         )
-        final = believe(posterior, self._predictor, data, self._noise, self._alike)
-        grounds = self._grounds(checked.posterior, data)
+        fitted = replace(sampled, posterior=posterior)
+        final = self._believed(fitted)
         before = doubted = self._doubted_of(belief)
         if not doubted or final.not_known is NotKnown.POOR_FIT:
-            doubted = self._doubting.in_the_end(final, grounds)
+            doubted = self._doubting.in_the_end(
+                final, replace(sampled, posterior=checked.posterior), self._reference
+            )
         known = not self._predictor.unknowns.bits or (final.probability or 0.0) >= SURE
         poor = final.not_known is NotKnown.POOR_FIT and len(observations) >= ENOUGH_TO_ERR
         if before or known or poor:
-            final = self._doubting.left_of(final, doubted, replace(grounds, posterior=posterior))
+            final = self._doubting.left_of(final, doubted, fitted, self._reference)
         final = final.model_copy(
             update={
                 "untested": self._doubting.untested(doubted, posterior),
@@ -230,7 +221,7 @@ class PosteriorMethod:
             }
         )
         if any(not mode.like_the_first for mode in final.modes if mode.probability >= RIVAL):
-            final = final.model_copy(update={"decides": self._deciding(final, observations)})
+            final = final.model_copy(update={"decides": self._deciding(fitted)})
         self._store.save_belief(last, final, self._cost(), None)
 
     def _like_first_of(self, posterior: Posterior, belief: Belief) -> set[Attachments]:
@@ -240,26 +231,28 @@ class PosteriorMethod:
         alike = set(self._predictor.unknowns.keys(genes))
         return alike if leader in alike else {leader}
 
-    def _deciding(self, belief: Belief, observations: Sequence[Observation]) -> NextMovement:
+    def _deciding(self, fitted: FittedPosterior) -> NextMovement:
         """The movement that would tell most about what is left open."""
-        models = Models(
-            genes=np.array(belief.genes),
-            weights=np.array(belief.weights),
-            scales=np.array(belief.scales),
-        )
         with closing(self._make_physics()) as physics:
             resources = ChoiceResources(physics=physics)
-            choice = next_program(self._store, "information", observations, models, resources)
+            choice = next_program(self._store, "information", fitted, resources)
         return NextMovement(program=choice.program, reason=choice.reason, bits=choice.bits or 0.0)
 
-    def _data(self, observations: Sequence[Observation]) -> SensorData:
-        return SensorData.of(
-            observations, self._store.settings.modalities, self._store.world.clearance_cap
+    def _believed(self, fitted: FittedPosterior, before: Posterior | None = None) -> Belief:
+        return believe(
+            fitted.posterior,
+            self._predictor,
+            fitted.data,
+            fitted.noise,
+            self._alike,
+            before=before,
         )
 
-    def _grounds(self, posterior: Posterior, data: SensorData) -> Grounds:
-        return Grounds(
-            posterior=posterior, predictor=self._predictor, data=data, reference=self._reference
+    def _fitted(
+        self, posterior: Posterior, observations: Sequence[Observation], **more: Any
+    ) -> FittedPosterior:
+        return FittedPosterior.in_run(
+            self._store, posterior, observations, open_predictor=lambda: self._predictor, **more
         )
 
     def _cost(self) -> Counters:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Final
@@ -10,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Base, Morphology
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import InteractionRecord
 from estimator.storage.store import RunStore
 
@@ -80,13 +79,13 @@ class RunView:
         state = RunState.GOES_ON if written_to else RunState.INTERRUPTED
         if result.complete:
             state = RunState.FINISHED
-        population, genome = FinalPopulation.of(store), store.genome
+        fitted = FittedPosterior.of(store)
         observations = [item.observation for item in interactions if item.observation is not None]
         return cls(
             result=result,
             base=store.problem.base(store.capabilities),
-            best=genome.decode(population.genes[population.best]) if len(population) else None,
-            bodies=tuple(genome.decode(population.genes[row]) for row in _rows(store, population)),
+            best=None if fitted is None else fitted.best_body,
+            bodies=() if fitted is None else _shown(fitted),
             pose=observations[-1] if observations else None,
             interactions=tuple(interactions),
             wanted=store.settings.interactions,
@@ -95,19 +94,11 @@ class RunView:
         )
 
 
-def _rows(store: RunStore, population: FinalPopulation) -> Sequence[int]:
-    """Rows of a population that stand for all of it, in no order."""
-    beliefs = store.beliefs()
-    if not len(population):
-        return []
-    if not beliefs:  # the method paper, whose models count alike
-        chosen = np.linspace(0, len(population) - 1, min(SHOWN, len(population)))
-        rows = population.order[chosen.astype(int)]
-    else:
-        shares = np.cumsum(beliefs[-1][0].weights)
-        drawn = np.searchsorted(shares, (np.arange(SHOWN) + 0.5) / SHOWN * shares[-1])
-        rows = 1 + np.minimum(drawn, len(shares) - 1)  # the first is the best body
-    return [int(row) for row in np.random.default_rng(0).permutation(rows)]
+def _shown(fitted: FittedPosterior) -> tuple[Morphology, ...]:
+    """Bodies that stand for all that is believed, in no order."""
+    counts_alike = fitted.belief is None  # a population, of which each is shown once
+    bodies = fitted.bodies(min(SHOWN, len(fitted)) if counts_alike else SHOWN)
+    return tuple(bodies[row] for row in np.random.default_rng(0).permutation(len(bodies)))
 
 
 def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> Progress:

@@ -117,9 +117,16 @@ class Readings:
     def __len__(self) -> int:
         return len(self.clearance)
 
-    def __getitem__(self, rows: slice | NDArray[np.intp]) -> Readings:
+    def __getitem__(self, rows: int | slice | NDArray[np.intp]) -> Readings:
         """Selects the readings of some of the bodies."""
         return Readings(**{item.name: getattr(self, item.name)[rows] for item in fields(self)})
+
+    def reshaped(self, *shape: int) -> Readings:
+        """The same readings, in arrays that begin with this shape in the place of (n,)."""
+        arrays = {item.name: getattr(self, item.name) for item in fields(self)}
+        return Readings(
+            **{name: array.reshape(*shape, *array.shape[1:]) for name, array in arrays.items()}
+        )
 
     @classmethod
     def empty(cls, count: int, sensors: int) -> Readings:

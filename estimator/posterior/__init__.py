@@ -3,6 +3,7 @@
 ================= ===============================================================================
 Room or module    What is in it
 ================= ===============================================================================
+``fitted``        ``FittedPosterior``: what a run knows, for whoever builds on it
 ``belief``        a posterior as it is kept and told
 ``sampling``      ``Sampler``: discovers, weighs and samples, interaction after interaction
 ``discovery``     the search that says where the posterior is

@@ -16,7 +16,6 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import (
     MOSTLY,
-    Mode,
     Posterior,
     draws_alike,
     share_met_alike,
@@ -85,21 +84,6 @@ def believe(
         unexplained=verdict.unexplained,
         noisy=verdict.noisy,
         contradicting=verdict.contradicting,
-    )
-
-
-def recalled(belief: Belief, unknowns: Unknowns) -> Posterior:
-    """The posterior of which a belief was kept."""
-    points = np.array([mode.genes for mode in belief.modes])
-    return Posterior(
-        values=np.array(belief.genes),
-        scales=np.array(belief.scales),
-        weights=np.array(belief.weights),
-        modes=tuple(
-            Mode(key, mode.probability, point, mode.effective, mode.met)
-            for key, mode, point in zip(unknowns.keys(points), belief.modes, points, strict=True)
-        ),
-        credible=belief.within_problem is not None,
     )
 
 

@@ -12,7 +12,7 @@ from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.posterior.posterior import Posterior
+from estimator.posterior.posterior import Posterior, systematic
 
 SAMPLES: Final = 200
 """Among so many samples information is measured: at most their number's logarithm."""
@@ -45,17 +45,3 @@ def information_gained(
     own = fits(after, np.arange(len(after.values)))
     mean = np.logaddexp(own, logsumexp(others)) - math.log(1 + len(others))
     return float(after.weights @ (own - mean)) / math.log(2)
-
-
-def systematic(weights: Array, count: int, start: float) -> Columns:
-    """Indices of ``count`` samples, each as often as its weight says to within one.
-
-    Args:
-        weights: Adding up to 1, shape (n,).
-        count: How many.
-        start: Between 0 and 1: uniform, the expected counts are exact.
-    """
-    ends = np.cumsum(weights)
-    places = (np.arange(count) + start) / count * ends[-1]
-    rows: Columns = np.searchsorted(ends, places, side="right")
-    return rows

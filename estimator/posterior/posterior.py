@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.posterior.model.unknowns import Attachments
+from estimator.posterior.model.unknowns import Attachments, Columns
 
 MOSTLY: Final = 0.5
 """Part of a mode that must feel like the first for the whole to count as one that does."""
@@ -52,6 +52,37 @@ class Posterior:
     weights: Array
     modes: tuple[Mode, ...]
     credible: bool
+
+    @classmethod
+    def equally_likely(cls, values: Array, scales: Array | None = None) -> Self:
+        """Samples that are as good as each other, under the announced noise by default."""
+        count = len(values)
+        return cls(
+            values=values,
+            scales=np.zeros((count, 2)) if scales is None else scales,
+            weights=np.full(count, 1 / count),
+            modes=(),
+            credible=False,
+        )
+
+    def sample(self, count: int, rng: np.random.Generator) -> Self:
+        """At most ``count`` equally likely samples, drawn by their weights."""
+        rows = systematic(self.weights, min(count, len(self.weights)), float(rng.random()))
+        return self.equally_likely(self.values[rows], self.scales[rows])
+
+
+def systematic(weights: Array, count: int, start: float) -> Columns:
+    """Indices of ``count`` samples, each as often as its weight says to within one.
+
+    Args:
+        weights: Adding up to 1, shape (n,).
+        count: How many.
+        start: Between 0 and 1: uniform, the expected counts are exact.
+    """
+    ends = np.cumsum(weights)
+    places = (np.arange(count) + start) / count * ends[-1]
+    rows: Columns = np.searchsorted(ends, places, side="right")
+    return rows
 
 
 def share_met(shares: Array, met: Flags) -> float:

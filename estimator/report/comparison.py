@@ -11,6 +11,7 @@ import numpy as np
 
 from estimator.body.morphology import Morphology
 from estimator.evaluation.score import Score
+from estimator.posterior.fitted import FittedPosterior
 from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.jointed_body import model_links
 from estimator.report.bodies.scene import at_rest, solids_of
@@ -21,7 +22,6 @@ from estimator.report.plots.leg_styles import OTHER_MARKERS, leg_colour, leg_lab
 from estimator.report.posterior.summary import Interval
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:
@@ -56,12 +56,11 @@ class ComparedRun:
         """
         with RunStore.open(directory, to_write=False) as store:
             result = summarise(store)
-            population = FinalPopulation.of(store)
-            decode = store.genome.decode
+            fitted = FittedPosterior.of(store)
             return cls(
                 name=str(directory),
                 result=result,
-                body=decode(population.genes[population.best]) if len(population) else None,
+                body=None if fitted is None else fitted.best_body,
                 score=score_of(directory, result),
             )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import Final
 
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings import readings_csv
 from estimator.report.page.run_page import PageSources, run_page
 from estimator.report.plots.canvas import as_png
@@ -60,13 +61,9 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
     )
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace_text(store.directory / ROBOT, robot + "\n")
-    beliefs = store.beliefs()
-    if beliefs:
-        belief, _ = beliefs[-1]
-        replace_file(
-            store.directory / POSTERIOR,
-            lambda path: samples_csv.write(path, store.genome, belief),
-        )
+    fitted = FittedPosterior.of(store)
+    if fitted is not None and fitted.belief is not None:
+        replace_file(store.directory / POSTERIOR, lambda path: samples_csv.write(path, fitted))
     if plots:
         drawn = run_plots(store, [leg.joint for leg in result.legs])
         for plot in drawn:

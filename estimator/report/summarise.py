@@ -11,6 +11,7 @@ import numpy as np
 from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.body.morphology import BASE, Morphology, Part
 from estimator.identification.paper.reference_check import pairs_turned
+from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
 from estimator.report.posterior.summary import posterior_summary
@@ -23,7 +24,6 @@ from estimator.report.result import (
     PartFound,
     Result,
 )
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions
@@ -40,14 +40,16 @@ def summarise(store: RunStore) -> Result:
     counters = Counters() if latest is None else latest.counters
     if beliefs:
         counters = beliefs[-1][1]
-    population = FinalPopulation.of(store)
-    bodies = store.genome.decode_all(population.genes[population.order]) if len(population) else []
+    fitted, bodies, errors = FittedPosterior.of(store), [], []
+    if fitted is not None:
+        bodies = store.genome.decode_all(fitted.models[fitted.ranked])
+        errors = _errors(fitted)
     end = store.search_end.finish()
     if end is not None:
         counters = counters.including(end, len(observations))
     legs = _legs(bodies, observations, capabilities, converges=not beliefs)
     posterior = posterior_summary(store)
-    error = _known(population.errors[population.best]) if bodies else None
+    error = errors[0][0] if errors else None
     warnings = (*_contradictions(problem, capabilities), *_warnings(legs, observations))
     if bodies and error is None and posterior is None:
         warnings = (
@@ -83,18 +85,27 @@ def summarise(store: RunStore) -> Result:
         best_models=tuple(
             _model(
                 body,
-                (_known(population.errors[index]), _known(population.searched[index])),
+                both,
                 problem,
                 capabilities,
                 bodies if beliefs else [],
             )
-            for body, index in list(zip(bodies, population.order, strict=True))[:_BEST_MODELS]
+            for body, both in list(zip(bodies, errors, strict=True))[:_BEST_MODELS]
         ),
         finish=_finish(end),
         fit=_fit(store),
         posterior=posterior,
         warnings=warnings,
     )
+
+
+def _errors(fitted: FittedPosterior) -> list[tuple[float | None, float | None]]:
+    """Subjective errors of the models, best first, and as the search saw them."""
+    if fitted.errors is None or fitted.searched is None:
+        return [(None, None)] * len(fitted.models)
+    return [
+        (_known(fitted.errors[row]), _known(fitted.searched[row])) for row in fitted.ranked.tolist()
+    ]
 
 
 def _finish(end: Finish | None) -> FinishFound | None:

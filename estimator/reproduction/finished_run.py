@@ -14,13 +14,13 @@ from estimator.evaluation.attachments import Comparison, Truth
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
 from estimator.physics.base import WorldSettings
+from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.result import Result
 from estimator.reproduction.paper_run import PlannedRun, Summary
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 
@@ -115,8 +115,10 @@ class FinishedRun:
 
 def _generations(store: RunStore) -> tuple[Generation, ...]:
     *earlier, last = store.generations()
-    final = FinalPopulation.of(store)
-    return *earlier, replace(last, best=tuple(final.genes[final.best].tolist()))
+    fitted = FittedPosterior.of(store)
+    assert fitted is not None
+    assert fitted.best is not None
+    return *earlier, replace(last, best=tuple(fitted.best.tolist()))
 
 
 def observed(item: InteractionRecord) -> Observation:

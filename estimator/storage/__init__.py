@@ -7,7 +7,6 @@ Module                  What is in it
 ``records``             settings, interactions, generations and predictions, as they are kept
 ``beliefs``             what is believed of the body after an interaction, as it is kept
 ``database``            the SQLite file: tables, and transactions that survive a power cut
-``final_population``    the models that a run ends with, best first
 ``search_end``          what came of a population when its search was over
 ``validations``         predictions of motor programs, and what came of them
 ``locking``             a directory for one process at a time

@@ -12,7 +12,18 @@ from bench.daemons import simulator
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
-(PROGRAM,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+QUESTIONS, PROGRAM = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+
+
+def run(program: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-W", "error", str(program)],
+        cwd=program.parent,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
 
 
 def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) -> None:
@@ -24,14 +35,7 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
             ),
             encoding="utf-8",
         )
-        ended = subprocess.run(
-            [sys.executable, "-W", "error", str(program)],
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=300,
-        )
+        ended = run(program)
     assert ended.returncode == 0, ended.stderr
     legs = re.findall(r"^(hip_\w+): \d+ mm$", ended.stdout, re.MULTILINE)
     assert legs == ["hip_left", "hip_front", "hip_right", "hip_back"]
@@ -45,6 +49,13 @@ def test_the_program_identifies_a_robot_with_parts_of_its_own(tmp_path: Path) ->
     ]
     for part in ("physics", "objective", "explore"):
         assert result["versions"][result[part]] == "of the calling program"
+    questions = tmp_path / "questions.py"
+    questions.write_text(QUESTIONS.replace("runs/first", "runs/mine"), encoding="utf-8")
+    answered = run(questions)
+    assert answered.returncode == 0, answered.stderr
+    assert re.search(r"^legs: \[.*\] mm$", answered.stdout, re.MULTILINE)
+    assert re.search(r"^\[.*\]: in \d+ % of what may be$", answered.stdout, re.MULTILINE)
+    assert answered.stdout.count("mean log-likelihood: ") == 2
 
 
 def test_the_program_has_no_more_than_25_lines() -> None:

@@ -12,7 +12,7 @@ from typing import Final
 import pytest
 
 from estimator.__main__ import main
-from estimator.exploration import choosing, information
+from estimator.exploration import best_programs, choosing, information
 from estimator.identification import doubting, posterior_method
 from estimator.posterior.checks import departed, left_out, recheck
 from estimator.posterior.discovery import discovery
@@ -50,8 +50,8 @@ def little_effort() -> Iterator[None]:
     with little_search(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(posterior_method, "Effort", lambda: _LITTLE)
         patch.setattr(information, "SAMPLES", 50)
-        patch.setattr(choosing, "_CANDIDATES", 100)
-        patch.setattr(choosing, "_LIKELY", 20)
+        patch.setattr(choosing, "CANDIDATES", 100)
+        patch.setattr(best_programs, "_LIKELY", 20)
         patch.setattr(choosing, "_MORE_DRAWS", 200)
         patch.setattr(recheck, "SAMPLES", 6)
         patch.setattr(recheck, "STEP", 1 / 120)

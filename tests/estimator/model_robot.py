@@ -11,11 +11,16 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Morphology
+from estimator.body.morphology import Array, Morphology
 from estimator.identification.order import Order
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import StaticsPhysics
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.model.unknowns import Predictor
+from estimator.posterior.posterior import Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import in_motor_order
 from estimator.report.run_files import write_report
 from protocol.errors import RobotError
@@ -81,6 +86,28 @@ def make_problem() -> Problem:
 def true_body(problem: Problem, capabilities: Capabilities) -> Morphology:
     genes = (np.array(TRUE_LENGTHS) - 0.05) / 0.2
     return Genome(problem, problem.base(capabilities)).decode(genes)
+
+
+def make_posterior(
+    problem: Problem,
+    capabilities: Capabilities,
+    samples: Array,
+    *,
+    modalities: tuple[str, ...] = tuple(MODALITIES),
+    best: Array | None = None,
+) -> FittedPosterior:
+    """Some genomes as a posterior, all as probable as each other."""
+    physics = StaticsPhysics(problem.settings(capabilities))
+    posterior = FittedPosterior(
+        problem=problem,
+        capabilities=capabilities,
+        modalities=modalities,
+        observations=(),
+        posterior=Posterior.equally_likely(samples),
+        open_predictor=lambda: Predictor(posterior.unknowns, physics),
+        best=best,
+    )
+    return posterior
 
 
 def make_order(folder: Path, robot: str, seed: int = 3) -> Order:

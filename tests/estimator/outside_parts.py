@@ -106,10 +106,8 @@ class WrongTouches:
 
 def steepest(situation: Situation) -> Choice:
     """An exploration rule: of ten random programs, the one that tilts the models most."""
-    programs = situation.random_programs(10)
-    tilts = [
-        situation.models.weights @ np.abs(situation.predict(one).tilt).sum(1) for one in programs
-    ]
+    programs, known = situation.random_programs(10), situation.posterior
+    tilts = np.abs(known.predict(programs).tilt).sum(2) @ known.weights
     winner = int(np.argmax(tilts))
     return Choice(program=programs[winner], reason=f"tilts by {tilts[winner]:.3f}")
 

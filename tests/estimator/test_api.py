@@ -16,6 +16,7 @@ from estimator import (
     Situation,
     StaticsPhysics,
     identify,
+    load,
     resume,
 )
 from estimator.body.morphology import Array
@@ -37,9 +38,17 @@ def test_an_interrupted_run_goes_on_from_a_program(tmp_path: Path) -> None:
     run, problem = tmp_path / "run", tmp_path / "legs.toml"
     robot = ModelRobot()
     with serving(robot) as uri:
+        with pytest.raises(EstimatorError, match="holds no run"):
+            load(run)
         with pytest.raises(KeyboardInterrupt):
             identify(run, robot=uri, problem=problem, method="paper", listener=Impatient())
         result = resume(str(run))
+    population = load(str(run))
+    assert population.best_body is not None
+    assert population.predict((0.1,) * 4)[0].tilt.shape == (2,)
+    assert (population.probability, population.attachments) == (None, ())
+    assert np.unique(population.weights).size == 1
+    assert len(population.observations) == 2
     assert result.complete
     assert len(robot.motions) == result.interactions == 2
     assert [leg.joint for leg in result.legs] == list(JOINTS)
@@ -52,12 +61,12 @@ class Slack(StaticsPhysics):
 
 def first(situation: Situation) -> Choice:
     """A rule of this program."""
-    (program,) = situation.random_programs(1)
+    (program,), known = situation.random_programs(1), situation.posterior
     error = (
         situation.objective.terms(
-            situation.predict(program), situation.observations[-1].as_arrays(), situation.modalities
+            known.predict(program), known.observations[-1].as_arrays(), known.modalities
         )
-        if situation.observations
+        if known.observations
         else np.zeros(1)
     )
     return Choice(program=program, reason=f"errs by {error.min():.1f}")

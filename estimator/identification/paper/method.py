@@ -12,20 +12,17 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
-from estimator.exploration.situation import Models
 from estimator.identification.listener import Listener
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
 from estimator.physics.base import ArrayMarginPhysics, ArrayPhysics, Physics
 from estimator.posterior.checks.verdict import judge_body
-from estimator.posterior.model.likelihood import Noise
-from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.fitted import FittedPosterior
+from estimator.posterior.posterior import Posterior
 from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.search.searches import SEARCHES, Search
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.store import RunStore
 
@@ -121,9 +118,15 @@ class PaperMethod:
                 f"{generation - first}/{settings.generations}, error {min(record.errors):.2f}",
             )
 
-    def models(self) -> Models:
+    def posterior(self) -> FittedPosterior:
         """The population, all of whose members count alike."""
-        return Models.equally_likely(self._search.population)
+        search, begun = self._search, self._store.latest_generation() is not None
+        return FittedPosterior.in_run(
+            self._store,
+            Posterior.equally_likely(search.population),
+            self._store.observations(),
+            best=search.population[search.best] if begun else None,
+        )
 
     def is_sure(self, number: int) -> bool:
         """Never: a population does not know how good it is."""
@@ -137,11 +140,9 @@ class PaperMethod:
         errors = np.array(latest.errors, dtype=float)
         self._check_leaders(errors, observations)
         if not self._store.search_end.is_reached:
-            population = FinalPopulation.of(self._store)
-            best, valid = population.best, np.isfinite(population.searched)
-            self._store.search_end.save_best_fit(
-                self._judged(population.genes[best], observations) if valid[best] else None
-            )
+            fitted = FittedPosterior.of(self._store)
+            assert fitted is not None
+            self._store.search_end.save_best_fit(self._judged(fitted.computed_by(self._judge)))
 
     def _check_leaders(self, errors: Array, observations: Sequence[Observation]) -> None:
         if self._open_reference is None or self._store.search_end.finish() is not None:
@@ -158,16 +159,15 @@ class PaperMethod:
             )
         self._store.search_end.save_finish(checked)
 
-    def _judged(self, best: Array, observations: Sequence[Observation]) -> BestFit:
-        store = self._store
-        verdict = judge_body(
-            best,
-            Predictor(Unknowns(store.genome), self._judge),
-            SensorData.of(observations, store.settings.modalities, store.world.clearance_cap),
-            Noise.announced(store.capabilities),
-        )
+    def _judged(self, fitted: FittedPosterior) -> BestFit | None:
+        """How the best model explains the readings; ``None`` where it cannot be believed."""
+        assert fitted.best is not None
+        assert fitted.searched is not None
+        if not np.isfinite(fitted.searched[fitted.ranked[0]]):
+            return None
+        verdict = judge_body(fitted.best, fitted.predictor, fitted.data, fitted.noise)
         return BestFit(
-            interactions=len(observations),
+            interactions=len(fitted.observations),
             unexplained=verdict.unexplained,
             noisy=verdict.noisy,
             contradicting=verdict.contradicting,

@@ -25,14 +25,13 @@ from estimator.physics.base import Physics
 from estimator.physics.equivalence import AGREEMENT, agree
 from estimator.posterior.checks.fitting import departing_starts, fitted, fitted_departures
 from estimator.posterior.checks.recheck import simulated_fits
-from estimator.posterior.information import systematic
 from estimator.posterior.model.departures import Departure, Doubt, log_priors
 from estimator.posterior.model.likelihood import LIKELY, Likelihood, Noise
 from estimator.posterior.model.sensor_data import ASTRAY, SensorData
 from estimator.posterior.model.slopes import PRIOR, Lengths
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Predictor, departing_points, sizes_of
-from estimator.posterior.posterior import Posterior
+from estimator.posterior.posterior import Posterior, systematic
 
 _CLEARLY_BETTER: Final = 2.5  # nats, the interaction that speaks most for it left out
 _BETTER_BY_FAR: Final = 10.0  # nats, all interactions; one may be an outlier without the departure

@@ -18,13 +18,12 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.physics.base import Physics
 from estimator.posterior.checks.recheck import simulated_fits
-from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.slopes import Lengths
 from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Attachments, Predictor
-from estimator.posterior.posterior import Posterior
+from estimator.posterior.posterior import Posterior, systematic
 
 _DRAWS: Final = 64
 _SIMULATED: Final = 12  # of the draws of one interaction

@@ -182,8 +182,7 @@ class Sampler:
         populations = [search.population for search in self._searches]
         values = np.concatenate([one.values for one in populations])
         scales = np.concatenate([one.scales for one in populations])
-        weights = np.full(len(values), 1 / len(values))
-        return Posterior(values=values, scales=scales, weights=weights, modes=(), credible=False)
+        return Posterior.equally_likely(values, scales)
 
     def learn(self, data: SensorData) -> Posterior:
         """What is believed after the interactions so far.

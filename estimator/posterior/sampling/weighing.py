@@ -12,11 +12,11 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.chains.population import Population
-from estimator.posterior.information import systematic
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
+from estimator.posterior.posterior import systematic
 from estimator.posterior.sampling.evidence import ModeEvidence
 
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more

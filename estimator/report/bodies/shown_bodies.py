@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from estimator.body.morphology import Morphology
 from estimator.evaluation.truth.urdf import Urdf
-from estimator.problem.genome import Genome
+from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.report.bodies.jointed_body import Link, model_links, robot_links
 from estimator.report.bodies.predictions import foretold, predict
@@ -22,7 +21,6 @@ from estimator.report.bodies.scene import (
 )
 from estimator.report.result import Result
 from estimator.report.tables.posterior import percent
-from estimator.storage.final_population import FinalPopulation
 from estimator.storage.store import RunStore
 
 SAMPLES: Final = 16
@@ -79,11 +77,12 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
     """
     if not result.best_models:
         return ShownBodies()
-    genome, seen = store.genome, store.observations()
-    beliefs = store.beliefs()
+    fitted, seen = FittedPosterior.of(store), store.observations()
+    assert fitted is not None
+    assert fitted.best is not None
+    belief = fitted.belief
     names = [rule.name for rule in store.problem.parts]
-    if beliefs and result.posterior is not None:
-        belief, _ = beliefs[-1]
+    if belief is not None and result.posterior is not None:
         rivals = result.posterior.rivals
         genes = [belief.best, *(mode.genes for mode in belief.modes[1 : 1 + len(rivals)])]
         texts = [
@@ -98,23 +97,22 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
                 for number, rival in enumerate(rivals, 1)
             ),
         ]
-        samples = _representatives(genome, belief.genes, belief.weights)
+        samples = fitted.bodies(SAMPLES)
     else:
-        population = FinalPopulation.of(store)
-        genes = [tuple(population.genes[population.best].tolist())]
+        genes = [tuple(fitted.best.tolist())]
         error = result.sensor_error
         texts = [
             ("Best model", "subjective error " + ("unknown" if error is None else f"{error:.3f}"))
         ]
         samples = []
-    bodies = [genome.decode(np.array(one)) for one in genes]
+    bodies = fitted.genome.decode_all(np.array(genes))
     predicted = predict(store, bodies)
-    if beliefs:
-        told = beliefs[-1][0].foretold
+    if belief is not None:
+        told = belief.foretold
         predicted[0][: len(told)] = [
             foretold(observation, item) for observation, item in zip(seen, told, strict=False)
         ]
-    certainties = [part.agreement or 0.0 for part in result.best_models[0].parts] if beliefs else []
+    certainties = [part.agreement or 0.0 for part in result.best_models[0].parts] if belief else []
     shown = []
     for row, (body, (title, note)) in enumerate(zip(bodies, texts, strict=True)):
         links = model_links(body, names, () if row else certainties)
@@ -173,12 +171,3 @@ def _sureness(probability: float | None) -> str:
     if probability is None:
         return "how probable it is, is not known"
     return f"attachments {percent(probability)} probable"
-
-
-def _representatives(
-    genome: Genome, genes: Sequence[Sequence[float]], weights: Sequence[float]
-) -> list[Morphology]:
-    """Samples that stand for all, as often as they weigh."""
-    at = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    rows = np.searchsorted(np.cumsum(weights), at).clip(max=len(genes) - 1)
-    return [genome.decode(np.array(genes[row])) for row in rows.tolist()]

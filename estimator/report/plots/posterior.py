@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from estimator.body.limbs import driven_limbs, leg_lengths
-from estimator.problem.genome import Genome
+from estimator.body.limbs import driven_limbs
+from estimator.posterior.fitted import FittedPosterior
 from estimator.report.plots.canvas import new_axes
 from estimator.report.plots.generations import ABOVE, label, legend_of_names
 from estimator.report.plots.leg_styles import leg_colour, leg_label, leg_markers
@@ -22,36 +22,30 @@ _APART: Final = 0.08  # of an interaction, between the legs' marks
 
 
 def plot_interval_lengths(
-    beliefs: Sequence[Belief],
-    genome: Genome,
+    history: Sequence[FittedPosterior],
     names: Sequence[str],
     targets: Sequence[float] = (),
 ) -> Figure:
     """Median and 90 % interval of each leg's length after each interaction.
 
     Args:
-        beliefs: After each interaction.
-        genome: Decodes their samples.
+        history: After each interaction.
         names: Names of the legs' joints.
         targets: True length of each leg, m, where they are known.
     """
     figure, axes = new_axes()
     label(axes, "leg length (cm), 90 % interval")
     axes.set_xlabel("interaction")
-    intervals = [
-        length_intervals(
-            leg_lengths(genome.decode_all(np.array(belief.genes))), np.array(belief.weights)
-        )
-        for belief in beliefs
-    ]
-    last = genome.decode(np.array(beliefs[-1].best))
+    intervals = [length_intervals(one.leg_lengths, one.weights) for one in history]
+    last = history[-1].best_body
+    assert last is not None
     markers = leg_markers([limb.mount for limb in driven_limbs(last)])
     for leg, name in enumerate(names):
         low, median, high = (
             100 * np.array([(one[leg].low, one[leg].median, one[leg].high) for one in intervals]).T
         )
         colour = leg_colour(leg)
-        at = np.arange(1, len(beliefs) + 1) + _APART * (leg - (len(names) - 1) / 2)
+        at = np.arange(1, len(history) + 1) + _APART * (leg - (len(names) - 1) / 2)
         axes.errorbar(
             at,
             median,
@@ -64,11 +58,11 @@ def plot_interval_lengths(
             label=leg_label(name),
         )
         if targets:
-            axes.plot(len(beliefs) + 0.7, targets[leg] * 100, "o", color=colour, markersize=6)
+            axes.plot(len(history) + 0.7, targets[leg] * 100, "o", color=colour, markersize=6)
     if targets:
         axes.plot([], [], "o", color="0.3", label="true length")
     axes.set_ylim(bottom=0)
-    axes.set_xticks(range(1, len(beliefs) + 1))
+    axes.set_xticks(range(1, len(history) + 1))
     if names:
         legend_of_names(axes, columns=min(5, len(names) + bool(targets)))
     return figure

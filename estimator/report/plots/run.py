@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from estimator.posterior.fitted import FittedPosterior
 from estimator.report.plots.canvas import new_axes
 from estimator.report.plots.generations import draw_errors, draw_lengths
 from estimator.report.plots.posterior import plot_belief, plot_interval_lengths
-from estimator.storage.final_population import with_last_word
+from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:
@@ -44,8 +45,9 @@ def run_plots(
         true_lengths: Of each leg, m, where they are known.
     """
     true = "; dots at the right: the true lengths" if true_lengths else ""
-    beliefs = [belief for belief, _ in store.beliefs()]
-    if beliefs:
+    history = FittedPosterior.history(store)
+    if history:
+        beliefs = [one.belief for one in history if one.belief is not None]
         expected = [item.bits for item in store.interactions()][: len(beliefs)]
         return (
             RunPlot(
@@ -58,7 +60,7 @@ def run_plots(
                 name=LENGTHS,
                 caption="Length of each leg after each interaction: median and 90 % interval"
                 f"{true}.",
-                figure=plot_interval_lengths(beliefs, store.genome, names, true_lengths),
+                figure=plot_interval_lengths(history, names, true_lengths),
             ),
         )
     generations = with_last_word(store)
@@ -80,3 +82,23 @@ def run_plots(
             figure=lengths,
         ),
     )
+
+
+def with_last_word(store: RunStore) -> list[Generation]:
+    """A run's generations, and after them the reference back-end's word as one more, if it had one.
+
+    The best model of the last one is the best of the run, with the error that all tables give it.
+    """
+    generations = store.generations()
+    finish, fitted = store.search_end.finish(), FittedPosterior.of(store)
+    if finish is None or not finish.models or fitted is None or fitted.best is None:
+        return generations
+    last = generations[-1]
+    word = replace(
+        last,
+        number=last.number + 1,
+        iteration=last.iteration + 1,
+        errors=finish.simulated,
+        best=tuple(fitted.best.tolist()),
+    )
+    return [*generations, word]

@@ -11,25 +11,22 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from estimator.body.morphology import Array
+from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
-from estimator.storage.beliefs import Belief
 
 
-def write(path: Path, genome: Genome, belief: Belief) -> None:
+def write(path: Path, fitted: FittedPosterior) -> None:
     """Writes the samples.
 
     Args:
         path: The file.
-        genome: Of the run's problem.
-        belief: After its last interaction.
+        fitted: After the last interaction.
     """
+    genome = fitted.genome
     names = [f"{gene.name} ({gene.unit})" if gene.unit else gene.name for gene in genome.genes]
-    genes = np.array(belief.genes)
-    columns = [_values(genome, column, genes) for column in range(len(names))]
-    samples = zip(belief.weights, *columns, belief.scales, strict=True)
+    columns = [_values(genome, column, fitted.samples) for column in range(len(names))]
+    samples = zip(fitted.weights.tolist(), *columns, fitted.scales.tolist(), strict=True)
     with path.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["weight", *names, "tilt noise factor", "clearance noise factor"])

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from pydantic import BaseModel, ConfigDict
 
-from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
+from estimator.posterior.fitted import Attachment, FittedPosterior
 from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
@@ -29,20 +29,6 @@ _SQUARE: Final = 0.05  # of the longer side; else a leg that sits elsewhere is f
 
 class _Record(BaseModel):
     model_config = ConfigDict(frozen=True)
-
-
-class Attachment(_Record):
-    """One thing that a problem leaves open about how a part is attached.
-
-    Attributes:
-        what: Its name, such as ``mount of leg 1``.
-        value: The best body's.
-        probability: Share of the posterior that has this value.
-    """
-
-    what: str
-    value: str
-    probability: float
 
 
 class Rival(_Record):
@@ -175,16 +161,16 @@ class PosteriorSummary(_Record):
 
 def posterior_summary(store: RunStore) -> PosteriorSummary | None:
     """Sums up what a run believes; ``None`` where its method has no posterior, or none yet."""
-    beliefs = store.beliefs()
-    if not beliefs:
+    history = FittedPosterior.history(store)
+    if not history:
         return None
-    belief, _ = beliefs[-1]
-    problem, genome = store.problem, store.genome
-    contradictions = problem.contradictions(store.capabilities)
-    weights = np.array(belief.weights)
-    genes = np.array(belief.genes)
-    lengths = leg_lengths(genome.decode_all(genes))
-    scales = np.exp(np.array(belief.scales))
+    fitted = history[-1]
+    belief, problem, genome = fitted.belief, fitted.problem, fitted.genome
+    assert belief is not None
+    beliefs = [one.belief for one in history if one.belief is not None]
+    contradictions = problem.contradictions(fitted.capabilities)
+    genes, weights, lengths = fitted.samples, fitted.weights, fitted.leg_lengths
+    scales = np.exp(fitted.scales)
     return PosteriorSummary(
         explained=belief.explained and not contradictions,
         verdict=verdict_on_fit(belief, contradictions),
@@ -192,12 +178,12 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
         probability=belief.probability,
         not_known=belief.not_known,
         departed=belief.departed,
-        attachments=_attachments(genome, belief, genes, weights),
+        attachments=fitted.attachments,
         lengths_m=length_intervals(lengths, weights),
         sums=sums_of_lengths(lengths, weights),
         nuisances=_nuisances(genome, genes, weights),
         rivals=_rivals(genome, belief),
-        equivalent=_equivalent(genome, belief, problem, store.settings.modalities),
+        equivalent=_equivalent(genome, belief, problem, fitted.modalities),
         untested=belief.untested,
         decides=belief.decides,
         noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
@@ -209,31 +195,13 @@ def posterior_summary(store: RunStore) -> PosteriorSummary | None:
                 probability=one.probability,
                 explained=one.explained and not contradictions,
             )
-            for interaction, (one, _) in zip(store.interactions(), beliefs, strict=False)
+            for interaction, one in zip(store.interactions(), beliefs, strict=False)
         ),
         foretold=belief.foretold,
         samples=len(genes),
         simulated=belief.simulated,
         effective=belief.effective,
     )
-
-
-def _attachments(
-    genome: Genome, belief: Belief, genes: Array, weights: Array
-) -> tuple[Attachment, ...]:
-    told, best = [], np.array([belief.best])
-    for column, gene in enumerate(genome.genes):
-        if gene.choices > 1:
-            (value,) = genome.words(column, best)
-            same = [word == value for word in genome.words(column, genes)]
-            told.append(
-                Attachment(
-                    what=gene.name,
-                    value=value,
-                    probability=min(float(weights @ np.array(same)), 1.0),
-                )
-            )
-    return tuple(told)
 
 
 def _rivals(genome: Genome, belief: Belief) -> tuple[Rival, ...]:

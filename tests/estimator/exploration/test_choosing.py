@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.resources import files
 from itertools import product
 
@@ -10,11 +9,11 @@ import pytest
 from estimator.body.morphology import Base
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
-from estimator.exploration.situation import Models
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.departures import Density, Departure, Doubt, Limp, TurnedHinge
 from estimator.posterior.model.likelihood import apart
 from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_points
+from estimator.posterior.posterior import Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE
@@ -30,7 +29,9 @@ def chooser(predictor: Predictor) -> Chooser:
 def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None:
     points = np.tile(RIGHT, (40, 1))
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
-    choice = chooser(predictor).choose(Models.equally_likely(points), 0, np.random.default_rng(1))
+    choice = chooser(predictor).choose(
+        Posterior.equally_likely(points), (), 0, np.random.default_rng(1)
+    )
     assert np.all((choice.program >= ENDS[:, 0]) & (choice.program <= ENDS[:, 1]))
     names = {column: float(bits) for column, bits in enumerate(choice.about)}
     hinge = int(predictor.unknowns.choices[-1])
@@ -41,7 +42,7 @@ def test_the_program_tells_apart_what_is_uncertain(predictor: Predictor) -> None
 
 def test_a_body_that_is_known_leaves_nothing_to_be_told(predictor: Predictor) -> None:
     choice = chooser(predictor).choose(
-        Models.equally_likely(np.tile(RIGHT, (20, 1))), 0, np.random.default_rng(1)
+        Posterior.equally_likely(np.tile(RIGHT, (20, 1))), (), 0, np.random.default_rng(1)
     )
     assert choice.bits == pytest.approx(0.0, abs=1e-6)
     assert choice.about == pytest.approx(np.zeros(7), abs=1e-6)
@@ -58,8 +59,8 @@ def test_a_known_body_is_tested_for_what_the_problem_may_have_wrong(
     predictor: Predictor, departure: Departure
 ) -> None:
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
-    models = replace(Models.equally_likely(np.tile(RIGHT, (20, 1))), doubts=(doubt,))
-    choice = chooser(predictor).choose(models, 0, np.random.default_rng(1))
+    models, doubts = Posterior.equally_likely(np.tile(RIGHT, (20, 1))), (doubt,)
+    choice = chooser(predictor).choose(models, doubts, 0, np.random.default_rng(1))
     assert choice.tests == (doubt,)
     assert choice.bits == pytest.approx(0.0, abs=1e-6)  # about the bodies that the problem allows
     stated = predictor.read_all(RIGHT[None], choice.program[None])
@@ -79,8 +80,8 @@ def test_no_lengths_that_may_be_so_make_up_for_what_is_tested(
     points[:, lengths] += rng.uniform(-0.012, 0.012, (60, lengths.size))  # of the range
     departure = TurnedHinge(text="a turned hinge", part=0, about=2, amount=np.radians(15))
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
-    models = replace(Models.equally_likely(points), doubts=(doubt,))
-    program = chooser(predictor).choose(models, 0, rng).program[None]
+    models, doubts = Posterior.equally_likely(points), (doubt,)
+    program = chooser(predictor).choose(models, doubts, 0, rng).program[None]
     stated = predictor.read_all(points, program)
     departing = predictor.departing([departure]).read_all(departing_points(points, 0), program)
     strays = np.maximum(
@@ -106,8 +107,8 @@ def test_of_many_doubts_the_most_probable_is_tested(predictor: Predictor, seed: 
         Doubt(departure=one, point=RIGHT, gains=np.zeros(1), log_prior=log_prior)
         for one, log_prior in [(heavy, 0.0), *((one, -8.0) for one in turned)]
     )
-    models = replace(Models.equally_likely(points), doubts=(*others, probable))
-    choice = chooser(predictor).choose(models, 0, np.random.default_rng(seed))
+    models, doubts = Posterior.equally_likely(points), (*others, probable)
+    choice = chooser(predictor).choose(models, doubts, 0, np.random.default_rng(seed))
     assert probable in choice.tests
 
 
@@ -118,8 +119,8 @@ def test_rivals_of_equal_lengths_are_told_apart_while_there_are_doubts(
     points[::2, 5] = 0.1  # hinge of the second leg: yaw instead of up
     departure = Limp(text="a dead servo", part=0)
     doubt = Doubt(departure=departure, point=RIGHT, gains=np.zeros(1))
-    models = replace(Models.equally_likely(points), doubts=(doubt,))
-    choice = chooser(predictor).choose(models, 0, np.random.default_rng(1))
+    models, doubts = Posterior.equally_likely(points), (doubt,)
+    choice = chooser(predictor).choose(models, doubts, 0, np.random.default_rng(1))
     assert choice.about[predictor.unknowns.choices[-1]] > 0.8
 
 
@@ -130,7 +131,7 @@ def test_where_a_trifle_decides_how_a_body_falls_nothing_is_told() -> None:
     points = 0.26 + rng.uniform(-0.03, 0.03, (40, predictor.unknowns.size))  # of the range
     ends = np.radians([[-30.0, 30.0]] * 8)
     gain = InformationGain(NOISE, CAP, MODALITIES)
-    choice = Chooser(predictor, gain, ends).choose(Models.equally_likely(points), 0, rng)
+    choice = Chooser(predictor, gain, ends).choose(Posterior.equally_likely(points), (), 0, rng)
     rows = np.arange(len(points))
     programs = np.tile(choice.program, (len(points), 1))
     margins = predictor.margins(predictor.unknowns.bodies(points), rows, programs)
@@ -151,7 +152,7 @@ def test_of_many_parts_those_are_moved_whose_thickness_hardly_matters(seed: int)
     points = np.clip(points, 0, 1)
     ends = np.radians([[-30.0, 30.0]] * 8)
     choice = Chooser(predictor, InformationGain(NOISE, CAP, MODALITIES), ends).choose(
-        Models.equally_likely(points), 9, rng
+        Posterior.equally_likely(points), (), 9, rng
     )
     bodies, rows = unknowns.bodies(points), np.arange(40)
     programs = np.tile(choice.program, (40, 1))
@@ -164,7 +165,7 @@ def test_of_many_parts_those_are_moved_whose_thickness_hardly_matters(seed: int)
 def test_the_same_generator_chooses_the_same_program(predictor: Predictor) -> None:
     points = np.random.default_rng(2).random((50, 7))
     one, two = (
-        chooser(predictor).choose(Models.equally_likely(points), 0, np.random.default_rng(3))
+        chooser(predictor).choose(Posterior.equally_likely(points), (), 0, np.random.default_rng(3))
         for _ in range(2)
     )
     assert np.array_equal(one.program, two.program)

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from estimator.exploration.disagreement import most_disputed_program
-from estimator.exploration.situation import Models, Situation
+from estimator.exploration.situation import Situation
 from estimator.identification.paper.objectives import LargestError
-from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.readings.modalities.registry import MODALITIES
-from tests.estimator.model_robot import make_capabilities, make_problem
+from tests.estimator.model_robot import make_capabilities, make_posterior, make_problem
 
 
 def situation(modalities: tuple[str, ...], *, alike: bool = False) -> Situation:
@@ -20,15 +19,10 @@ def situation(modalities: tuple[str, ...], *, alike: bool = False) -> Situation:
     genes = np.random.default_rng(1).random((30, size))
     if alike:
         genes[:] = genes[0]
+    posterior = make_posterior(problem, capabilities, genes, modalities=modalities)
     return Situation(
-        problem=problem,
-        capabilities=capabilities,
-        modalities=modalities,
-        observations=(),
-        models=Models.equally_likely(genes),
+        posterior=posterior,
         objective=LargestError(capabilities),
-        physics=StaticsPhysics(problem.settings(capabilities)),
-        clearance_cap=0.2,
         rng=np.random.default_rng(3),
     )
 

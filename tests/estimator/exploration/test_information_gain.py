@@ -12,6 +12,7 @@ from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
 from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.noise_family import drawn
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp
 from estimator.readings.observation import Observation
@@ -104,8 +105,8 @@ def drawn_from(
         if chance > noise.outlier * noise.nearby:
             return None
         wide = np.hypot(wide, [DENSITIES["tilt"].beside, DENSITIES["clearance"].beside])
-    tilt = readings.tilt[source] + wide[0] * rng.normal(size=2)
-    height = readings.clearance[source] + wide[1] * rng.normal()
+    tilt = readings.tilt[source] + wide[0] * drawn(2, rng)
+    height = readings.clearance[source] + wide[1] * drawn(1, rng)[0]
     beyond = bool(readings.saturated[source] or height >= CAP)
     wrong = np.where(readings.touch_doubtful[source], 0.5, noise.touch)
     touch = readings.touch[source] != (rng.random(2) < wrong)

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.body.limbs import leg_lengths
+from estimator import best_programs, load
+from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.errors import EstimatorError
 from estimator.identification import doubting, posterior_method
 from estimator.identification.listener import Listener
@@ -116,6 +117,31 @@ def test_everything_is_on_disk(uninterrupted: tuple[Result, Path]) -> None:
     assert result.posterior is not None
     rows = (directory / "posterior.csv").read_text().splitlines()
     assert len(rows) == 1 + result.posterior.samples
+
+
+def test_a_program_gets_what_the_run_knows(uninterrupted: tuple[Result, Path]) -> None:
+    result, directory = uninterrupted
+    known = load(directory)
+    assert result.posterior is not None
+    assert known.probability == result.posterior.probability
+    assert known.attachments == result.posterior.attachments
+    assert len(known) == result.posterior.samples
+    assert known.best_body is not None
+    lengths = [limb.length for limb in driven_limbs(known.best_body)]
+    assert tuple(lengths) == result.best_models[0].leg_lengths_m
+    assert (known.capabilities.robot, known.problem.name) == ("model", result.problem)
+    told = sum(
+        known.weights @ known.log_likelihood(item.angles, item) for item in known.observations
+    )
+    assert told / 2 > 5.0  # nats: where it is known, and by noise that is small
+    low, high = known.program_range.T
+    programs, heights = best_programs(
+        lambda some: known.predict(some).clearance @ known.weights,
+        known.program_range,
+        np.random.default_rng(1),
+        candidates=np.random.default_rng(2).uniform(low, high, (30, 4)),
+    )
+    assert known.predict(programs[0]).clearance @ known.weights == pytest.approx(heights[0])
 
 
 @pytest.mark.parametrize("after", [1, 2])

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.posterior.information import SAMPLES, information_gained, systematic
+from estimator.posterior.information import SAMPLES, information_gained
 from estimator.posterior.model.unknowns import Predictor
-from estimator.posterior.posterior import Posterior
+from estimator.posterior.posterior import Posterior, systematic
 from tests.estimator.two_unknown_rows import NOISE, draw, programs
 
 LEFT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])

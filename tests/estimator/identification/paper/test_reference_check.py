@@ -19,10 +19,11 @@ from estimator.identification.paper.reference_check import (
     pairs_turned,
 )
 from estimator.physics.base import BackEnd, Pair, Readings
+from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
+from estimator.report.plots.run import with_last_word
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.storage.final_population import FinalPopulation, with_last_word
 from estimator.storage.records import Finish
 from tests.estimator.evaluation.test_score import make_run
 from tests.estimator.model_robot import make_capabilities, make_problem
@@ -68,11 +69,13 @@ def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
 ) -> None:
     store = make_run(tmp_path, (0.17, 0.15, 0.18, 0.16))  # and another, of 0.05 each
     with store:
-        before = FinalPopulation.of(store)
-        assert before.order.tolist() == [1, 0]
+        before = FittedPosterior.of(store)
+        assert before is not None
+        assert before.searched is not None
+        assert before.ranked.tolist() == [1, 0]
         found = finish(
             genome,
-            before.genes,
+            before.samples,
             before.searched,
             observations=store.observations(),
             modalities=("touch", "tilt"),
@@ -84,7 +87,9 @@ def test_what_cannot_be_believed_comes_last_of_the_leaders_and_is_counted(
         assert (found.simulations, found.invalid, found.steps) == (2, 1, 600)
         store.search_end.save_finish(found)
         assert store.search_end.finish() == found
-        assert FinalPopulation.of(store).order.tolist() == [0, 1]
+        after = FittedPosterior.of(store)
+        assert after is not None
+        assert after.ranked.tolist() == [0, 1]
         result = write_report(store)
     assert [model.sensor_error is None for model in result.best_models] == [False, True]
     assert (result.simulations_invalid, result.simulations_run) == (1, 2)

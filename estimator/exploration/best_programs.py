@@ -1,0 +1,101 @@
+"""The best motor programs by a score: many at random, and the best of them varied."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from estimator.body.morphology import Array
+from estimator.errors import EstimatorError
+
+Score: TypeAlias = Callable[[Array], ArrayLike]
+"""How good p motor programs are, rad, shape (p, joints): p numbers, the higher the better."""
+
+CANDIDATES: Final = 1000
+"""Programs that are drawn at first."""
+
+_LIKELY: Final = 100  # of the best candidates, which are looked at more closely
+_REFINED: Final = 8  # of the best of these, each by
+_VARIANTS: Final = 8
+_SPREADS: Final = (math.radians(6.0), math.radians(3.0))
+_FINALISTS: Final = 20
+
+
+def best_programs(
+    score: Score,
+    program_range: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    candidates: ArrayLike | None = None,
+    rough: Score | None = None,
+    sure: Score | None = None,
+) -> tuple[Array, Array]:
+    """Motor programs that score well.
+
+    The best of many random ones are varied twice, the second time less. A joint whose target is 0
+    stays there. One in ten candidates is scored by ``score``, those that ``rough`` finds best; and
+    only finalists by ``sure``.
+
+    Args:
+        score: To be maximised.
+        program_range: Lowest and highest target of each joint, rad, shape (joints, 2):
+            ``FittedPosterior.program_range``.
+        rng: Draws the programs.
+        candidates: What to begin with, rad, shape (p, joints); by default 1,000 from that range.
+        rough: A cheaper score, for the candidates; by default ``score``.
+        sure: A dearer one, which ranks the finalists; by default ``score`` has ranked them already.
+
+    Returns:
+        The finalists, rad, best first, shape (20, joints), or fewer where there are fewer
+        candidates; and what they score, shape (20,).
+
+    Raises:
+        EstimatorError: The range or the candidates have a wrong shape, or a score is not one number
+            for each program; NaN is none.
+    """
+    ends = np.asarray(program_range, dtype=float)
+    if ends.ndim != 2 or ends.shape[1] != 2:
+        raise EstimatorError(f"a range of programs has the shape (joints, 2), not {ends.shape}")
+    low, high = ends.T
+    if candidates is None:
+        candidates = rng.uniform(low, high, (CANDIDATES, len(low)))
+    programs = np.asarray(candidates, dtype=float)
+    if programs.ndim != 2 or programs.shape[1:] != low.shape or not len(programs):
+        raise EstimatorError(
+            f"candidates have the shape ({CANDIDATES}, {len(low)}), or another number of programs, "
+            f"not {programs.shape}"
+        )
+    programs = _best(programs, _scored(rough or score, programs), _LIKELY)
+    scores = _scored(score, programs)
+    for spread in _SPREADS:
+        best = np.repeat(_best(programs, scores, _REFINED), _VARIANTS, axis=0)
+        near = np.clip(best + rng.normal(0, spread, best.shape), low, high)
+        near = np.where(best == 0, 0.0, near)
+        programs = np.concatenate([programs, near])
+        scores = np.concatenate([scores, _scored(score, near)])
+    order = np.argsort(-scores, kind="stable")[:_FINALISTS]
+    programs, scores = programs[order], scores[order]
+    if sure is not None:
+        scores = _scored(sure, programs)
+        order = np.argsort(-scores, kind="stable")
+    else:
+        order = np.arange(len(programs))
+    return programs[order], scores[order]
+
+
+def _best(programs: Array, scores: Array, count: int) -> Array:
+    return programs[np.argsort(-scores, kind="stable")[:count]]
+
+
+def _scored(score: Score, programs: Array) -> Array:
+    scores = np.asarray(score(programs), dtype=float)
+    if scores.shape != (len(programs),) or np.isnan(scores).any():
+        raise EstimatorError(
+            f"a score of {len(programs)} programs must be as many numbers, none of them NaN, in an "
+            f"array of the shape ({len(programs)},): it has the shape {scores.shape}"
+        )
+    return scores

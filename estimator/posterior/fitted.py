@@ -1,0 +1,411 @@
+"""What a run knows of the robot's body, for whoever builds on it: ``FittedPosterior``.
+
+Exploration rules are given it, and everything that tells or checks a run reads it here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from typing import Any, Final, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydantic import BaseModel, ConfigDict
+
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Array, Morphology
+from estimator.errors import EstimatorError
+from estimator.physics.backends import maker
+from estimator.physics.base import ArrayMarginPhysics, Readings, WorldSettings
+from estimator.posterior.model.departures import Doubt
+from estimator.posterior.model.likelihood import Likelihood, Noise
+from estimator.posterior.model.sensor_data import SensorData
+from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.posterior import Mode, Posterior, systematic
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.storage.beliefs import Belief
+from estimator.storage.database import reading
+from estimator.storage.store import RunStore
+from protocol.wire.capabilities import Capabilities
+
+_AT_ONCE: Final = 4096  # readings, whose bodies fit into a processor's cache
+
+
+class Attachment(BaseModel):
+    """One thing that a problem leaves open about how a part is attached.
+
+    Attributes:
+        what: Its name, such as ``mount of leg 1``.
+        value: The best body's.
+        probability: Share of the posterior that has this value.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    what: str
+    value: str
+    probability: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FittedPosterior:
+    """Weighted bodies that stand for all that may be the robot's, after some interactions.
+
+    A body is a genome: a point of the unit cube, which ``genome`` decodes. A run of the method
+    ``paper`` has its population in the place of samples: its members count alike, and nothing is
+    known of how probable they are.
+
+    Attributes:
+        problem: What was known about the robot beforehand.
+        capabilities: What the robot says of itself.
+        modalities: Sensors that count.
+        observations: What the robot felt, in the interactions that were learnt from.
+        posterior: The samples, and the sets of attachments that they choose among.
+        open_predictor: Makes what computes readings, when it is first needed.
+        best: The best body's genome, shape (genes,); ``None`` before the first interaction. Of a
+            posterior it has the most probable attachments and the medians of their lengths.
+        belief: All that is stated of the posterior; ``None`` of a population, and before the first
+            interaction.
+        errors: Of a population, subjective errors, shape (n,): by the reference back-end where it
+            was asked.
+        searched: The same as the search saw them.
+        ranking: Of a population, its indices, best first, shape (n,). Models that the reference
+            back-end simulated come before the others, in its order.
+        doubts: Bodies that depart from the problem and explain the readings as well, while a run
+            goes on.
+    """
+
+    problem: Problem
+    capabilities: Capabilities
+    modalities: tuple[str, ...]
+    observations: tuple[Observation, ...]
+    posterior: Posterior
+    open_predictor: Callable[[], Predictor]
+    best: Array | None = None
+    belief: Belief | None = None
+    errors: Array | None = None
+    searched: Array | None = None
+    ranking: NDArray[np.intp] | None = None
+    doubts: tuple[Doubt, ...] = ()
+
+    # --- as a run has it --------------------------------------------------------------------------
+
+    @classmethod
+    def of(cls, store: RunStore) -> FittedPosterior | None:
+        """Reads it from a run; ``None`` before anything was learnt."""
+        if store.settings.method == "paper":
+            return cls._of_population(store)
+        history = cls.history(store)
+        return history[-1] if history else None
+
+    @classmethod
+    def history(cls, store: RunStore) -> list[FittedPosterior]:
+        """As it was after each interaction; empty of a population."""
+        observations = store.observations()
+        return [
+            cls.of_belief(store, belief, observations[:count])
+            for count, (belief, _) in enumerate(store.beliefs(), 1)
+        ]
+
+    @classmethod
+    def of_belief(
+        cls, store: RunStore, belief: Belief, observations: Sequence[Observation]
+    ) -> FittedPosterior:
+        """As a belief of a run has it."""
+        with reading(store.directory):
+            best = np.array(belief.best, dtype=float)
+            posterior = recalled(belief, Unknowns(store.genome))
+        return cls.in_run(store, posterior, observations, best=best, belief=belief)
+
+    @classmethod
+    def _of_population(cls, store: RunStore) -> FittedPosterior | None:
+        checkpoint, latest = store.checkpoint(), store.latest_generation()
+        if checkpoint is None or latest is None:
+            return None
+        finish = store.search_end.finish()
+        with reading(store.directory):
+            genes = np.array(checkpoint.state["population"], dtype=float)
+            searched = np.array(latest.errors, dtype=float)
+            if genes.shape[:1] != searched.shape:
+                raise ValueError(f"{len(genes)} models have {len(searched)} errors")
+            store.check_genes(genes)
+            errors, later = searched.copy(), np.ones(len(searched), dtype=bool)
+            if finish is not None:
+                errors[list(finish.models)] = finish.simulated
+                later[list(finish.models)] = False
+        ranking = np.lexsort((errors, later))
+        return cls.in_run(
+            store,
+            Posterior.equally_likely(genes),
+            store.observations()[: latest.iteration + 1],
+            best=genes[ranking[0]],
+            errors=errors,
+            searched=searched,
+            ranking=ranking,
+        )
+
+    @classmethod
+    def in_run(
+        cls,
+        store: RunStore,
+        posterior: Posterior,
+        observations: Sequence[Observation],
+        *,
+        open_predictor: Callable[[], Predictor] | None = None,
+        **more: Any,
+    ) -> FittedPosterior:
+        """Samples of a run.
+
+        Args:
+            store: The run.
+            posterior: The samples.
+            observations: That they were learnt from.
+            open_predictor: By default it computes with the run's physics or, of a population, with
+                statics.
+            more: Further attributes.
+        """
+        settings = store.settings
+        physics = settings.physics if settings.method == "posterior" else "statics"
+        return cls(
+            problem=store.problem,
+            capabilities=store.capabilities,
+            modalities=settings.modalities,
+            observations=tuple(observations),
+            posterior=posterior,
+            open_predictor=open_predictor or partial(_opened, store.genome, physics, store.world),
+            **more,
+        )
+
+    def computed_by(self, physics: ArrayMarginPhysics) -> FittedPosterior:
+        """The same, with readings computed by a back-end that is open already."""
+        return replace(self, open_predictor=lambda: Predictor(self.unknowns, physics))
+
+    # --- the bodies -------------------------------------------------------------------------------
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+    @property
+    def samples(self) -> Array:
+        """Genomes, shape (n, genes), each number in [0, 1]."""
+        return self.posterior.values
+
+    @property
+    def weights(self) -> Array:
+        """Of the samples, adding up to 1, shape (n,)."""
+        return self.posterior.weights
+
+    @property
+    def scales(self) -> Array:
+        """Logarithms of the samples' factors on the noise of tilt and clearance, shape (n, 2)."""
+        return self.posterior.scales
+
+    @cached_property
+    def genome(self) -> Genome:
+        """The code between genomes and bodies."""
+        return Genome(self.problem, self.problem.base(self.capabilities))
+
+    @property
+    def best_body(self) -> Morphology | None:
+        """The best body; ``None`` before the first interaction."""
+        return None if self.best is None else self.genome.decode(self.best)
+
+    def bodies(self, count: int) -> list[Morphology]:
+        """So many bodies that stand for all, each as often as its weight says to within one."""
+        return self.genome.decode_all(self.samples[systematic(self.weights, count, 0.5)])
+
+    def sample(self, count: int, rng: np.random.Generator) -> FittedPosterior:
+        """The same with at most ``count`` equally likely samples, drawn by their weights."""
+        return replace(self, posterior=self.posterior.sample(count, rng))
+
+    @cached_property
+    def models(self) -> Array:
+        """Genomes of all models, shape (m, genes): a population, or the best body and the samples.
+
+        Numbers in ``ranked`` are indices of these.
+        """
+        if self.belief is None or self.best is None:
+            return self.samples
+        return np.vstack([self.best, self.samples])
+
+    @cached_property
+    def ranked(self) -> NDArray[np.intp]:
+        """Indices of the models: the best, then the others by error or weight; shape (m,)."""
+        if self.ranking is not None:
+            return self.ranking
+        first = [np.inf] if len(self.models) > len(self) else []
+        return np.argsort(-np.concatenate([first, self.weights]), kind="stable")
+
+    @cached_property
+    def leg_lengths(self) -> Array:
+        """Length of each leg of each sample, m, shape (n, legs), in motor order."""
+        return leg_lengths(self.genome.decode_all(self.samples))
+
+    # --- what is stated ---------------------------------------------------------------------------
+
+    @property
+    def probability(self) -> float | None:
+        """That all attachments are those of the best body; ``None``: it is not known."""
+        return None if self.belief is None else self.belief.probability
+
+    @property
+    def attachments(self) -> tuple[Attachment, ...]:
+        """What was chosen among several, by the best body, each with its probability.
+
+        Empty of a population, and before the first interaction.
+        """
+        if self.belief is None or self.best is None:
+            return ()
+        told, genome = [], self.genome
+        for column, gene in enumerate(genome.genes):
+            if gene.choices > 1:
+                (value,) = genome.words(column, self.best[None])
+                same = [word == value for word in genome.words(column, self.samples)]
+                share = min(float(self.weights @ np.array(same)), 1.0)
+                told.append(Attachment(what=gene.name, value=value, probability=share))
+        return tuple(told)
+
+    # --- the model --------------------------------------------------------------------------------
+
+    @cached_property
+    def unknowns(self) -> Unknowns:
+        """What the posterior is over."""
+        return Unknowns(self.genome)
+
+    @cached_property
+    def predictor(self) -> Predictor:
+        """Computes readings."""
+        return self.open_predictor()
+
+    @cached_property
+    def noise(self) -> Noise:
+        """How far readings stray."""
+        return Noise.announced(self.capabilities)
+
+    @cached_property
+    def clearance_cap(self) -> float:
+        """Range of the distance sensor, m."""
+        return self.problem.settings(self.capabilities).clearance_cap
+
+    @cached_property
+    def program_range(self) -> Array:
+        """Lowest and highest target of each joint, rad, shape (joints, 2); 0 where not driven."""
+        return self.problem.program_range(self.capabilities)
+
+    @cached_property
+    def data(self) -> SensorData:
+        """The observations as the likelihood takes them."""
+        return SensorData.of(self.observations, self.modalities, self.clearance_cap)
+
+    def predict(self, programs: ArrayLike) -> Readings:
+        """What the samples would feel at rest, without noise; each falls as it does undisturbed.
+
+        Args:
+            programs: Angle of each joint, rad: shape (joints,), or (p, joints).
+
+        Returns:
+            Readings of all samples, whose arrays begin with (n,), or with (p, n): ``predict(p)[k]``
+            is ``predict(p[k])``.
+
+        Raises:
+            EstimatorError: The programs have a wrong shape, or are not finite.
+        """
+        angles = self._checked(programs)
+        several = np.atleast_2d(angles)
+        bodies, count = self.unknowns.bodies(self.samples), len(self)
+        at_once, pieces = max(1, _AT_ONCE // max(1, count)), []
+        for start in range(0, len(several), at_once):
+            some = several[start : start + at_once]
+            rows, turns = np.tile(np.arange(count), len(some)), np.repeat(some, count, axis=0)
+            pieces.append(self.predictor.read(bodies, rows, turns))
+        readings = Readings.concatenate(pieces)
+        return readings if angles.ndim == 1 else readings.reshaped(len(several), count)
+
+    def margins(self, programs: ArrayLike) -> Array:
+        """By how much gravity may be inclined on the way without a sample's falling elsewhere, rad.
+
+        Args:
+            programs: As for ``predict``; errors are those, too.
+
+        Returns:
+            Shape (n,), or (p, n).
+        """
+        angles = self._checked(programs)
+        several, count = np.atleast_2d(angles), len(self)
+        rows = np.tile(np.arange(count), len(several))
+        margins = self.predictor.margins(
+            self.unknowns.bodies(self.samples), rows, np.repeat(several, count, axis=0)
+        )
+        return margins.reshape(*angles.shape[:-1], count)
+
+    def log_likelihood(self, program: ArrayLike, observation: Observation) -> Array:
+        """Logarithm of the density of what was felt, under each sample and its noise factors.
+
+        The likelihood by which bodies are judged: with outliers, and falls to either side of a
+        fork. Sensors that do not count are left out.
+
+        Args:
+            program: Angles that the joints took, rad, shape (joints,): an observation has its own.
+            observation: What was felt.
+
+        Returns:
+            Shape (n,).
+
+        Raises:
+            EstimatorError: The program has a wrong shape or is not finite, or another robot felt
+                this.
+        """
+        angles = self._checked(program)
+        if angles.ndim != 1:
+            raise EstimatorError(f"one observation has one program, not {len(angles)}")
+        sensor = self.capabilities.sensor("touch")
+        touch = sensor.count if sensor else 0
+        if "touch" in self.modalities and len(observation.touch) != touch:
+            raise EstimatorError(
+                f"robot {self.capabilities.robot!r} has {touch} touch sensors, and the observation "
+                f"has {len(observation.touch)} values: give None for one that was not read"
+            )
+        felt = SensorData.of([observation], self.modalities, self.clearance_cap)
+        likelihood = Likelihood(replace(felt, programs=angles[None]), self.noise)
+        misfits = likelihood.misfits_of(self.predictor, self.samples)
+        return likelihood.of(misfits, scales=self.scales)[:, 0]
+
+    def _checked(self, programs: ArrayLike) -> Array:
+        """Programs as an array of one or two dimensions."""
+        try:
+            angles = np.asarray(programs, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise EstimatorError(f"motor programs are angles, rad: {error}") from error
+        joints = len(self.capabilities.joints)
+        if angles.ndim not in {1, 2} or angles.shape[-1] != joints:
+            raise EstimatorError(
+                f"motor programs have the shape {angles.shape}: give one angle, rad, for each of "
+                f"the robot's {joints} joints, ({joints},) or (programs, {joints})"
+            )
+        if not np.isfinite(angles).all():
+            raise EstimatorError("a motor program holds an angle that is not finite: give rad")
+        return angles
+
+
+def recalled(belief: Belief, unknowns: Unknowns) -> Posterior:
+    """The posterior of which a belief was kept."""
+    points = np.array([mode.genes for mode in belief.modes]).reshape(-1, unknowns.size)
+    return Posterior(
+        values=np.array(belief.genes),
+        scales=np.array(belief.scales),
+        weights=np.array(belief.weights),
+        modes=tuple(
+            Mode(key, mode.probability, point, mode.effective, mode.met)
+            for key, mode, point in zip(unknowns.keys(points), belief.modes, points, strict=True)
+        ),
+        credible=belief.within_problem is not None,
+    )
+
+
+def _opened(genome: Genome, physics: str, world: WorldSettings) -> Predictor:
+    made = cast(ArrayMarginPhysics, maker(physics, world)())
+    return Predictor(Unknowns(genome), made)
