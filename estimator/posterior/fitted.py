@@ -371,8 +371,7 @@ class FittedPosterior:
             )
         felt = SensorData.of([observation], self.modalities, self.clearance_cap)
         likelihood = Likelihood(replace(felt, programs=angles[None]), self.noise)
-        misfits = likelihood.misfits_of(self.predictor, self.samples)
-        return likelihood.of(misfits, scales=self.scales)[:, 0]
+        return likelihood.normalised(self.predictor, self.samples, self.scales)[:, 0]
 
     def _checked(self, programs: ArrayLike) -> Array:
         """Programs as an array of one or two dimensions."""

@@ -38,8 +38,9 @@ def information_gained(
     likelihood = Likelihood(last, noise)
 
     def fits(posterior: Posterior, rows: Columns) -> Array:
-        misfits = likelihood.misfits_of(predictor, posterior.values[rows])
-        return likelihood.of(misfits, scales=posterior.scales[rows])[:, 0]
+        return likelihood.normalised(predictor, posterior.values[rows], posterior.scales[rows])[
+            :, 0
+        ]
 
     others = fits(before, systematic(before.weights, SAMPLES - 1, 0.5))
     own = fits(after, np.arange(len(after.values)))

@@ -237,6 +237,42 @@ class Likelihood:
         numbers = self.misfits_of(predictor, values)[..., ASTRAY].ravel().astype(np.intp)
         return predictor.read_all(values, self._data.programs, LEANS[numbers])
 
+    def normalised(self, predictor: Predictor, values: Array, scales: Array | None = None) -> Array:
+        """Log-likelihood of n points in every interaction, shape (n, k).
+
+        Unlike ``of`` it adds up to 1 over all readings also where a body may fall to several sides:
+        they share what is no outlier. A search, which looks for sides only where it has to, need
+        not know; what is stated must.
+
+        Args:
+            predictor: Computes readings.
+            values: Shape (n, size).
+            scales: As for ``of``.
+        """
+        inlier, outlier = self.terms(self.misfits_of(predictor, values), scales=scales)
+        shared = np.log(self._sides(predictor, values))
+        log_likelihood: Array = np.logaddexp(inlier - shared, outlier)
+        return log_likelihood
+
+    def _sides(self, predictor: Predictor, values: Array) -> Array:
+        """How likely all sides are to which a body may fall, together; shape (n, k), at least 1."""
+        ways, likely = len(LEANS), np.exp(_LOG_LIKELY)
+        rows = np.repeat(np.arange(len(values)), len(self._data) * ways)
+        programs = np.tile(np.repeat(self._data.programs, ways, axis=0), (len(values), 1))
+        leans = np.tile(LEANS, (len(values) * len(self._data), 1))
+        readings = predictor.read(predictor.unknowns.bodies(values), rows, programs, leans)
+        sides = [readings[::ways]]
+        counted = [np.ones(len(sides[0]), dtype=bool)]
+        for way in range(1, ways):
+            other = readings[way::ways]
+            fresh = other.valid & ~other.undecided
+            for side, counts in zip(sides, counted, strict=True):
+                fresh &= apart(side, other, self._noise) | ~counts
+            sides.append(other)
+            counted.append(fresh)
+        total: Array = likely @ np.array(counted)
+        return total.reshape(len(values), len(self._data))
+
     def _unexplained(self, misfits: Array, turns: Columns) -> Columns:
         inlier, outlier = self.terms(misfits[:, None], turns=turns[:, None])
         return np.flatnonzero(inlier[:, 0] < outlier[:, 0])

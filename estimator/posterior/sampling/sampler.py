@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -23,7 +23,7 @@ from estimator.posterior.posterior import Mode, Posterior, met_by_each
 from estimator.posterior.sampling.agreement import CONSIDERED, Agreement
 from estimator.posterior.sampling.evidence import EvidenceEstimator, ModeEvidence
 from estimator.posterior.sampling.wandering import wandered
-from estimator.posterior.sampling.weighing import sampled, weighed
+from estimator.posterior.sampling.weighing import renormalised, sampled, weighed
 
 ALGORITHM: Final = "evolutionary Monte Carlo"
 
@@ -302,13 +302,12 @@ class Sampler:
                 strict=True,
             )
         ]
-        return Posterior(
-            values=values,
-            scales=scales,
-            weights=np.full(len(values), 1 / len(values)),
-            modes=tuple(sorted(named, key=lambda mode: -mode.probability)),
+        posterior = replace(
+            Posterior.equally_likely(values, scales),
+            modes=tuple(named),
             credible=agreement.credible,
         )
+        return renormalised(posterior, predictor, Likelihood(data, self._noise))
 
     def _estimator(self, data: SensorData) -> EvidenceEstimator:
         lengths = self.predictor.unknowns.continuous.size

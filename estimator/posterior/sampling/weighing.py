@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
@@ -12,11 +13,11 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.posterior.chains.population import Population
-from estimator.posterior.model.likelihood import Noise
+from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
-from estimator.posterior.model.special import softmax
+from estimator.posterior.model.special import logsumexp, softmax
 from estimator.posterior.model.unknowns import Columns, Cost, Predictor
-from estimator.posterior.posterior import systematic
+from estimator.posterior.posterior import Posterior, systematic
 from estimator.posterior.sampling.evidence import ModeEvidence
 
 _MOST: Final = 120  # modes whose evidence is estimated, drawn if there are more
@@ -207,3 +208,41 @@ def drawn(guesses: Array, rng: np.random.Generator) -> tuple[Columns, Array]:
     ends = np.floor(np.cumsum(chances) + rng.random())
     taken = np.flatnonzero(np.diff(ends, prepend=0.0) > 0)
     return order[taken], np.log(chances[taken])
+
+
+def renormalised(posterior: Posterior, predictor: Predictor, likelihood: Likelihood) -> Posterior:
+    """The posterior under densities that add up to 1, also where bodies may fall to several sides.
+
+    Args:
+        posterior: Equally likely samples, and modes, under a likelihood that adds up to more there.
+        predictor: Computes readings.
+        likelihood: That one.
+
+    Returns:
+        Equally likely samples, and modes, the most probable first.
+    """
+
+    def ratios(values: Array, scales: Array) -> Array:
+        as_found = likelihood.of(likelihood.misfits_of(predictor, values), scales=scales)
+        ratios: Array = (likelihood.normalised(predictor, values, scales) - as_found).sum(axis=1)
+        return ratios
+
+    modes, keys = posterior.modes, predictor.unknowns.keys(posterior.values)
+    of_samples = ratios(posterior.values, posterior.scales)
+    factors = ratios(np.array([mode.point for mode in modes]), np.zeros((len(modes), 2)))
+    for number, mode in enumerate(modes):
+        own = of_samples[[key == mode.attachments for key in keys]]
+        if own.size:
+            factors[number] = logsumexp(own) - math.log(own.size)
+    shares = np.array([mode.probability for mode in modes]) * np.exp(factors - factors.max())
+    rows = systematic(softmax(of_samples), len(keys), 0.5)
+    changed = (
+        replace(mode, probability=share)
+        for mode, share in zip(modes, (shares / shares.sum()).tolist(), strict=True)
+    )
+    return replace(
+        posterior,
+        values=posterior.values[rows],
+        scales=posterior.scales[rows],
+        modes=tuple(sorted(changed, key=lambda mode: -mode.probability)),
+    )

@@ -49,8 +49,7 @@ def test_what_one_sample_feels_is_most_likely_under_it(posterior: FittedPosterio
     assert logs[3] == logs.max()
     data = SensorData.of([felt], posterior.modalities, posterior.clearance_cap)
     likelihood = Likelihood(data, posterior.noise)
-    misfits = likelihood.misfits_of(posterior.predictor, SAMPLES)
-    assert np.array_equal(logs, likelihood.of(misfits)[:, 0])
+    assert np.array_equal(logs, likelihood.normalised(posterior.predictor, SAMPLES)[:, 0])
     elsewhere = posterior.log_likelihood(PROGRAMS[1], felt)
     assert elsewhere[3] < logs[3]
 

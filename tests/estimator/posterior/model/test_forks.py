@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 from estimator.body.arrays import Bodies
-from estimator.body.morphology import BASE, Morphology, Part
+from estimator.body.morphology import BASE, Array, Morphology, Part
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import LEANS, Likelihood, apart
 from estimator.posterior.model.sensor_data import ASTRAY, SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
+from estimator.posterior.posterior import Mode, Posterior
+from estimator.posterior.sampling.weighing import renormalised
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
@@ -64,16 +66,21 @@ def test_inclined_gravity_comes_to_all_sides_of_narrow_paths(
     assert np.mean(reached) > 0.95
 
 
-def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
+def equal_legs() -> tuple[Predictor, Array]:
+    """Predicts for a problem, of which one point is the body with equal legs."""
     problem = Problem.parse(TWO_UNKNOWN_ROWS.replace("length = 0.2\n", "length = 0.22\n"), "rows")
     genome = Genome(problem, BODY)
-    predictor = Predictor(Unknowns(genome), StaticsPhysics())
     point = np.full((1, genome.size), 0.1)
     named = {gene.name: column for column, gene in enumerate(genome.genes)}
     for leg in (1, 2):
         point[0, named[f"mount of leg {leg}"]] = (leg - 1 + 0.5) / 4
         point[0, named[f"hinge of leg {leg}"]] = 2.5 / 6
         point[0, named[f"length of leg {leg}"]] = (0.22 - 0.02) / 0.38
+    return Predictor(Unknowns(genome), StaticsPhysics()), point
+
+
+def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
+    predictor, point = equal_legs()
     sides = predictor.read_all(np.repeat(point, len(LEANS), axis=0), FORK[None], LEANS)
     plumb = sides[np.zeros(len(LEANS), dtype=np.intp)]
     other = int(np.flatnonzero(apart(plumb, sides, NOISE))[0])
@@ -93,3 +100,52 @@ def test_a_body_at_a_fork_explains_both_sides_the_other_half_as_well() -> None:
         alone = likelihood.of(surely)[0, 0]
         assert (fits[-1] > alone + 5) == (row == other)
     assert fits[1] - fits[0] == pytest.approx(math.log(0.5), abs=1e-3)
+
+
+@pytest.mark.parametrize("program", [FORK, np.radians([30.0, -30.0, 7.0, 14.0])])
+def test_the_density_of_all_readings_adds_up_to_one_also_where_there_are_two_sides(
+    program: Array,
+) -> None:
+    predictor, point = equal_legs()
+    noise, step = replace(NOISE, tilt=0.03), 0.02
+    grid = np.arange(-0.7, 0.7, step)
+    seen = [
+        Observation(angles=tuple(program.tolist()), touch=(None,) * 4, tilt=(x, y))
+        for x in grid.tolist()
+        for y in grid.tolist()
+    ]
+    likelihood = Likelihood(SensorData.of(seen, ("tilt",), CAP), noise)
+    densities = np.exp(likelihood.normalised(predictor, point))
+    anywhere = noise.outlier * (1 - noise.nearby)
+    total = anywhere + np.sum(densities - anywhere / math.pi**2) * step**2
+    assert total == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_body_is_no_more_probable_for_falling_to_several_sides() -> None:
+    predictor, point = equal_legs()
+    points = np.repeat(point, 32, axis=0)
+    names = [gene.name for gene in predictor.unknowns.genes]
+    hinge = names.index("hinge of leg 2")
+    points[16:, hinge] = 0.5 / 6  # the second leg swings level, and the body falls to one side
+    sides = predictor.read_all(points[[0, -1]], FORK[None])
+    keys = predictor.unknowns.keys(points[[0, -1]])
+    modes = [
+        Mode(key, 0.5, one, 100.0, (True, True))
+        for key, one in zip(keys, points[[0, -1]], strict=True)
+    ]
+    before = replace(Posterior.equally_likely(points), modes=tuple(modes))
+    for row, (own, other) in enumerate(((1 / 1.5, 1.0), (1.0, 1.0))):
+        felt = Observation(
+            angles=tuple(FORK.tolist()),
+            touch=tuple(map(bool, sides.touch[row])),
+            tilt=(float(sides.tilt[row, 0]), float(sides.tilt[row, 1])),
+            clearance=float(sides.clearance[row]),
+        )
+        likelihood = Likelihood(SensorData.of([felt], MODALITIES, CAP), NOISE)
+        after = renormalised(before, predictor, likelihood)
+        shares = {mode.attachments: mode.probability for mode in after.modes}
+        torn, sure = shares[keys[0]], shares[keys[1]]
+        assert torn / sure == pytest.approx(own / other, rel=0.01)
+        stay = sum(key == keys[0] for key in predictor.unknowns.keys(after.values))
+        assert stay == round(32 * torn)
+        assert np.all(after.weights == 1 / 32)

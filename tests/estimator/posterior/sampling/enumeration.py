@@ -68,12 +68,14 @@ def _log_evidences(
     values[..., unknowns.choices] = ((keys + 0.5) / np.array(counts))[:, None]
     values[..., unknowns.continuous] = lengths
     misfits = likelihood.misfits_of(predictor, values.reshape(-1, unknowns.size))
+    shared = np.log(likelihood._sides(predictor, values.reshape(-1, unknowns.size)))
     width = np.ones(len(misfits))
     logs = np.full((len(keys), len(lengths)), -np.inf)
     for one, share in zip(NODES, WEIGHTS, strict=True):
         for two, part in zip(NODES, WEIGHTS, strict=True):
             factors = np.tile([one, two], (len(misfits), 1))
-            fits = likelihood.of(misfits, width, factors).sum(axis=1).reshape(logs.shape)
+            inlier, outlier = likelihood.terms(misfits, width, factors)
+            fits = np.logaddexp(inlier - shared, outlier).sum(axis=1).reshape(logs.shape)
             logs = np.logaddexp(logs, fits + np.log(share * part))
     found: Array = logsumexp(logs, axis=1) - np.log(len(lengths))
     return found
