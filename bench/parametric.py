@@ -54,7 +54,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_options(parser, Path("runs/parametric"))
     options = parser.parse_args()
-    complete_by_command(RUNS, options.out, options, shared={TRUTH: print_body()})
+    complete_by_command(RUNS, options.out, options, shared={TRUTH: print_body})
     runs = {run.seed: Summary.read(run, options.out) for run in RUNS}
     PAGE.write_text(page(runs, made_by(options.out, RUNS)), encoding="utf-8")
     print(f"{PAGE.name} is written; the runs are in {options.out}")

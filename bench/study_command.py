@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -28,7 +28,7 @@ def complete_by_command(
     root: Path,
     options: argparse.Namespace,
     *,
-    shared: Mapping[str, str] | None = None,
+    shared: Mapping[str, Callable[[], str]] | None = None,
 ) -> None:
     """Does the runs that are not finished; exits where one of them fails, or with Ctrl-C.
 

@@ -3,9 +3,10 @@
 ``docs/architecture.md`` has the plan. A program needs no more than the names below, which
 ``__init__.pyi`` lists; ``docs/api.md`` has an example::
 
-    from estimator import identify
+    from estimator import RunConfig, identify
 
-    result = identify("runs/first", robot="tcp://127.0.0.1:5750", problem="topological", seed=1)
+    config = RunConfig(robot="tcp://127.0.0.1:5750", problem="topological", seed=1)
+    result = identify("runs/first", config)
 
 Each is imported when it is first asked for, so that ``import estimator`` loads no library.
 
@@ -16,7 +17,7 @@ Name                    What it is
 ``Result``              a run in numbers; ``Listener`` hears of it while it goes on
 ``load``                what a run knows of the body: ``FittedPosterior``, with ``Attachment``
 ``best_programs``       the motor programs that are best by a score of your own
-``METHODS``             the methods by name, ``posterior`` and ``paper``, and their defaults
+``RunConfig``           what is asked of a run; ``METHODS`` are the methods by name
 ``BACKENDS``            what a body feels at rest: ``Physics``, of which ``StaticsPhysics`` and
                         ``PyBulletPhysics`` are two, ``BackEnd`` is the base class, ``Readings``
                         the answer, and ``Abilities`` what it can do beyond

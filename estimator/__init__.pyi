@@ -12,11 +12,10 @@ from .exploration.situation import Choice as Choice
 from .exploration.situation import Objective as Objective
 from .exploration.situation import Situation as Situation
 from .identification.listener import Listener as Listener
-from .identification.order import METHODS as METHODS
-from .identification.order import Order as Order
 from .identification.paper.objectives import OBJECTIVES as OBJECTIVES
 from .identification.paper.objectives import LargestError as LargestError
 from .identification.paper.objectives import RobustMeanError as RobustMeanError
+from .identification.run import METHODS as METHODS
 from .physics.backends import BACKENDS as BACKENDS
 from .physics.base import Abilities as Abilities
 from .physics.base import ArrayMarginPhysics as ArrayMarginPhysics
@@ -39,5 +38,6 @@ from .search.deterministic_crowding import DeterministicCrowding as Deterministi
 from .search.operators import Operators as Operators
 from .search.searches import SEARCHES as SEARCHES
 from .search.searches import Search as Search
+from .storage.run_config import RunConfig as RunConfig
 
 __all__: list[str]

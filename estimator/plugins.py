@@ -8,8 +8,8 @@ A package offers an implementation under a name in one of our entry-point groups
 Nothing is imported before it is asked for by name, so a package that is broken, or that lacks what
 it needs, disturbs only those who want it.
 
-A program that runs the estimator itself needs no entry point: it gives ``estimator.identify`` the
-class or function.
+A program that runs the estimator itself needs no entry point: it adds its class or function to the
+registry, and asks for it by the name that ``Registry.add`` returns.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class Registry(Generic[T]):
         if not entries and ":" in name:
             raise RunDirectoryError(
                 f"the {self.kind} {name!r} is part of a program: let that program go on with the "
-                "run, and give it to the function `estimator.resume`"
+                "run, and add it to its registry before"
             )
         if not entries:
             raise EstimatorError(

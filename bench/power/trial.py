@@ -21,12 +21,12 @@ from estimator.evaluation.length_search import LengthSearch
 from estimator.evaluation.score import length_search
 from estimator.identification.doubting import SURE
 from estimator.identification.listener import Listener
-from estimator.identification.order import MethodName, Order
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.storage.run_config import MethodName, RunConfig
 from estimator.storage.store import RunStore
 from estimator.study.harness import BriefRun
 from estimator.study.robot_process import RobotProcess
@@ -197,7 +197,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
         Path(problem).write_text(trial.problem, encoding="utf-8")
     options = [option.replace("{folder}", str(place)) for option in robot.options]
     with RobotProcess(seed, ["--body", str(place / "body.urdf"), *options]) as process:
-        order = Order(
+        order = RunConfig(
             robot=process.uri,
             problem=problem,
             seed=seed,

@@ -1,13 +1,18 @@
-"""``estimator identify``: a run from start to end."""
+"""``estimator identify``: a run from start to end; ``RunConfig`` has its options."""
 
 from __future__ import annotations
 
+import inspect
 import secrets
 import time
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, Final, get_args
 
 import typer
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
 
 from estimator.cli.console import (
     err,
@@ -17,88 +22,62 @@ from estimator.cli.console import (
     print_run_directory,
 )
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, Strict, computers
-from estimator.exploration.rules import RULES
-from estimator.identification.order import METHODS, MethodName, Order
-from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Strict, computers
 from estimator.identification.run import identify
-from estimator.physics.backends import BACKENDS
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.problem.values import complaint
 from estimator.report.run_files import write_report
 from estimator.report.tables.terminal import print_result
-from estimator.search.searches import SEARCHES
+from estimator.storage.run_config import RunConfig
+
+_NUMBERS: Final = (bool, int, float)
 
 
+def _with_config(command: Callable[..., None]) -> Callable[..., None]:
+    """Gives a command, which takes ``config``, an option for each field of ``RunConfig``."""
+
+    @wraps(command)
+    def with_options(**values: Any) -> None:
+        asked = {name: values.pop(name) for name in RunConfig.model_fields}
+        asked["modalities"] = tuple(item.strip() for item in asked["modalities"].split(","))
+        try:
+            config = RunConfig(**asked)
+        except ValidationError as error:
+            raise typer.BadParameter(complaint(error, "such a run cannot be")) from error
+        command(config=config, **values)
+
+    own = inspect.signature(command, eval_str=True).parameters
+    options = [_option(name, field) for name, field in RunConfig.model_fields.items()]
+    parameters = [*options, *(item for name, item in own.items() if name != "config")]
+    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    with_options.__annotations__ = {item.name: item.annotation for item in parameters}
+    return with_options
+
+
+def _option(name: str, field: FieldInfo) -> inspect.Parameter:
+    """A field as an option: what is no number is text, and checked by ``RunConfig`` alone."""
+    kinds = [kind for kind in _plain(field.annotation) if kind in _NUMBERS]
+    kind: Any = kinds[0] if kinds else str
+    default = field.default if not isinstance(field.default, tuple) else ",".join(field.default)
+    option = typer.Option(f"--{name.replace('_', '-')}", help=field.description)
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=inspect.Parameter.empty if field.is_required() else default,
+        annotation=Annotated[kind if default is not None else kind | None, option],
+    )
+
+
+def _plain(annotation: Any) -> list[Any]:
+    """The types in an annotation, however deep."""
+    inner = get_args(annotation)
+    return [annotation, *(kind for item in inner for kind in _plain(item))]
+
+
+@_with_config
 def command(
     *,
-    robot: Robot,
-    problem: Annotated[str, typer.Option(help="A problem's name, or a .toml file.")],
-    interactions: Annotated[
-        int | None, typer.Option(min=1, help="Default: the problem's, or all that were recorded.")
-    ] = None,
-    method: Annotated[
-        str,
-        typer.Option(
-            help="posterior: samples of every body that explains the readings, and how sure it is; "
-            "paper: one population, optimised as in the paper."
-        ),
-    ] = next(iter(METHODS)),
-    physics: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help=f"What predicts a model's readings: {', '.join(BACKENDS.own)}, or a plug-in. "
-            "Default: the method's.",
-        ),
-    ] = None,
-    explore: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help=f"What chooses motor programs: {', '.join(RULES.own)}, or a plug-in. "
-            "Default: the method's.",
-        ),
-    ] = None,
-    search: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help=f"What optimises the paper's population: {', '.join(SEARCHES.own)}, or a plug-in. "
-            "Default: the first.",
-        ),
-    ] = None,
-    objective: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help=f"What that minimises: {', '.join(OBJECTIVES.own)}, or a plug-in.",
-        ),
-    ] = next(iter(OBJECTIVES.own)),
-    sure: Annotated[
-        float | None,
-        typer.Option(
-            min=0.5,
-            max=0.999,
-            help="Of the method posterior: end as soon as the attachments are so probable, lengths "
-            "known to 5 mm, and one more movement has left them so.",
-        ),
-    ] = None,
+    config: RunConfig,
     strict: Strict = False,
-    modalities: Annotated[
-        str, typer.Option(help="Sensors that count, separated by commas.")
-    ] = ",".join(MODALITIES),
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Source of all randomness. Default: a new one.")
-    ] = None,
-    population: Annotated[
-        int | None, typer.Option(min=2, help="The paper's, an even number. Default: the problem's.")
-    ] = None,
-    generations: Annotated[
-        int | None, typer.Option(min=1, help="After each interaction. Default: the problem's.")
-    ] = None,
-    full_steps: Annotated[
-        bool, typer.Option("--full-steps", help="Simulate on after a body has come to rest.")
-    ] = False,
     jobs: Jobs = CORES,
     dask: Dask = None,
     keys: Keys = None,
@@ -109,29 +88,13 @@ def command(
     ] = None,
 ) -> None:
     """Identify a robot: act, sense, model, again and again."""
-    chosen = secrets.randbelow(2**32) if seed is None else seed
-    name = f"{time.strftime('%Y%m%d-%H%M%S')}-{Path(problem).stem}-{chosen}"
+    seed = secrets.randbelow(2**32) if config.seed is None else config.seed
+    name = f"{time.strftime('%Y%m%d-%H%M%S')}-{Path(config.problem).stem}-{seed}"
     place = directory or Path("runs") / name
-    order = Order(
-        robot=robot,
-        problem=problem,
-        seed=chosen,
-        method=cast(MethodName, method),  # identify refuses what is no method
-        physics=physics,
-        search=search,
-        objective=objective,
-        explore=explore,
-        sure=sure,
-        modalities=tuple(item.strip() for item in modalities.split(",")),
-        interactions=interactions,
-        population=population,
-        generations=generations,
-        full_steps=full_steps,
-        keys=keys,
-    )
+    config = config.model_copy(update={"seed": seed})
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
         with computers(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
-            result = identify(place, order, opened, screen, report=write_report)
+            result = identify(place, config, opened, screen, keys=keys, report=write_report)
         print_result(out, result)
         print_run_directory(place)
         live_view.stay(err)

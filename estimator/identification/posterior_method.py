@@ -5,22 +5,24 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, ClassVar, Final, cast
 
 import numpy as np
 
+from estimator.errors import EstimatorError
 from estimator.identification.doubting import SURE, Doubting, attachments_known
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import ChoiceResources, next_program
-from estimator.physics.base import ArrayMarginPhysics, Physics
+from estimator.physics.backends import REFERENCE, Computers, abilities_of, in_workers, maker
+from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.alike import Alike, feel_alike, probability_of
 from estimator.posterior.belief import believe
 from estimator.posterior.checks.left_out import with_left_out
-from estimator.posterior.checks.recheck import recheck
+from estimator.posterior.checks.recheck import fine, recheck
 from estimator.posterior.fitted import FittedPosterior, recalled
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Noise
@@ -32,6 +34,7 @@ from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator, seeds
 from estimator.storage.beliefs import RIVAL, Belief, NextMovement, NotKnown
 from estimator.storage.records import Counters
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 
 PRECISE: Final = 0.005
@@ -49,6 +52,52 @@ class PosteriorMethod:
         workers: Move the populations' chains, and fit bodies that depart from the problem.
         make_reference: Makes the back-end that has the last word, from the same workers.
     """
+
+    PHYSICS: ClassVar = "statics"
+    RULE: ClassVar = "information"
+
+    @staticmethod
+    def check(config: RunConfig) -> None:
+        """Refuses options of the method ``paper``, and a physics that cannot sample.
+
+        Raises:
+            EstimatorError: The config asks for such a thing.
+        """
+        of_paper = (config.search, config.population, config.generations)
+        if config.full_steps or of_paper != (None, None, None):
+            raise EstimatorError(
+                "search, population, generations and full steps belong to the method paper: leave "
+                "them out, or add --method paper"
+            )
+        physics = config.physics or PosteriorMethod.PHYSICS
+        abilities = abilities_of(physics)
+        if not (abilities.arrays and abilities.path_margins):
+            raise EstimatorError(
+                f"the method posterior needs a physics that takes arrays of bodies and knows path "
+                f"margins, and {physics} does not: leave --physics out (then it is "
+                f"{PosteriorMethod.PHYSICS}, and {REFERENCE} has the last word), or take --method "
+                "paper"
+            )
+
+    @classmethod
+    def open(
+        cls, store: RunStore, computers: Computers, listener: Listener, stack: ExitStack
+    ) -> tuple[PosteriorMethod, ArrayMarginPhysics]:
+        """Makes the method of a run, and the back-end with which motor programs are chosen."""
+        settings, world, workers = store.settings, store.world, computers.workers
+        choosing, physics = (
+            stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
+            for _ in range(2)
+        )
+        method = cls(
+            store,
+            listener,
+            make_physics=cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world)),
+            physics=physics,
+            workers=workers,
+            make_reference=partial(in_workers, settings.reference, fine(world), workers),
+        )
+        return method, choosing
 
     def __init__(
         self,
@@ -272,3 +321,12 @@ def _how_sure(belief: Belief) -> str:
         return f"how sure the best body's attachments are is not known: {belief.not_known}"
     fit = "" if belief.explained else ", but it does not explain the readings"
     return f"best body's attachments {100 * belief.probability:.0f} % sure{fit}"
+
+
+def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayMarginPhysics:
+    """A back-end for arrays of bodies: on all cores here, on one where a cluster does the work."""
+    opened = computers.open_physics(name, world)
+    if opened.abilities.arrays:
+        return cast(ArrayMarginPhysics, opened)
+    opened.close()
+    return cast(ArrayMarginPhysics, maker(name, world)())

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import secrets
 import uuid
 from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypeVar, cast
+from types import MappingProxyType
+from typing import Final, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
@@ -17,42 +19,38 @@ from estimator.identification.listener import Listener
 from estimator.identification.loop import Identification
 from estimator.identification.method import Method
 from estimator.identification.next_program import ChoiceResources
-from estimator.identification.order import Choices, Order, choices_of
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.posterior_method import PosteriorMethod
-from estimator.physics.backends import (
-    BACKENDS,
-    REFERENCE,
-    Computers,
-    foresight_of,
-    in_workers,
-    maker,
-)
-from estimator.physics.base import ArrayMarginPhysics, WorldSettings
-from estimator.physics.statics import StaticsPhysics
-from estimator.posterior.checks.recheck import fine
+from estimator.physics.backends import BACKENDS, REFERENCE, Computers
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
 from estimator.readings.modalities.registry import check_modalities
 from estimator.robot_link import open_robot
 from estimator.robot_link.base import RobotLink
 from estimator.search.searches import SEARCHES
-from estimator.storage.records import RunSettings, first_id
+from estimator.storage.records import first_id
+from estimator.storage.run_config import MethodName, RunConfig, RunSettings
 from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities
 
 Summary = TypeVar("Summary")
+METHODS: Final[Mapping[MethodName, type[Method]]] = MappingProxyType(
+    {"posterior": PosteriorMethod, "paper": PaperMethod}
+)
+"""The methods by name, the default first."""
+
 Report: TypeAlias = Callable[[RunStore], Summary]
 """Writes what a run leaves beside its database, and sums the run up."""
 
 
 def identify(
     directory: Path,
-    order: Order,
+    config: RunConfig,
     computers: Computers,
     listener: Listener,
     *,
+    keys: Path | None = None,
     report: Report[Summary],
 ) -> Summary:
     """Starts a run and sees it through.
@@ -61,30 +59,32 @@ def identify(
 
     Args:
         directory: Where the run is to be.
-        order: What is asked of it.
+        config: What is asked of it.
         computers: Do the work.
         listener: Hears what happens.
+        keys: The key directory, where the robot asks for keys.
         report: Called after each iteration and at the end, for what is returned.
 
     Raises:
         BodyschemaError: Something prevents the run; the message says what.
     """
-    asked = Problem.load(order.problem)
-    modalities = check_modalities(order.modalities)
-    choices = choices_of(order)
+    asked = Problem.load(config.problem)
+    modalities = check_modalities(config.modalities)
+    METHODS[config.method].check(config)
+    _check_names(config)
     client_id = str(uuid.uuid4())
     link = open_robot(
-        order.robot,
+        config.robot,
         driven=_driven(asked),
         client_id=client_id,
         first_id=first_id(0),
-        keys=order.keys,
+        keys=keys,
     )
     with closing(link):
         problem = asked.for_robot(link.capabilities)
         for sentence in problem.check_robot(link.capabilities, modalities):
             listener.say(f"Note: {sentence}.")
-        settings = _settings(order, choices, problem, modalities, link)
+        settings = _settings(config, problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
             return _work(store, computers, lambda: link, listener, report=report)
 
@@ -184,47 +184,48 @@ def _said(packages: Mapping[str, str]) -> str:
     return ", ".join(map(" ".join, packages.items())) or "no plug-in"
 
 
+def _check_names(config: RunConfig) -> None:
+    """Refuses names that nothing has, before the robot is asked for anything."""
+    if config.explore is not None:
+        RULES.check(config.explore)
+    if config.search is not None:
+        SEARCHES.check(config.search)
+    OBJECTIVES.check(config.objective)
+
+
 def _settings(
-    order: Order,
-    chosen: Choices,
-    problem: Problem,
-    modalities: tuple[str, ...],
-    link: RobotLink,
+    config: RunConfig, problem: Problem, modalities: tuple[str, ...], link: RobotLink
 ) -> RunSettings:
-    recorded = link.recorded
-    interactions = order.interactions
+    """What a run works with: what was left open is decided."""
+    recorded, interactions = link.recorded, config.interactions
     if interactions is None:
         interactions = problem.search.interactions if recorded is None else len(recorded)
     elif recorded is not None and interactions > len(recorded):
         raise EstimatorError(
-            f"{order.robot} holds {len(recorded)} interactions, not {interactions}: ask for fewer"
+            f"{config.robot} holds {len(recorded)} interactions, not {interactions}: ask for fewer"
         )
+    method = METHODS[config.method]
+    decided = {
+        "physics": method.PHYSICS,
+        "explore": method.RULE,
+        "search": next(iter(SEARCHES.own)),
+        "seed": secrets.randbelow(2**32),
+        "population": problem.search.population,
+        "generations": problem.search.generations,
+        **config.model_dump(exclude_none=True),
+        "interactions": interactions,
+        "modalities": modalities,
+    }
+    parts = {name: str(decided[name]) for name in ("physics", "search", "objective", "explore")}
     try:
         return RunSettings(
-            robot=order.robot,
-            problem=order.problem,
+            **decided,
             problem_text=problem.source,
-            method=order.method,
-            physics=chosen.physics,
             reference=REFERENCE,
-            search=chosen.search,
-            objective=order.objective,
-            plugins=_packages(chosen.physics, chosen.search, order.objective, chosen.explore),
-            explore=chosen.explore,
-            sure=order.sure,
-            modalities=modalities,
-            seed=order.seed,
-            interactions=interactions,
-            population=_given(order.population, problem.search.population),
-            generations=_given(order.generations, problem.search.generations),
-            full_steps=order.full_steps,
+            plugins=_packages(**parts),
         )
     except ValidationError as error:
         raise EstimatorError(complaint(error, "such a run cannot be")) from error
-
-
-def _given(asked: int | None, otherwise: int) -> int:
-    return otherwise if asked is None else asked
 
 
 def _work(
@@ -235,38 +236,8 @@ def _work(
     *,
     report: Report[Summary],
 ) -> Summary:
-    world, settings = store.world, store.settings
     with ExitStack() as stack:
-        method: Method
-        choosing: ArrayMarginPhysics
-        if settings.method == "posterior":
-            make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
-            choosing, physics = (
-                stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
-                for _ in range(2)
-            )
-            method = PosteriorMethod(
-                store,
-                listener,
-                make_physics=make_physics,
-                physics=physics,
-                workers=computers.workers,
-                make_reference=partial(
-                    in_workers, settings.reference, fine(world), computers.workers
-                ),
-            )
-        else:
-            choosing = stack.enter_context(closing(StaticsPhysics(world)))
-            method = PaperMethod(
-                store,
-                stack.enter_context(closing(computers.open_physics(settings.physics, world))),
-                listener,
-                foresight=foresight_of(settings.physics, world),
-                judge=choosing,
-                open_reference=None
-                if settings.physics == settings.reference
-                else lambda: computers.open_physics(settings.reference, world),
-            )
+        method, choosing = METHODS[store.settings.method].open(store, computers, listener, stack)
         identification = Identification(
             store,
             method,
@@ -276,12 +247,3 @@ def _work(
         )
         identification.run(after_iteration=lambda: report(store))
     return report(store)
-
-
-def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayMarginPhysics:
-    """A back-end for arrays of bodies: on all cores here, on one where a cluster does the work."""
-    opened = computers.open_physics(name, world)
-    if opened.abilities.arrays:
-        return cast(ArrayMarginPhysics, opened)
-    opened.close()
-    return cast(ArrayMarginPhysics, maker(name, world)())

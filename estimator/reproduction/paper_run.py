@@ -20,7 +20,6 @@ from estimator.errors import InteractionError, RunDirectoryError
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import Validation, compare, validate
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify, reconnect, resume
 from estimator.physics.backends import IN_THIS_PROCESS, REFERENCE, in_this_process
 from estimator.physics.statics import StaticsPhysics
@@ -37,6 +36,7 @@ from estimator.report.result import Result
 from estimator.report.run_files import RESULT, write_report
 from estimator.report.tables.terminal import number
 from estimator.storage.database import holds_run
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from estimator.study import harness
 from estimator.study.robot_process import RobotProcess, catch_up
@@ -148,9 +148,9 @@ class PlannedRun:
         """Its run directory."""
         return harness.directory(self, root)
 
-    def order(self, robot: str) -> Order:
+    def order(self, robot: str) -> RunConfig:
         """What to ask for, of a robot at a given address."""
-        return Order(
+        return RunConfig(
             method="paper",
             robot=robot,
             problem=self.problem,

@@ -97,7 +97,7 @@ def reproduce(
         cluster=cluster,
         command=command,
         asked=budget.in_words,
-        shared={TRUTH: print_body()},
+        shared={TRUTH: print_body},
     )
     listener.say("Drawing.")
     drawn, claims = _draw(root, figures, runs, budget)

@@ -5,61 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from estimator.problem.values import Population
 from estimator.readings.observation import Observation, Program
 from estimator.storage.beliefs import Count, UnexplainedInteraction, are_outliers
 
 _IDS_PER_CONNECTION: Final = 2**20
-
-
-class RunSettings(BaseModel):
-    """Everything that decides a run's outcome, apart from the robot.
-
-    Attributes:
-        robot: URI of the robot that the run was started with.
-        problem: Name of the problem, or the file it came from.
-        problem_text: The problem's TOML as it was: later edits of the file do not reach the run.
-        method: ``paper``: a population of models, optimised; ``posterior``: samples of all that
-            explains the readings.
-        physics: Name of the physics back-end that searches.
-        reference: Name of the one that has the last word.
-        search: Name of the search, of the method ``paper``.
-        objective: Name of what that search minimises.
-        explore: Name of the exploration rule.
-        sure: Probability of the attachments at which the run ends before its last interaction, if
-            the lengths are known to 5 mm by then.
-        modalities: Modalities that the subjective error counts.
-        seed: Source of all the run's randomness.
-        interactions: Interactions to perform.
-        population: Models in the population.
-        generations: Generations after each interaction.
-        full_steps: Whether simulations go on after the body has come to rest.
-        plugins: Version by name of each package from outside that decides the outcome too.
-    """
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    robot: str
-    problem: str
-    problem_text: str
-    method: Literal["paper", "posterior"] = "paper"
-    physics: str
-    reference: str = "pybullet"
-    search: str = "deterministic-crowding"
-    objective: str = "largest"
-    explore: str = "random"
-    sure: Annotated[float, Field(gt=0, lt=1)] | None = None
-    modalities: tuple[str, ...]
-    seed: Annotated[int, Field(ge=0)]
-    interactions: Annotated[int, Field(ge=1)]
-    population: Population
-    generations: Annotated[int, Field(ge=1)]
-    full_steps: bool = False
-    plugins: Mapping[str, str] = Field(default_factory=dict)
 
 
 class Counters(BaseModel):

@@ -48,11 +48,11 @@ from estimator.storage.records import (
     Counters,
     Generation,
     InteractionRecord,
-    RunSettings,
     Ticket,
     first_id,
     performed,
 )
+from estimator.storage.run_config import RunSettings
 from estimator.storage.search_end import SearchEnd
 from estimator.storage.validations import Validations
 from protocol.system.closable import Closable

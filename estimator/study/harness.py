@@ -139,7 +139,7 @@ def complete(
     cluster: Cluster | None = None,
     command: str = "",
     asked: Mapping[str, str] | None = None,
-    shared: Mapping[str, str] | None = None,
+    shared: Mapping[str, Callable[[], str]] | None = None,
     turn: float = TURN,
 ) -> Completed:
     """Does all runs that are not finished, the first ones first.
@@ -152,7 +152,8 @@ def complete(
         cluster: Where to do them; ``None``: in processes of this computer.
         command: As it was typed.
         asked: What all runs of a directory must have in common, by name.
-        shared: Files that its runs read in the study's directory, content by name; kept there.
+        shared: Files that its runs read in the study's directory, by name what gives the
+            content; kept there.
         turn: Least time of a turn on a cluster, s.
 
     Raises:
@@ -172,7 +173,7 @@ def complete(
 
     with Ledger(root, asked or {}, command, at_once()) as ledger:
         for name, content in (shared or {}).items():
-            ledger.keep(name, content)
+            ledger.keep(name, content())
         left = [run for run in runs if not run.is_finished(root)]
         if len(left) < len(runs):
             listener.say(f"{len(runs) - len(left)} of {len(runs)} runs are finished already.")

@@ -18,7 +18,7 @@ import pytest
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
-from estimator import Result, identify
+from estimator import Result, RunConfig, identify
 from estimator.cli.command_line import app
 from estimator.report.result_schema import result_schema
 from sim_robot.world.sensor_noise import NoiseLevels, load_noise
@@ -73,8 +73,7 @@ def by_paper(tmp_path_factory: pytest.TempPathFactory, by_posterior: Path) -> Pa
 
 
 def _run_of_the_paper(run: Path, by_posterior: Path) -> None:
-    identify(
-        run,
+    config = RunConfig(
         robot=f"file:{by_posterior / 'readings.csv'}",
         problem="topological",
         method="paper",
@@ -83,6 +82,7 @@ def _run_of_the_paper(run: Path, by_posterior: Path) -> None:
         generations=1,
         seed=1,
     )
+    identify(run, config)
 
 
 def files(run: Path) -> set[str]:

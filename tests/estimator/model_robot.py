@@ -12,7 +12,6 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array, Morphology
-from estimator.identification.order import Order
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.fitted import FittedPosterior
@@ -23,6 +22,7 @@ from estimator.problem.problem import Problem
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import in_motor_order
 from estimator.report.run_files import write_report
+from estimator.storage.run_config import RunConfig
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, RobotEvent, Snapshot
 from protocol.transport.server import Server
@@ -110,10 +110,10 @@ def make_posterior(
     return posterior
 
 
-def make_order(folder: Path, robot: str, seed: int = 3) -> Order:
+def make_order(folder: Path, robot: str, seed: int = 3) -> RunConfig:
     path = folder / "legs.toml"
     path.write_text(PROBLEM)
-    return Order(robot=robot, problem=str(path), seed=seed, method="paper")
+    return RunConfig(robot=robot, problem=str(path), seed=seed, method="paper")
 
 
 class ModelRobot:

@@ -10,9 +10,12 @@ import pytest
 
 from estimator import (
     BACKENDS,
+    OBJECTIVES,
+    RULES,
     Choice,
     EstimatorError,
     Listener,
+    RunConfig,
     Situation,
     StaticsPhysics,
     identify,
@@ -33,15 +36,22 @@ class Impatient(Listener):
         raise KeyboardInterrupt
 
 
+def asked(uri: str, folder: Path, **options: str) -> RunConfig:
+    """A run of the method paper on the robot's own problem."""
+    (folder / "legs.toml").write_text(PROBLEM)
+    return RunConfig(
+        robot=uri, problem=str(folder / "legs.toml"), method="paper", **cast(Any, options)
+    )
+
+
 def test_an_interrupted_run_goes_on_from_a_program(tmp_path: Path) -> None:
-    (tmp_path / "legs.toml").write_text(PROBLEM)
-    run, problem = tmp_path / "run", tmp_path / "legs.toml"
+    run = tmp_path / "run"
     robot = ModelRobot()
     with serving(robot) as uri:
         with pytest.raises(EstimatorError, match="holds no run"):
             load(run)
         with pytest.raises(KeyboardInterrupt):
-            identify(run, robot=uri, problem=problem, method="paper", listener=Impatient())
+            identify(run, asked(uri, tmp_path), listener=Impatient())
         result = resume(str(run))
     population = load(str(run))
     assert population.best_body is not None
@@ -73,25 +83,16 @@ def first(situation: Situation) -> Choice:
 
 
 def test_a_run_with_parts_of_a_program_goes_on_only_with_them(tmp_path: Path) -> None:
-    (tmp_path / "legs.toml").write_text(PROBLEM)
-    run, problem = tmp_path / "run", tmp_path / "legs.toml"
+    run = tmp_path / "run"
     with serving(ModelRobot()) as uri:
+        config = asked(uri, tmp_path, physics=BACKENDS.add(Slack), explore=RULES.add(first))
         with pytest.raises(KeyboardInterrupt):
-            identify(
-                run,
-                robot=uri,
-                problem=problem,
-                method="paper",
-                physics=Slack,
-                explore=first,
-                listener=Impatient(),
-            )
+            identify(run, config, listener=Impatient())
         BACKENDS._added.clear()  # as in a new process
         with pytest.raises(EstimatorError, match="test_api:Slack' is part of a program"):
             resume(run)
-        with pytest.raises(EstimatorError, match=r"started with the physics .*Slack', not 'stat"):
-            resume(run, physics=StaticsPhysics)
-        result = resume(run, physics=Slack, explore=first)
+        BACKENDS.add(Slack)
+        result = resume(run)
     assert (result.physics, result.explore) == (f"{__name__}:Slack", f"{__name__}:first")
     assert result.versions[result.physics] == "of the calling program"
     assert result.complete
@@ -119,10 +120,9 @@ def test_what_no_robot_can_perform_is_refused_before_it_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: object, sentence: str
 ) -> None:
     monkeypatch.setattr(f"{__name__}.GIVEN", given)
-    (tmp_path / "legs.toml").write_text(PROBLEM)
-    run, problem, robot = tmp_path / "run", tmp_path / "legs.toml", ModelRobot()
+    run, robot = tmp_path / "run", ModelRobot()
     with serving(robot) as uri, pytest.raises(EstimatorError, match=sentence):
-        identify(run, robot=uri, problem=problem, method="paper", explore=careless)
+        identify(run, asked(uri, tmp_path, explore=RULES.add(careless)))
     assert not robot.motions
     with RunStore.open(run, to_write=False) as store:
         assert not store.interactions()
@@ -136,25 +136,24 @@ class Nonsense(WrongTouches):
 
 
 def test_an_objective_that_gives_no_errors_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "legs.toml").write_text(PROBLEM)
-    run, problem = tmp_path / "run", tmp_path / "legs.toml"
+    run = tmp_path / "run"
     with (
         serving(ModelRobot()) as uri,
         pytest.raises(EstimatorError, match=r"Nonsense gave array\(\[nan.* for 8 models"),
     ):
-        identify(run, robot=uri, problem=problem, method="paper", objective=Nonsense)
+        identify(run, asked(uri, tmp_path, objective=OBJECTIVES.add(Nonsense)))
 
 
 def test_a_rule_may_give_an_array(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{__name__}.GIVEN", Choice(program=cast(Program, np.zeros(4))))
-    (tmp_path / "legs.toml").write_text(PROBLEM)
-    run, problem = tmp_path / "run", tmp_path / "legs.toml"
+    run = tmp_path / "run"
     with serving(ModelRobot()) as uri:
-        result = identify(run, robot=uri, problem=problem, method="paper", explore=careless)
+        result = identify(run, asked(uri, tmp_path, explore=RULES.add(careless)))
     assert result.complete
 
 
 def test_a_senseless_number_of_jobs_leaves_no_run_behind(tmp_path: Path) -> None:
+    config = RunConfig(robot="tcp://127.0.0.1:1", problem="parametric")
     with pytest.raises(EstimatorError, match="jobs must be at least 1, not 0"):
-        identify(tmp_path / "run", robot="tcp://127.0.0.1:1", problem="parametric", jobs=0)
+        identify(tmp_path / "run", config, jobs=0)
     assert not (tmp_path / "run").exists()

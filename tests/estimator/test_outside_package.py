@@ -16,12 +16,12 @@ from typer.testing import CliRunner
 
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
-from estimator.identification.order import Order
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
 from estimator.search.searches import SEARCHES
 from estimator.storage.records import Generation
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from tests.estimator import outside_parts
 from tests.estimator.identification.test_run import Witness, outcome
@@ -58,7 +58,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def run(folder: Path, **choices: str) -> tuple[Result, list[Generation], list[str]]:
     """A run with the package's parts: its result, its generations, and why each program."""
     with serving(ModelRobot()) as uri:
-        order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", **choices})
+        order = RunConfig(**{**vars(make_order(folder, uri)), "physics": "statics", **choices})
         result = identify(folder / "run", order, IN_THIS_PROCESS, Witness(), report=without_plots)
     with RunStore.open(folder / "run", to_write=False) as store:
         assert store.settings.plugins == PACKAGE
@@ -105,7 +105,9 @@ def test_a_search_that_is_interrupted_and_resumed(tmp_path: Path) -> None:
     folder = tmp_path / "interrupted"
     folder.mkdir()
     with serving(ModelRobot()) as uri:
-        order = Order(**{**vars(make_order(folder, uri)), "physics": "statics", "search": "random"})
+        order = RunConfig(
+            **{**vars(make_order(folder, uri)), "physics": "statics", "search": "random"}
+        )
         with pytest.raises(KeyboardInterrupt):
             identify(folder / "run", order, IN_THIS_PROCESS, Witness(4), report=without_plots)
         resumed = resume(folder / "run", IN_THIS_PROCESS, Witness(), report=without_plots)

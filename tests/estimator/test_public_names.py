@@ -2,13 +2,11 @@
 
 import subprocess
 import sys
-import typing
 from pathlib import Path
 
 import pytest
 
 import estimator
-from estimator.identification.order import Order
 
 ROOM_TABLE = estimator.__doc__ or ""
 
@@ -41,9 +39,19 @@ def test_any_other_name_is_an_ordinary_error() -> None:
         getattr(estimator, "identfy")  # noqa: B009 - a type checker knows that it is not there
 
 
-def test_a_program_may_ask_for_whatever_an_order_holds() -> None:
-    asked = typing.get_type_hints(estimator.identify).keys()
-    assert typing.get_type_hints(Order).keys() <= asked
+@pytest.mark.parametrize(
+    ("field", "registry"),
+    [
+        ("physics", estimator.BACKENDS),
+        ("explore", estimator.RULES),
+        ("search", estimator.SEARCHES),
+        ("objective", estimator.OBJECTIVES),
+    ],
+)
+def test_an_option_names_what_there_is(field: str, registry: estimator.Registry[object]) -> None:
+    described = estimator.RunConfig.model_fields[field].description or ""
+    for name in registry.own:
+        assert name in described
 
 
 def test_the_front_page_names_every_room() -> None:

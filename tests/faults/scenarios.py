@@ -236,14 +236,16 @@ import resource, sys
 from pathlib import Path
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
-from estimator.storage.records import InteractionRecord, RunSettings
+from estimator.storage.records import InteractionRecord
+from estimator.storage.run_config import RunSettings
 from estimator.robot_link.wire import WireLink
 from estimator.storage.store import RunStore, first_id
 uri, folder = sys.argv[1:]
 link = WireLink(uri, client_id="workstation", first_id=first_id(0))
 settings = RunSettings(
-    robot=uri, problem="legs", problem_text="", physics="pybullet", modalities=("tilt",),
-    seed=1, interactions=1, population=4, generations=1,
+    robot=uri, problem="legs", problem_text="", method="paper", physics="pybullet",
+    reference="pybullet", explore="random", search="deterministic-crowding",
+    modalities=("tilt",), seed=1, interactions=1, population=4, generations=1,
 )
 planned = InteractionRecord(program=(-1.0,) * 8)
 with RunStore.create(Path(folder), settings, link.capabilities, "workstation") as store:

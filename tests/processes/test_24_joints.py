@@ -9,9 +9,9 @@ import pytest
 
 from bench.daemons import simulator
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
+from estimator.storage.run_config import RunConfig
 from tests.estimator.model_robot import without_plots
 
 LEGS = 8
@@ -90,7 +90,7 @@ def test_lengths_are_found_on_a_robot_of_24_joints(tmp_path: Path) -> None:
     (tmp_path / "octopod.urdf").write_text(robot, encoding="utf-8")
     (tmp_path / "octopod.toml").write_text(problem, encoding="utf-8")
     with simulator("--body", str(tmp_path / "octopod.urdf"), "--seed", "0") as running:
-        order = Order(
+        order = RunConfig(
             robot=running.uri,
             problem=str(tmp_path / "octopod.toml"),
             seed=0,

@@ -12,11 +12,11 @@ from bench.daemons import simulator
 from estimator.evaluation.score import Score, score
 from estimator.evaluation.validate import validate
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify, reconnect
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from sim_robot.world.body import body_path
 from tests.estimator.model_robot import without_plots
@@ -25,7 +25,7 @@ from tests.estimator.model_robot import without_plots
 def whole_path(folder: Path, body: str, problem: str) -> Score:
     """A run on the smallest of budgets, its validation and its score."""
     with simulator("--body", body, "--seed", "1") as robot:
-        order = Order(
+        order = RunConfig(
             robot=robot.uri,
             problem=problem,
             method="paper",

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.errors import SearchStateError
+from estimator.errors import EstimatorError, SearchStateError
 from estimator.identification.listener import Listener
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
+from estimator.physics.backends import REFERENCE, Computers, abilities_of, foresight_of
 from estimator.physics.base import ArrayMarginPhysics, ArrayPhysics, Physics
+from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import judge_body
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.posterior import Posterior
@@ -24,6 +27,7 @@ from estimator.readings.observation import Observation
 from estimator.search.randomness import Stream, generator
 from estimator.search.searches import SEARCHES, Search
 from estimator.storage.records import BestFit, Counters, Generation
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 
 
@@ -38,6 +42,42 @@ class PaperMethod:
         judge: Computes what the best model feels, and how sure its paths are, for the verdict.
         open_reference: Makes the back-end that has the last word; ``None``: ``physics`` has it.
     """
+
+    PHYSICS: ClassVar = REFERENCE
+    RULE: ClassVar = "random"
+
+    @staticmethod
+    def check(config: RunConfig) -> None:
+        """Refuses what only samples can tell, and a physics that is not there.
+
+        Raises:
+            EstimatorError: The config asks for such a thing.
+        """
+        abilities_of(config.physics or PaperMethod.PHYSICS)
+        if config.sure is not None:
+            raise EstimatorError(
+                "sure belongs to the method posterior, since a population does not know how good "
+                "it is: leave it out, or leave out --method paper"
+            )
+
+    @classmethod
+    def open(
+        cls, store: RunStore, computers: Computers, listener: Listener, stack: ExitStack
+    ) -> tuple[PaperMethod, ArrayMarginPhysics]:
+        """Makes the method of a run, and the back-end with which motor programs are chosen."""
+        settings, world = store.settings, store.world
+        statics = stack.enter_context(closing(StaticsPhysics(world)))
+        method = cls(
+            store,
+            stack.enter_context(closing(computers.open_physics(settings.physics, world))),
+            listener,
+            foresight=foresight_of(settings.physics, world),
+            judge=statics,
+            open_reference=None
+            if settings.physics == settings.reference
+            else partial(computers.open_physics, settings.reference, world),
+        )
+        return method, statics
 
     def __init__(
         self,

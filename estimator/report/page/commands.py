@@ -6,8 +6,7 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from estimator.identification.order import METHODS
-from estimator.storage.records import RunSettings
+from estimator.storage.run_config import RunSettings
 
 
 def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str, str]:
@@ -26,14 +25,10 @@ def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str
 
 
 def _options(settings: RunSettings) -> Iterator[str]:
-    defaults = METHODS[settings.method]
     yield from ("--problem", settings.problem, "--method", settings.method)
     yield from ("--interactions", str(settings.interactions), "--seed", str(settings.seed))
     yield from ("--modalities", ",".join(settings.modalities))
-    if settings.physics != defaults.physics:
-        yield from ("--physics", settings.physics)
-    if settings.explore != defaults.explore:
-        yield from ("--explore", settings.explore)
+    yield from ("--physics", settings.physics, "--explore", settings.explore)
     if settings.sure is not None:
         yield from ("--sure", str(settings.sure))
     if settings.method == "paper":

@@ -9,7 +9,8 @@ from estimator.evaluation.score import score
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.readings.observation import Observation
-from estimator.storage.records import Counters, Generation, RunSettings
+from estimator.storage.records import Counters, Generation
+from estimator.storage.run_config import RunSettings
 from estimator.storage.store import RunStore
 from tests.estimator.model_robot import JOINTS, PROBLEM, make_capabilities
 
@@ -39,6 +40,10 @@ def make_run(
     ``more`` are genes before the last length, where the text leaves more to be found.
     """
     settings = RunSettings(
+        method="paper",
+        explore="random",
+        search="deterministic-crowding",
+        reference="pybullet",
         robot="replay:x",
         problem="legs",
         problem_text=text,

@@ -16,7 +16,6 @@ from estimator.body.limbs import driven_limbs, leg_lengths
 from estimator.errors import EstimatorError
 from estimator.identification import doubting, posterior_method
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.posterior.belief import believe
@@ -26,6 +25,7 @@ from estimator.posterior.model.departures import Doubt, Thickness, Travel
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.beliefs import Belief, NotKnown
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import (
@@ -61,7 +61,7 @@ def soon_done() -> Iterator[None]:
         yield
 
 
-def order(folder: Path, uri: str) -> Order:
+def order(folder: Path, uri: str) -> RunConfig:
     return replace(make_order(folder, uri), method="posterior", interactions=2)
 
 
@@ -369,7 +369,7 @@ def test_what_the_method_cannot_do_is_refused(
     tmp_path: Path, changes: dict[str, object], reason: str
 ) -> None:
     with serving(ModelRobot()) as uri:
-        asked = Order(**{**vars(order(tmp_path, uri)), **changes})
+        asked = RunConfig(**{**vars(order(tmp_path, uri)), **changes})
         with pytest.raises(EstimatorError, match=reason):
             identify(tmp_path / "run", asked, IN_THIS_PROCESS, Listener(), report=without_plots)
     assert not (tmp_path / "run").exists()

@@ -14,7 +14,6 @@ from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify, resume
 from estimator.parallel.executors import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
@@ -24,6 +23,7 @@ from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.report.tables.terminal import print_result
 from estimator.storage.records import Generation
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError, RobotUnreachableError
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
@@ -313,8 +313,8 @@ def test_nothing_is_left_behind_where_no_robot_answers(
     assert not (tmp_path / "run").exists()
 
 
-def changed(order: Order, **changes: object) -> Order:
-    return Order(**{**vars(order), **changes})
+def changed(order: RunConfig, **changes: object) -> RunConfig:
+    return RunConfig(**{**vars(order), **changes})
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,13 @@ from typing import TypeAlias
 import pytest
 
 from estimator.identification.listener import Listener
-from estimator.identification.order import MethodName
 from estimator.identification.run import identify
 from estimator.live import run_follower
 from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import RunView
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.readings.observation import Observation
+from estimator.storage.run_config import MethodName
 from tests.estimator.little_effort import little_effort
 from tests.estimator.model_robot import ModelRobot, make_order, serving, without_plots
 

@@ -8,9 +8,9 @@ from tempfile import TemporaryDirectory
 import pytest
 
 from estimator.errors import RunDirectoryError
-from estimator.identification.order import MethodName
 from estimator.live.run_follower import RunFollower
 from estimator.live.run_view import SHOWN, RunState
+from estimator.storage.run_config import MethodName
 from tests.estimator.cli.test_command_line import unwritable
 from tests.estimator.live.followed_run import FollowedRun, follow_run
 

@@ -14,7 +14,6 @@ import pytest
 from estimator.body.morphology import BASE
 from estimator.errors import ProblemError
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.base import Physics, WorldSettings
@@ -22,6 +21,7 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.problem.template import Inventory
+from estimator.storage.run_config import RunConfig
 from protocol.wire.capabilities import Capabilities
 from tests.estimator.model_robot import make_capabilities, without_plots
 
@@ -252,7 +252,7 @@ def test_readings_by_hand_of_a_robot_with_three_legs(tmp_path: Path) -> None:
         "10,-25,-15,0,1,1,-9,15\n"
     )
     (tmp_path / "robot.json").write_text('{"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6}')
-    order = Order(
+    order = RunConfig(
         robot=f"file:{tmp_path}/readings.csv",
         problem="topological",
         method="paper",

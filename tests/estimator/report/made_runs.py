@@ -12,7 +12,8 @@ from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.storage.beliefs import Belief, BelievedMode, Foretold, UnexplainedInteraction
-from estimator.storage.records import Counters, Generation, RunSettings
+from estimator.storage.records import Counters, Generation
+from estimator.storage.run_config import RunSettings
 from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities, Joint
 from tests.estimator.model_robot import make_capabilities
@@ -62,6 +63,9 @@ def made_run(
         Problem.parse(problem, "test") if "\n" in problem else Problem.load(problem)
     ).for_robot(robot)
     settings = RunSettings(
+        explore="random",
+        search="deterministic-crowding",
+        reference="pybullet",
         robot="tcp://127.0.0.1:5750",
         problem=asked.name,
         problem_text=asked.source,

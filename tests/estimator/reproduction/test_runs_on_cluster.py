@@ -78,7 +78,9 @@ def test_an_interrupt_ends_runs_and_their_robots(
 
     watch = when_robots_run(two_workers, interrupt)
     with pytest.raises(KeyboardInterrupt):
-        complete(tmp_path, [long], Listener(), jobs=1, cluster=connected, shared={TRUTH: truth})
+        complete(
+            tmp_path, [long], Listener(), jobs=1, cluster=connected, shared={TRUTH: lambda: truth}
+        )
     watch.join()
     assert psutil.wait_procs(left, timeout=120)[1] == []
 
@@ -104,7 +106,7 @@ def test_a_run_in_turns_whose_worker_is_killed_ends_as_it_would_have(
         orphans.append(robot)
         os.kill(robot.ppid(), signal.SIGKILL)
 
-    hearing, shared = Hearing(), {TRUTH: truth}
+    hearing, shared = Hearing(), {TRUTH: lambda: truth}
     watch = when_robots_run(two_workers, kill)
     completed = complete(
         tmp_path, [RUN], hearing, jobs=1, cluster=connected, shared=shared, turn=0.0

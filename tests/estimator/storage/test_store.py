@@ -25,15 +25,19 @@ from estimator.storage.records import (
     Finish,
     Generation,
     Prediction,
-    RunSettings,
     Ticket,
     first_id,
 )
+from estimator.storage.run_config import RunSettings
 from estimator.storage.store import LOCK, RunStore
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 from tests.estimator.report.made_runs import made_run
 
 SETTINGS = RunSettings(
+    method="paper",
+    explore="random",
+    search="deterministic-crowding",
+    reference="pybullet",
     robot="tcp://127.0.0.1:5750",
     problem="legs",
     problem_text=PROBLEM,

@@ -128,7 +128,9 @@ def test_a_run_names_every_commit_that_had_a_part_in_it(tmp_path: Path) -> None:
 
 
 def study(root: Path, runs: Sequence[Count] = ()) -> Completed:
-    return complete(root, runs, Listener(), jobs=1, asked={"seeds": "all"}, shared={"shared": "x"})
+    return complete(
+        root, runs, Listener(), jobs=1, asked={"seeds": "all"}, shared={"shared": lambda: "x"}
+    )
 
 
 def test_what_does_not_belong_together_is_refused(tmp_path: Path) -> None:
@@ -210,7 +212,7 @@ def test_on_a_cluster_runs_are_done_in_turns_without_a_shared_folder(
         *(tmp_path, runs, hearing),
         jobs=1,
         cluster=connected,
-        shared={"shared": "what all see"},
+        shared={"shared": lambda: "what all see"},
         turn=0.0,
     )
     assert completed.failures == {"other": "no engine"}

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from estimator.identification.listener import Listener
-from estimator.identification.order import Order
 from estimator.identification.run import identify
 from estimator.physics.backends import IN_THIS_PROCESS
+from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
 
 # Two movements of the default robot, seed 1000.
@@ -39,7 +39,7 @@ def test_a_run_in_pybullet_is_the_same_to_the_digit(tmp_path: Path) -> None:
     (tmp_path / "robot.json").write_text(
         json.dumps({"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6})
     )
-    order = Order(
+    order = RunConfig(
         robot=f"file:{tmp_path}/readings.csv",
         problem="parametric",
         method="paper",
