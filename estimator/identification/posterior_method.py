@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar, Final, cast
+from typing import ClassVar, Final, cast
 
 import numpy as np
 
@@ -185,8 +185,8 @@ class PosteriorMethod:
         doubts: tuple[Doubt, ...] = ()
         if self._predictor.unknowns.bits or self._lengths_known(belief):
             doubts = tuple(one for one in self._doubted_of(belief) if one.is_left)
-        best = np.array(belief.best)
-        return self._fitted(self._posterior, observations, best=best, belief=belief, doubts=doubts)
+        fitted = self._fitted(self._posterior, observations)
+        return replace(fitted, best=np.array(belief.best), belief=belief, doubts=doubts)
 
     def _doubted_of(self, belief: Belief) -> tuple[Doubt, ...]:
         """Bodies that depart, fitted by ``learn``, or now if the run was resumed."""
@@ -297,12 +297,9 @@ class PosteriorMethod:
             before=before,
         )
 
-    def _fitted(
-        self, posterior: Posterior, observations: Sequence[Observation], **more: Any
-    ) -> FittedPosterior:
-        return FittedPosterior.in_run(
-            self._store, posterior, observations, open_predictor=lambda: self._predictor, **more
-        )
+    def _fitted(self, posterior: Posterior, observations: Sequence[Observation]) -> FittedPosterior:
+        fitted = FittedPosterior.in_run(self._store, posterior, observations)
+        return replace(fitted, open_predictor=lambda: self._predictor)
 
     def _cost(self) -> Counters:
         """What the run has cost by now, this process's share added to what was on disk."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Final, cast
+from typing import Final, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,7 +119,7 @@ class FittedPosterior:
         with reading(store.directory):
             best = np.array(belief.best, dtype=float)
             posterior = recalled(belief, Unknowns(store.genome))
-        return cls.in_run(store, posterior, observations, best=best, belief=belief)
+        return replace(cls.in_run(store, posterior, observations), best=best, belief=belief)
 
     @classmethod
     def _of_population(cls, store: RunStore) -> FittedPosterior | None:
@@ -138,10 +138,9 @@ class FittedPosterior:
                 errors[list(finish.models)] = finish.simulated
                 later[list(finish.models)] = False
         ranking = np.lexsort((errors, later))
-        return cls.in_run(
-            store,
-            Posterior.equally_likely(genes),
-            store.observations()[: latest.iteration + 1],
+        observations = store.observations()[: latest.iteration + 1]
+        return replace(
+            cls.in_run(store, Posterior.equally_likely(genes), observations),
             best=genes[ranking[0]],
             errors=errors,
             searched=searched,
@@ -154,19 +153,13 @@ class FittedPosterior:
         store: RunStore,
         posterior: Posterior,
         observations: Sequence[Observation],
-        *,
-        open_predictor: Callable[[], Predictor] | None = None,
-        **more: Any,
     ) -> FittedPosterior:
-        """Samples of a run.
+        """Samples of a run; readings are computed by its physics or, of a population, by statics.
 
         Args:
             store: The run.
             posterior: The samples.
             observations: That they were learnt from.
-            open_predictor: By default it computes with the run's physics or, of a population, with
-                statics.
-            more: Further attributes.
         """
         settings = store.settings
         physics = settings.physics if settings.method == "posterior" else "statics"
@@ -176,8 +169,7 @@ class FittedPosterior:
             modalities=settings.modalities,
             observations=tuple(observations),
             posterior=posterior,
-            open_predictor=open_predictor or partial(_opened, store.genome, physics, store.world),
-            **more,
+            open_predictor=partial(_opened, store.genome, physics, store.world),
         )
 
     def computed_by(self, physics: ArrayMarginPhysics) -> FittedPosterior:
@@ -309,7 +301,7 @@ class FittedPosterior:
 
         Returns:
             Readings of all samples, whose arrays begin with (n,), or with (p, n): ``predict(p)[k]``
-            is ``predict(p[k])``.
+            is ``predict(p[k])``. Those that are not ``valid``, or ``undecided``, foretell nothing.
 
         Raises:
             EstimatorError: The programs have a wrong shape, or are not finite.

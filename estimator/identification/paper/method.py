@@ -161,12 +161,9 @@ class PaperMethod:
     def posterior(self) -> FittedPosterior:
         """The population, all of whose members count alike."""
         search, begun = self._search, self._store.latest_generation() is not None
-        return FittedPosterior.in_run(
-            self._store,
-            Posterior.equally_likely(search.population),
-            self._store.observations(),
-            best=search.population[search.best] if begun else None,
-        )
+        samples = Posterior.equally_likely(search.population)
+        fitted = FittedPosterior.in_run(self._store, samples, self._store.observations())
+        return replace(fitted, best=search.population[search.best]) if begun else fitted
 
     def is_sure(self, number: int) -> bool:
         """Never: a population does not know how good it is."""
