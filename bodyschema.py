@@ -18,25 +18,30 @@ __all__ = ["estimator", "robotd", "sim_robotd"]
 
 def robotd() -> int:
     """Runs ``robotd``; returns its exit code."""
-    return _run("robotd", "robot", "protocol", "robot")
+    return _run("robotd", "", "robot", "protocol", "robot")
 
 
 def sim_robotd() -> int:
     """Runs ``sim-robotd``; returns its exit code."""
-    return _run("sim-robotd", "sim_robot", "protocol", "robot", "sim_robot")
+    return _run("sim-robotd", "sim", "sim_robot", "protocol", "robot", "sim_robot")
 
 
 def estimator() -> int:
     """Runs ``estimator``; returns its exit code."""
-    return _run("estimator", "estimator", "protocol", "estimator")
+    return _run("estimator", "estimator", "estimator", "protocol", "estimator")
 
 
-def _run(command: str, package: str, *needed: str) -> int:
+def _run(command: str, extra: str, package: str, *needed: str) -> int:
     for name in needed:
         if problem := _not_ours(name):
             print(f"{command}: {problem}", file=sys.stderr)
             return 1
-    return int(importlib.import_module(f"{package}.__main__").main() or 0)
+    try:
+        main = importlib.import_module(f"{package}.__main__").main
+    except ModuleNotFoundError as error:  # what the package needs before anything else
+        lacking = importlib.import_module("protocol.system.missing_library").lacking
+        return int(lacking(command, extra, error))
+    return int(main() or 0)
 
 
 def _not_ours(package: str) -> str | None:
