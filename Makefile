@@ -126,7 +126,7 @@ leaps: $(READY) ## A thousand faults in mid-motion, and a thousand on damaged li
 	$(BIN)/python -m tests.faults.leaps
 
 calibration: $(READY) ## Wrong electronics of both kinds, ten seeds each, put right by a simulated person
-	ALL_SEEDS=1 $(BIN)/python -m pytest -q tests/sim_robot/cli/test_calibrate.py
+	ALL_SEEDS=1 $(BIN)/python -m pytest -q tests/sim_robot/simulator/test_calibrate.py
 
 faults: $(READY) ## Write docs/faults.md from the fault matrix
 	$(BIN)/python -m tests.faults.document

@@ -9,7 +9,7 @@ from robot.cli.startup import start
 
 def main() -> int:
     """Runs the command; returns its exit code."""
-    return start("sim-robotd", "sim_robot.cli.command_line", extra="sim")
+    return start("sim-robotd", "sim_robot.command_line", extra="sim")
 
 
 if __name__ == "__main__":

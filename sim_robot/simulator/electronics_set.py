@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Final, Protocol
+from typing import ClassVar, Final
 
 from robot.configuration.device_tables import DistanceConfig
 from robot.configuration.joint_calibration import DrivenJoint, JointScale
@@ -25,41 +26,65 @@ from sim_robot.world.sensor_noise import NoiseLevels
 from sim_robot.world.simulation import GRAVITY, SERVO_SPEED
 
 TARE_VOLTS: Final = 0.2
-VOLTS_PER_NEWTON: Final = 0.1  # less for a heavy body: twice its weight on one foot still reads
-RECESS: Final = 0.010  # the distance sensor sits this far inside the belly, m
+"""Of a strain gauge without load."""
+VOLTS_PER_NEWTON: Final = 0.1
+"""Of a strain gauge; less for a heavy body: twice its weight on one foot still reads."""
+RECESS: Final = 0.010
+"""How far inside the belly the distance sensor sits, m."""
 REACH: Final = 0.2
+"""The largest clearance that is measured, m."""
 REACH_MM: Final = int(1000 * (REACH + RECESS))
+"""The largest distance from the sensor that is measured, mm."""
 
 _SPARE: Final = 2 / 255
 """Share of the counts beyond each limit of a joint."""
 
 
-class ElectronicsSet(Protocol):
-    """One set, made for a body and connected to its world."""
+class ElectronicsSet(ABC):
+    """One set, made for a body and connected to its world.
+
+    Args:
+        body: The body.
+
+    Attributes:
+        summary: Its boards, for the command line's help.
+    """
+
+    summary: ClassVar[str]
+
+    def __init__(self, body: Body) -> None:
+        self._body = body
 
     @property
+    @abstractmethod
     def switches(self) -> Mapping[str, FaultSwitch]:
         """What can fail, by its name at the fault panel; once it is connected."""
 
+    @abstractmethod
     def configure(self, levels: NoiseLevels) -> RobotConfig:
         """The configuration that fits the set; noise is announced to clients."""
 
+    @abstractmethod
     def connect(self, wiring: Wiring, clock: Clock) -> None:
-        """Gives the sensors what there is to feel; ``clock`` is the world's."""
+        """Makes the emulators of the sensors; ``clock`` is the world's."""
 
+    @abstractmethod
     def buses(self, clock: Clock) -> Buses:
         """What leads drivers to the emulators; ``clock`` is the robot's."""
 
+    @abstractmethod
     def pulses(self) -> Sequence[int]:
         """The count for each joint, 0 where there are no pulses; more for outputs without one."""
 
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """What waits, when called, until the boards have had all that their driver sent."""
+        del servos
+        return lambda: None
 
-    def begin_interaction(self) -> None:
+    def begin_interaction(self) -> None:  # noqa: B027 - only some boards count
         """Restarts what counts samples, so that a repeated observation reads the same."""
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027 - only some took anything
         """Gives back what it took of this computer."""
 
 

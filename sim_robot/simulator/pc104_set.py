@@ -1,4 +1,4 @@
-"""The electronics of 2006: an SV203 on a serial line, a DMM-32, and a VL6180X."""
+"""The electronics of 2006: SV203 on a serial line, DMM-32 on I/O ports, and VL6180X."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
-from sim_robot.simulator.electronics_set import REACH_MM, configuration
+from sim_robot.simulator.electronics_set import REACH_MM, ElectronicsSet, configuration
 from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body
 from sim_robot.world.sensor_noise import NoiseLevels
 
 ZERO_VOLTS: Final = 2.5  # an ADXL203-like part on 5 V
 VOLTS_PER_G: Final = 1.0
-FULL_LOAD_VOLTS: Final = 4.0
+FULL_LOAD_VOLTS: Final = 4.0  # of an input range of 5 V
 
 
 def servo_boards(body: Body) -> tuple[int, ...]:
@@ -55,11 +55,13 @@ def configure(body: Body, *, port: str, levels: NoiseLevels) -> RobotConfig:
     )
 
 
-class PC104Set:
-    """The set; see ``ElectronicsSet``."""
+class PC104Set(ElectronicsSet):
+    """An SV203 for every eight joints, a DMM-32 and a VL6180X."""
+
+    summary = "the boards of 2006, on a serial line and I/O ports"
 
     def __init__(self, body: Body) -> None:
-        self._body = body
+        super().__init__(body)
         self.servo_board = SV203Emulator(boards=servo_boards(body))
 
     @property
@@ -93,9 +95,6 @@ class PC104Set:
     def follow(self, servos: ServoBus) -> Callable[[], None]:
         """Waits for the thread that reads the serial line."""
         return Follower(self.servo_board, cast(SV203, servos))
-
-    def begin_interaction(self) -> None:
-        """Nothing here counts samples."""
 
     def close(self) -> None:
         """Removes the serial port."""

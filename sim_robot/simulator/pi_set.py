@@ -12,7 +12,6 @@ from robot.drivers.daq.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.servos.pca9685 import OSCILLATOR_MHZ, PCA9685Settings
 from robot.drivers.servos.pca9685_board import OUTPUTS, TICKS
-from robot.drivers.servos.servo_bus import ServoBus
 from robot.host.clock import Clock
 from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
@@ -20,7 +19,7 @@ from sim_robot.electronics.i2c_bus import I2CBus
 from sim_robot.electronics.mpu6050 import MPU6050Emulator
 from sim_robot.electronics.pca9685 import PCA9685Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
-from sim_robot.simulator.electronics_set import REACH_MM, configuration
+from sim_robot.simulator.electronics_set import REACH_MM, ElectronicsSet, configuration
 from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body
 from sim_robot.world.sensor_noise import NoiseLevels
@@ -55,11 +54,10 @@ def configure(body: Body, levels: NoiseLevels) -> RobotConfig:
     )
 
 
-class PiSet:
-    """The set; see ``ElectronicsSet``."""
+class PiSet(ElectronicsSet):
+    """As many PCA9685 and ADS1115 as the body needs, an MPU-6050 and a VL6180X."""
 
-    def __init__(self, body: Body) -> None:
-        self._body = body
+    summary = "PCA9685, ADS1115 and MPU-6050 on the I²C bus of a Raspberry Pi"
 
     @property
     def switches(self) -> Mapping[str, FaultSwitch]:
@@ -113,14 +111,6 @@ class PiSet:
         ]
         return [min(max(width, counts[0]), counts[-1]) if width else 0 for width in widths]
 
-    def follow(self, servos: ServoBus) -> Callable[[], None]:
-        """A transfer is over when it was made."""
-        del servos
-        return lambda: None
-
     def begin_interaction(self) -> None:
         """The accelerometer alone counts its samples."""
         self.accelerometer.restart_dither()
-
-    def close(self) -> None:
-        """There is nothing to give back."""

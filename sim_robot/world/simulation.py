@@ -1,33 +1,59 @@
 """The world: a body on a plane, its servos, and what its sensors are exposed to.
 
 World steps are 1/240 s. An engine builds the body anew each time it is laid down: contacts left
-over from an earlier pose would make readings depend on history.
+over from an earlier pose would make readings depend on history. PyBullet is the default where it
+is installed. MuJoCo shares nothing with it: its contacts are soft, and another solver finds the
+forces.
 """
 
 from __future__ import annotations
 
+import importlib
 import logging
 import math
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
+from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
 from protocol.system.closable import Closable
+from protocol.system.missing_library import install_command
 from protocol.wire.readings import belly_ray, up_in_body
+from sim_robot.errors import EngineError
 from sim_robot.world.body import Body
 
 STEP: Final = 1 / 240
+"""Of the simulation, s: PyBullet's own default."""
 GRAVITY: Final = 9.81
+"""m/s²."""
 FRICTION: Final = 0.7
+"""Coulomb coefficient of the ground; not tuned."""
 SERVO_SPEED: Final = math.radians(60)
+"""At most, rad/s."""
 HOLD_TOLERANCE: Final = math.radians(0.1)
+"""A servo at rest further from its target is too weak, rad."""
 
-_LOOK: Final = 12  # steps from one look at the pose to the next
-_CALM_LOOKS: Final = (
-    10  # 0.5 s in the same pose are rest; speed alone is none where a body tips over
-)
+_LOOK: Final = 12  # steps from one look at the pose to the next: 0.05 s
+_CALM_LOOKS: Final = 10  # 0.5 s in one pose are rest; speed alone is none where a body tips over
 _SAME_HEIGHT: Final = 5e-5  # m
 _SAME_ANGLE: Final = math.radians(0.02)
+
+ENGINES: Final = MappingProxyType(
+    {
+        "pybullet": ("sim_robot.world.pybullet_world", "PyBulletWorld"),
+        "mujoco": ("sim_robot.world.mujoco_world", "MuJoCoWorld"),
+    }
+)
+"""Modules and classes of the engines, by name: imported only when asked for."""
+DEFAULT_ENGINE: Final = "mujoco" if find_spec("pybullet") is None else "pybullet"
+
+_ADVICE: Final = MappingProxyType(
+    {
+        "pybullet": " brings it to Python 3.11 on Linux (x86-64); take --engine mujoco elsewhere",
+        "mujoco": "",
+    }
+)
 
 Position: TypeAlias = tuple[float, float, float]
 Quaternion: TypeAlias = tuple[float, float, float, float]  # x, y, z, w
@@ -206,3 +232,21 @@ def _turn_up(up: Sequence[float]) -> Quaternion:
         return 1.0, 0.0, 0.0, 0.0
     length = math.sqrt(2 * (1 + z))
     return y / length, -x / length, 0.0, length / 2
+
+
+def open_world(body: Body, *, log: logging.Logger, engine: str = DEFAULT_ENGINE) -> World:
+    """Puts a body into a world.
+
+    Args:
+        body: The body.
+        log: Told when a servo cannot hold its angle.
+        engine: A name in ``ENGINES``.
+
+    Raises:
+        EngineError: The engine is not installed.
+    """
+    module, name = ENGINES[engine]
+    if find_spec(engine) is None:
+        raise EngineError(f"{engine} is not installed: {install_command('sim')}{_ADVICE[engine]}")
+    world: World = getattr(importlib.import_module(module), name)(body, log=log)
+    return world

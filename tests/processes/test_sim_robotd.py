@@ -16,7 +16,7 @@ from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableErr
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import ObservationReply, Progress
-from sim_robot.world.engines import ENGINES
+from sim_robot.world.simulation import ENGINES
 
 
 def program(client: RobotClient, **degrees: float) -> dict[str, float]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from protocol.wire.readings import touch_is_doubtful, touches
 from sim_robot.world.body import Body, load_body, shipped_bodies
-from sim_robot.world.engines import open_world
+from sim_robot.world.simulation import open_world
 
 LOADED = 0.1  # N: above it, a gauge says touch
 REACH = 30.0  # degrees

@@ -25,7 +25,7 @@ from estimator.physics.pybullet import PyBulletPhysics
 from protocol.system.native_output import native_output_discarded
 from protocol.wire.capabilities import Joint
 from sim_robot.world.body import load_body
-from sim_robot.world.engines import open_world
+from sim_robot.world.simulation import open_world
 
 with native_output_discarded():
     import pybullet

@@ -14,7 +14,7 @@ import pytest
 
 from protocol.system.missing_library import install_command
 from robot.cli.command_line import main as robotd
-from sim_robot.cli.command_line import main as sim_robotd
+from sim_robot.command_line import main as sim_robotd
 
 pytestmark = pytest.mark.every_python
 PROGRAM = "import sys; from robot.cli.startup import start; sys.exit(start('crawl', 'command'))"

@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_robot.cli.command_line import main
+from sim_robot.command_line import main
 from sim_robot.errors import BodyError
 from sim_robot.world.body import body_path, load_body, shipped_bodies
-from sim_robot.world.engines import open_world
+from sim_robot.world.simulation import open_world
 
 JOINTS = {
     "biped": 4,

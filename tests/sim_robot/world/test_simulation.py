@@ -16,8 +16,7 @@ import pytest
 
 from protocol.wire.readings import touches
 from sim_robot.world.body import default_body_path, load_body
-from sim_robot.world.engines import ENGINES, open_world
-from sim_robot.world.simulation import STEP, Pose, World
+from sim_robot.world.simulation import ENGINES, STEP, Pose, World, open_world
 
 LOG = logging.getLogger("world")
 

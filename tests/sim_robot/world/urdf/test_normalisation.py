@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from estimator.evaluation.truth.urdf import read_urdf as read_truth
-from sim_robot.cli.command_line import main
+from sim_robot.command_line import main
 from sim_robot.errors import BodyError
 from sim_robot.simulator.pc104_set import configure
 from sim_robot.world.body import examine, load_body
-from sim_robot.world.engines import ENGINES, open_world
 from sim_robot.world.sensor_noise import NoiseLevels
+from sim_robot.world.simulation import ENGINES, open_world
 from sim_robot.world.urdf.declarations import Box, vector
 from tests.sim_robot.world.urdf.meshes import CORNERS, binary_stl
 from tests.sim_robot.world.urdf.pieces import (

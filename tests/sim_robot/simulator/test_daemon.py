@@ -1,8 +1,9 @@
-"""An interaction that is made again after it was broken off feels what it would have felt."""
+"""Interactions of a simulated robot: repeated they read alike, and what is settled is at rest."""
 
 from __future__ import annotations
 
 import logging
+import math
 import random
 from collections.abc import Iterator, Sequence
 from itertools import count
@@ -10,6 +11,8 @@ from queue import SimpleQueue
 
 import pytest
 
+from bench.daemons import simulator
+from protocol import RobotClient
 from protocol.rules.robot_interface import Finished
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply, Perform, Stop
 from robot.control.controller import Controller
@@ -98,3 +101,28 @@ def test_a_motion_that_was_broken_off_feels_the_same_when_it_is_made_again(
     assert len(expected) == len(PROGRAMS)
     for broken_off in ((3,), (20,), (60,), (70, 11)):
         assert felt(electronics, broken_off, monkeypatch) == expected
+
+
+# Radians. PyBullet's body stands still in these poses for half a second, then tips over by 11° and
+# 24°; a look back of 0.3 s called it settled before.
+ON_AN_EDGE = (
+    (0.053, 0.281, -0.013, -0.494, 0.324, -0.457, 0.314, -0.343),
+    (-0.312, 0.139, -0.323, 0.398, -0.471, -0.412, 0.236, -0.196),
+)
+
+
+def test_what_is_settled_does_not_tip_over_afterwards() -> None:
+    pytest.importorskip("pybullet")
+    with (
+        simulator("--noise", "none", "--engine", "pybullet") as robot,
+        RobotClient(robot.uri) as client,
+    ):
+        client.acquire()
+        names = [joint.name for joint in client.capabilities.joints]
+        for pose in ON_AN_EDGE:
+            seen = client.perform(dict(zip(names, pose, strict=True)))
+            assert seen.settled
+            assert seen.tilt is not None
+            for _ in range(5):  # each a second of robot time
+                later = client.read()
+            assert later.tilt == pytest.approx(seen.tilt, abs=math.radians(0.3))

@@ -1,4 +1,4 @@
-"""Bodies with 18 and 24 joints: as many emulated servo boards on the line as they need."""
+"""Bodies with more joints and feet than one board has outputs and inputs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from robot.drivers.servos.sv203 import SV203Settings
 from sim_robot.simulator.daemon import emulation
-from sim_robot.world.body import Body, load_body
+from sim_robot.world.body import Body, load_body, shipped_bodies
 from sim_robot.world.sensor_noise import NO_NOISE
 
 INERTIAL = (
@@ -65,3 +65,28 @@ def test_each_joint_goes_where_its_own_output_sends_it(
         )
         parts.clock.sleep(1.0)
         assert parts.world.angles() == pytest.approx(wanted, abs=math.radians(0.7))
+
+
+def test_a_body_has_as_many_boards_as_it_needs() -> None:
+    body = load_body(shipped_bodies()["hexapod_18"])
+    with emulation(
+        body,
+        seed=0,
+        levels=NO_NOISE,
+        real_time=False,
+        log=logging.getLogger("test"),
+        electronics="pi",
+    ) as robot:
+        joints, servos = robot.config.joints, robot.devices.servos
+        outputs = [joint.output for joint in joints]
+        assert outputs == list(range(18))  # the last two on the second board
+        assert set(servos.read_counts(outputs).values()) == {0}
+        servos.set_counts({joint.output: joint.quantise(0.2) for joint in joints})
+        robot.clock.sleep(1.0)
+        wanted = [joint.scale.angle(joint.quantise(0.2)) for joint in joints]
+        assert robot.world.angles() == pytest.approx(wanted, abs=0.01)
+        last = list(body.touch)[-1]
+        robot.world.press(last, 2.0)
+        loads = [sensor.load() for sensor in robot.devices.touch]
+        assert len(loads) == 6  # the last two on the second chip
+        assert loads[-1] - loads[-2] > 1.0

@@ -7,7 +7,6 @@ import logging
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from protocol.errors import BodyschemaError
 from protocol.system.presence import may_exist
@@ -19,12 +18,11 @@ from robot.service.daemon import serve
 from sim_robot.errors import BodyError, FaultError
 from sim_robot.faults.control_socket import FaultSocket
 from sim_robot.faults.fault_panel import KNOWN, FaultSpec
+from sim_robot.simulator.daemon import DEFAULT_SET, SETS, Emulation, emulation, robot_on
+from sim_robot.simulator.person import RehearsalConsole, SimulatedPerson
 from sim_robot.world.body import body_path, default_body_path, examine, load_body, shipped_bodies
-from sim_robot.world.engines import DEFAULT_ENGINE, ENGINES
 from sim_robot.world.sensor_noise import load_noise
-
-if TYPE_CHECKING:
-    from sim_robot.simulator.daemon import Emulation
+from sim_robot.world.simulation import DEFAULT_ENGINE, ENGINES
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,8 +51,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run(options: argparse.Namespace) -> None:
     """Serves the simulated robot until a signal."""
-    from sim_robot.simulator.daemon import robot_on  # noqa: PLC0415 - keeps --help fast
-
     log = logging.getLogger("sim-robotd")
     with ExitStack() as stack:
         parts = stack.enter_context(
@@ -102,8 +98,6 @@ def check(file: Path) -> int:
 
 def calibrate(options: argparse.Namespace) -> None:
     """Lets a simulated person calibrate the simulated robot."""
-    from sim_robot.simulator.person import SimulatedPerson  # noqa: PLC0415 - keeps --help fast
-
     file = options.calibration
     if file is None:
         options.refuse("--calibrate needs --calibration FILE, which it writes")
@@ -114,8 +108,6 @@ def calibrate(options: argparse.Namespace) -> None:
 
 def console(options: argparse.Namespace) -> None:
     """Lets a person rehearse at the terminal."""
-    from sim_robot.cli.console import RehearsalConsole  # noqa: PLC0415 - keeps --help fast
-
     with _emulation(options, real_time=True) as parts:
         for fault in options.fault:
             parts.panel.order(fault)
@@ -125,8 +117,6 @@ def console(options: argparse.Namespace) -> None:
 def _emulation(
     options: argparse.Namespace, *, real_time: bool, calibration: Path | None = None
 ) -> AbstractContextManager[Emulation]:
-    from sim_robot.simulator.daemon import emulation  # noqa: PLC0415 - keeps --help fast
-
     return emulation(
         load_body(options.body),
         seed=options.seed,
@@ -156,10 +146,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--electronics",
-        choices=("pc104", "pi"),
-        default="pc104",
-        help="the boards of 2006 on serial line and I/O ports, or PCA9685, ADS1115 and MPU-6050 on "
-        "the I²C bus of a Raspberry Pi (default pc104)",
+        choices=SETS,
+        default=DEFAULT_SET,
+        help="which boards: "
+        + "; ".join(f"{name}: {kind.summary}" for name, kind in SETS.items())
+        + f" (default {DEFAULT_SET})",
     )
     parser.add_argument(
         "--engine",

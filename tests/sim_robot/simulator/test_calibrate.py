@@ -23,11 +23,11 @@ from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import RobotConfig, apply_calibration
 from robot.drivers.servos.sv203 import COUNTS
 from robot.sensing.sensors import tilt_at_rest
-from sim_robot.cli.command_line import _parser
+from sim_robot.command_line import _parser
 from sim_robot.simulator import pc104_set, pi_set
 from sim_robot.simulator.daemon import SETS, emulation, robot_on
-from sim_robot.simulator.miscalibration import miscalibrated
 from sim_robot.simulator.person import SimulatedPerson
+from sim_robot.simulator.wiring import miscalibrated
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NO_NOISE, NoiseLevels
 
