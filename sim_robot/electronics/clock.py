@@ -1,8 +1,8 @@
 """The clocks of a simulated robot, which advance the world when they are slept on.
 
-Both wait, before they let time pass, until the emulated servo board has read every byte that was
-written to it: otherwise a command could take effect before or after it was due, by the luck of the
-operating system's scheduling.
+Before they let time pass, both call ``synchronise``, which waits until an emulated servo board has
+read every byte that was written to it: otherwise a command could take effect before or after it was
+due, by the luck of the operating system's scheduling.
 
 ``HostClock`` is the clock of the computer that the daemon runs on: over one of these, and able to
 jump, which leaves the world and its electronics untouched.
@@ -15,12 +15,9 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import ClassVar
 
-from robot.drivers.servos.sv203 import SV203
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import FaultSwitch
-from sim_robot.electronics.sv203 import SV203Emulator
 
-SYNCHRONISE_TIMEOUT = 2.0  # s of real time for the emulated board to read what was written
 TICK = 2.0**-30  # s; differences of its multiples are exact: what lasts as long, does so always
 MAX_SLICE = 0.02  # s of real time between two advances of a real-time world
 
@@ -86,26 +83,6 @@ class RealTimeClock:
 
     def charge(self, seconds: float) -> None:
         """Does nothing: the time has really passed."""
-
-
-class Follower:
-    """Waits, when called, until an emulated board has read all that its driver wrote.
-
-    Args:
-        board: The board.
-        driver: Its driver.
-    """
-
-    def __init__(self, board: SV203Emulator, driver: SV203):
-        self._board = board
-        self._driver = driver
-        self._lost = 0
-
-    def __call__(self) -> None:
-        """Waits; bytes that never came are waited for only once."""
-        written = self._driver.bytes_written
-        self._board.wait_until_read(written - self._lost, SYNCHRONISE_TIMEOUT)
-        self._lost = written - self._board.bytes_read  # or late: a computer may stand still
 
 
 class HostClock(FaultSwitch):

@@ -2,7 +2,8 @@
 
 Source: Diamond Systems DMM-32DX-AT hardware manual, held to the probe of Linux' comedi driver.
 Assumed where the manual gives no figure: a conversion that is started while the input settles
-(WAIT) repeats the sample before, so that a hasty driver is found out.
+(WAIT) repeats the sample before, so that a hasty driver is found out. Not modelled: DACs, digital
+I/O, counters, interrupts, differential inputs.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from typing import ClassVar, Final
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import FaultSwitch
 
-WINDOW: Final = 16
-ACCESS_TIME: Final = 1e-6
-SETTLE_TIME: Final = 10e-6
-CONVERSION_TIME: Final = 4e-6
+WINDOW: Final = 16  # ports
+ACCESS_TIME: Final = 1e-6  # s; of an ISA bus cycle
+SETTLE_TIME: Final = 10e-6  # s
+CONVERSION_TIME: Final = 4e-6  # s
 
 _FLOATING: Final = 0xFF
-_SCAN_INTERVALS: Final = (20e-6, 15e-6, 10e-6, 5e-6)
+_SCAN_INTERVALS: Final = (20e-6, 15e-6, 10e-6, 5e-6)  # s
 _GAINS: Final = (1.0, 2.0, 4.0, 8.0)
 _CODES_PER_SIDE: Final = 32768
 

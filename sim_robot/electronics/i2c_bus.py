@@ -1,7 +1,8 @@
 """An emulated I²C bus: messages to whoever has their address, as the controller of a Pi sends them.
 
 Source: the I²C specification (UM10204), and Linux' driver ``i2c-bcm2835``, which takes a transfer
-with one read only, as its last message.
+with one read only, as its last message. Not modelled: clock stretching, several masters, transfers
+cut off half-way.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from robot.drivers.links.i2c import no_such_bus
 from robot.host.clock import Clock
 from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
 
-TRANSFER_TIME: Final = 100e-6
+TRANSFER_TIME: Final = 100e-6  # s; a few bytes at 400 kHz
 
 _READ_FLAG: Final = 0x0001
-_HUNG_BUS_TIME: Final = 0.1
+_HUNG_BUS_TIME: Final = 0.1  # s until the kernel gives up
 
 
 class I2CDevice(FaultSwitch, ABC):

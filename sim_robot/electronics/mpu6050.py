@@ -1,4 +1,4 @@
-"""An emulated MPU-6050: accelerometer and thermometer on an I²C bus; its gyroscope feels nothing.
+"""An emulated MPU-6050: accelerometer and thermometer on an I²C bus; its gyroscope reads 0.
 
 Source: InvenSense MPU-6000/6050 register map 4.2, and application note *MPU Hardware Offset
 Registers* (the accelerometer's, in codes of ±8 g, which a reset loads from the factory's). FIFO,
@@ -14,7 +14,7 @@ from typing import ClassVar, Final
 from robot.host.clock import Clock
 from sim_robot.electronics.i2c_bus import I2CDevice
 
-SAMPLE_PERIOD: Final = 1e-3
+SAMPLE_PERIOD: Final = 1e-3  # s
 
 _OFFSETS: Final = 0x06
 _FACTORY_OFFSETS: Final = (-1210, 344, 1502)

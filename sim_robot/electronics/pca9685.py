@@ -3,7 +3,7 @@
 Source: NXP PCA9685 data sheet, revision 4. Where it gives no figure the emulator assumes: whatever
 clears RESTART starts the outputs again; an oscillator stops, and starts, at once; nothing clocks
 the pin EXTCLK, nothing pulls an open-drain output up, and outputs change at the end of a transfer
-even where MODE2 has them change with each acknowledge.
+even where MODE2 has them change with each acknowledge. Not modelled: test mode.
 """
 
 from __future__ import annotations

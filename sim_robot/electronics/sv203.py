@@ -1,62 +1,216 @@
-"""Emulated Pontech SV203 servo boards behind a pseudo-terminal.
+"""Emulated Pontech SV203 servo boards on a serial line.
 
-A thread waits for bytes as a board's processor does; nothing happens before a carriage return.
+Source: Pontech SV203 User Manual, revision 1.20, and the command list of the SV200, its sister
+board. Where these are silent the emulator assumes, and drivers should not rely on it: lower-case
+letters, lines over 20 characters and whatever follows something unknown are ignored; ``M0`` stops
+the pulses; neutral is count 128; the factory leaves the baud rate in EEPROM cell 9. Not modelled:
+baud rate, the delay of ``D``, EEPROM programs, infra-red.
 """
 
 from __future__ import annotations
 
-import fcntl
-import glob
-import os
-import select
-import shutil
-import tempfile
-import termios
-import threading
-import tty
+import re
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from functools import partial
 from itertools import count
 from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.errors import CommandError
-from sim_robot.electronics.fault_switch import EVERY_NTH, FaultSwitch
-from sim_robot.electronics.sv203_board import OUTPUTS, Board
+from sim_robot.electronics.fault_switch import EVERY_NTH
+from sim_robot.electronics.serial_device import SerialDevice
 
-_CHUNK: Final = 4096
-_PREFIX: Final = "emulated-sv203-"
-_LINK: Final = "port"
-_OTHERS_COUNT: Final = 200
+OUTPUTS: Final = 8
+NEUTRAL: Final = 128
+LIMP: Final = 0
+MAX_LINE: Final = 20
+
+_FIRST_POSITION: Final = 51  # RAM cell of servo 1's count
+_EEPROM_SIZE: Final = 8191
+_MAX_BUFFER: Final = 256  # longer lines are long since void
+_TOKEN: Final = re.compile(r"[ ,]*(?:(\?)|([A-Z]{1,2}) *(-?[0-9]{1,6})?(?: +(-?[0-9]{1,6}))?)")
+_OTHERS_COUNT: Final = 200  # where the fault "moved" sends an output
 
 
-class SV203Emulator(FaultSwitch):
-    """Boards on a serial line; ``port`` is the name to open with pyserial.
+class Board:
+    """The processor of one board: bytes in, servo pulses and answers out; no I/O, no threads.
 
-    The line can be unplugged and plugged in again, as a USB adapter can: the name is a link that
-    vanishes and comes back, while the device behind it may be another one. The boards have their
-    own supply and do not notice.
+    Args:
+        number: The number that it answers to; 0 addresses every board.
+
+    Attributes:
+        pulses: Count at each output, 0 without pulses; replaced, never changed in place.
+        analogue: What the five analogue inputs read, 0 to 255.
+        on_move: Called with servo, count before and count after whenever a command changes one;
+            what servos do by themselves when the supply comes back is no move, nor is ``place``.
+    """
+
+    pulses: tuple[int, ...]
+
+    def __init__(self, number: int = 1):
+        self.analogue = [0] * 5
+        self.on_move: Callable[[int, int, int], None] = lambda servo, before, after: None
+        self._number = number
+        self._eeprom = bytearray(b"\xff" * _EEPROM_SIZE)
+        self._eeprom[9] = 50
+        self.power_up()
+
+    def power_up(self) -> None:
+        """What happens when the supply comes (back): deselected, all servos to neutral."""
+        self._enabled = False
+        self._servo: int | None = None
+        self._line = bytearray()
+        self._ram = bytearray(256)
+        self._counts = [NEUTRAL] * OUTPUTS
+        self._pins = [False] * OUTPUTS
+        self.pulses = tuple(self._counts)
+
+    def receive(self, data: bytes) -> bytes:
+        """Takes bytes from the line and returns the answers."""
+        replies = []
+        for byte in data:
+            if byte == 0x0D:
+                if len(self._line) <= MAX_LINE:
+                    replies.append(self._execute(self._line.decode("latin-1")))
+                self._line.clear()
+            elif byte != 0x0A and len(self._line) < _MAX_BUFFER:
+                self._line.append(byte)
+        return b"".join(replies)
+
+    def _execute(self, line: str) -> bytes:
+        replies = []
+        at = 0
+        while (token := _TOKEN.match(line, at)) is not None:
+            at = token.end()
+            name = token[1] or token[2]
+            handler, *limits = self._COMMANDS.get(name, (None,))
+            if handler is None:
+                break
+            arguments = [int(text) for text in token.groups()[2:] if text is not None]
+            if name != "BD" and not self._enabled:
+                continue
+            if len(arguments) != len(limits):
+                continue
+            if all(
+                low <= value <= high for value, (low, high) in zip(arguments, limits, strict=True)
+            ):
+                reply = handler(self, *arguments)
+                if reply is not None:
+                    replies.append(f"{reply}\r")
+        return "".join(replies).encode("ascii")
+
+    def _select_board(self, number: int) -> None:
+        self._enabled = number in (0, self._number)
+
+    def _select_servo(self, number: int) -> None:
+        self._servo = number
+
+    def _move(self, count: int) -> None:
+        if self._servo is not None:
+            self._set(self._servo, count)
+
+    def _move_by(self, change: int) -> None:
+        if self._servo is not None:
+            count = self._counts[self._servo - 1] + change
+            if 0 <= count <= 255:
+                self._set(self._servo, count)
+
+    def place(self, servo: int, count: int) -> None:
+        """Another program on the line moves a servo, which is not reported to ``on_move``."""
+        self._counts[servo - 1] = count
+        self.pulses = tuple(self._counts)
+
+    def _set(self, servo: int, count: int) -> None:
+        before = self._counts[servo - 1]
+        self.place(servo, count)
+        if count != before:
+            self.on_move(servo, before, count)
+
+    def _delay(self, milliseconds: int) -> None:
+        """Does nothing: the emulated processor has no time of its own."""
+
+    def _set_pin(self, pin: int) -> None:
+        self._drive_pin(pin, True)
+
+    def _clear_pin(self, pin: int) -> None:
+        self._drive_pin(pin, False)
+
+    def _toggle_pin(self, pin: int) -> None:
+        self._drive_pin(pin, not self._pins[pin - 1])
+
+    def _drive_pin(self, pin: int, level: bool) -> None:
+        self._pins[pin - 1] = level
+        self._set(pin, LIMP)  # a steady level carries no pulses
+
+    def _read_analogue(self, channel: int) -> int:
+        return self.analogue[channel - 1]
+
+    def _spi_out(self, value: int) -> None:
+        """Does nothing: no device is on the SPI port."""
+
+    def _spi_in(self) -> int:
+        return 0
+
+    def _write_ram(self, cell: int, value: int) -> None:
+        servo = cell - _FIRST_POSITION + 1
+        if 1 <= servo <= OUTPUTS:
+            self._set(servo, value)
+        else:
+            self._ram[cell] = value
+
+    def _read_ram(self, cell: int) -> int:
+        servo = cell - _FIRST_POSITION + 1
+        return self._counts[servo - 1] if 1 <= servo <= OUTPUTS else self._ram[cell]
+
+    def _write_eeprom(self, cell: int, value: int) -> None:
+        self._eeprom[cell] = value
+
+    def _read_eeprom(self, cell: int) -> int:
+        return self._eeprom[cell]
+
+    def _help(self) -> str:
+        return "SV203 emulator: BD SV M I D PS PC PT AD SO SI WR RR WE RE"
+
+    _COMMANDS: ClassVar = MappingProxyType[
+        str, tuple[Callable[..., int | str | None] | None, *tuple[tuple[int, int], ...]]
+    ](
+        {
+            "BD": (_select_board, (0, 255)),
+            "SV": (_select_servo, (1, OUTPUTS)),
+            "M": (_move, (0, 255)),
+            "I": (_move_by, (-128, 127)),
+            "D": (_delay, (1, 65535)),
+            "PS": (_set_pin, (1, OUTPUTS)),
+            "PC": (_clear_pin, (1, OUTPUTS)),
+            "PT": (_toggle_pin, (1, OUTPUTS)),
+            "AD": (_read_analogue, (1, 5)),
+            "SO": (_spi_out, (0, 255)),
+            "SI": (_spi_in,),
+            "WR": (_write_ram, (0, 255), (0, 255)),
+            "RR": (_read_ram, (0, 255)),
+            "WE": (_write_eeprom, (0, _EEPROM_SIZE - 1), (0, 255)),
+            "RE": (_read_eeprom, (0, _EEPROM_SIZE - 1)),
+            "?": (_help,),
+        }
+    )
+
+
+class SV203Emulator(SerialDevice):
+    """Boards on a serial line.
 
     Args:
         boards: The numbers that they answer to.
-
-    Attributes:
-        port: Name of the serial port.
-        bytes_read: Bytes consumed and acted upon, or swallowed by a cable that was pulled.
     """
 
     FAULTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
-            "unplugged": "the serial cable is out of the host, and the port is gone",
-            "drop": "every n-th byte from the host is lost",
-            "corrupt": "every n-th byte from the host arrives with bit 0 flipped",
+            **SerialDevice.FAULTS,
             "mute": "the board answers no queries",
             "garbage": "every n-th answer has its first digit replaced by '~'",
         }
     )
     NUMBERS: ClassVar[Mapping[str, range]] = MappingProxyType(
-        dict.fromkeys(("drop", "corrupt", "garbage"), EVERY_NTH)
+        {**SerialDevice.NUMBERS, "garbage": EVERY_NTH}
     )
     EVENTS: ClassVar[Mapping[str, str]] = MappingProxyType(
         {
@@ -67,19 +221,9 @@ class SV203Emulator(FaultSwitch):
     )
 
     def __init__(self, *, boards: Sequence[int] = (1,)):
-        super().__init__()
-        _sweep()
-        self._folder = tempfile.mkdtemp(prefix=_PREFIX)
-        self._lock: int | None = os.open(self._folder, os.O_RDONLY)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)  # as long as we live: see _sweep
-        self.port = os.path.join(self._folder, _LINK)
-        self.bytes_read = 0
         self._boards = {number: Board(number) for number in boards}
-        self._changed = threading.Condition()
-        self._link: _Link | None = None
-        self._bytes_seen = 0
         self._replies = 0
-        self.replug()
+        super().__init__()
 
     def pulses(self) -> tuple[int, ...]:
         """Count 1 to 255 at each output, or 0 where there are no pulses; eight a board."""
@@ -93,36 +237,6 @@ class SV203Emulator(FaultSwitch):
         """
         for first, board in zip(count(0, OUTPUTS), self._boards.values(), strict=False):
             board.on_move = partial(_shifted, on_move, first)
-
-    def wait_until_read(self, count: int, timeout: float) -> bool:
-        """Waits until ``bytes_read`` has reached ``count``.
-
-        Args:
-            count: Bytes written by the driver.
-            timeout: Longest wait, s of real time.
-
-        Returns:
-            Whether they were all consumed; at once ``True`` while unplugged, for then there is
-            nothing to wait for.
-        """
-        if self.bytes_read >= count:
-            return True
-        with self._changed:
-            return self._changed.wait_for(
-                lambda: self.bytes_read >= count or self._link is None, timeout
-            )
-
-    def inject(self, fault: str, value: int = 0) -> None:
-        """Switches a fault on, or makes an event happen; may be called from any thread."""
-        super().inject(fault, value)
-        if fault == "unplugged":
-            self.unplug()
-
-    def mend(self, fault: str | None = None) -> None:
-        """Switches a fault off, or all of them; the cable comes back."""
-        super().mend(fault)
-        if fault in (None, "unplugged"):
-            self.replug()
 
     def numbers(self, fault: str) -> Sequence[int]:
         """Of a brown-out the boards', or 0 for all of them; of a move the outputs'."""
@@ -145,28 +259,10 @@ class SV203Emulator(FaultSwitch):
             for board in [self._boards[number]] if number else self._boards.values():
                 board.power_up()
 
-    def unplug(self) -> None:
-        """Pulls the serial cable out of the host."""
-        with self._changed:
-            link, self._link = self._link, None
-            self._changed.notify_all()
-        if link is not None:
-            self.bytes_read += link.close()
-            os.unlink(self.port)
-
-    def replug(self) -> None:
-        """Plugs the cable in again."""
-        if self._link is None:
-            self._link = _Link(self._consume)
-            os.symlink(self._link.name, self.port)
-
-    def close(self) -> None:
-        """Ends the thread and removes the port."""
-        self.unplug()
-        if self._lock is not None:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            os.close(self._lock)
-            self._lock = None
+    def receive(self, data: bytes) -> bytes:
+        """Gives bytes to every board; returns what they answer."""
+        reply = b"".join(board.receive(data) for board in self._boards.values())
+        return self._damage_reply(reply) if reply and self._faults else reply
 
     def _happen(self, event: str, value: int) -> None:
         if event == "brown_out":
@@ -175,30 +271,6 @@ class SV203Emulator(FaultSwitch):
         row, servo = divmod(value - 1, OUTPUTS)
         with self._changed:
             tuple(self._boards.values())[row].place(servo + 1, _OTHERS_COUNT)
-
-    def _consume(self, data: bytes) -> bytes:
-        """Acts on bytes from the host and returns the answer."""
-        received = len(data)
-        if self._faults:
-            data = self._damage(data)
-        with self._changed:
-            reply = b"".join(board.receive(data) for board in self._boards.values())
-            self.bytes_read += received
-            self._changed.notify_all()
-        if reply and self._faults:
-            reply = self._damage_reply(reply)
-        return reply
-
-    def _damage(self, data: bytes) -> bytes:
-        drop, corrupt = self._faults.get("drop"), self._faults.get("corrupt")
-        kept = bytearray()
-        for byte in data:
-            self._bytes_seen += 1
-            if drop is not None and self._bytes_seen % max(drop, 1) == 0:
-                continue
-            flip = corrupt is not None and self._bytes_seen % max(corrupt, 1) == 0
-            kept.append(byte ^ flip)
-        return bytes(kept)
 
     def _damage_reply(self, reply: bytes) -> bytes:
         if "mute" in self._faults:
@@ -215,58 +287,3 @@ def _shifted(
 ) -> None:
     """Reports the move of a servo by its output."""
     on_move(first + servo, before, after)
-
-
-def _sweep() -> None:
-    """Removes the ports of emulators that were killed: nobody locks their folders any more."""
-    for folder in glob.glob(os.path.join(tempfile.gettempdir(), f"{_PREFIX}*")):
-        with suppress(OSError):  # somebody else's, or alive
-            lock = os.open(folder, os.O_RDONLY)
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if os.path.islink(os.path.join(folder, _LINK)):  # else it is just being made
-                    shutil.rmtree(folder)
-            finally:
-                os.close(lock)
-
-
-class _Link:
-    """One pty and the thread that reads it; asleep in ``poll`` while the line is silent."""
-
-    def __init__(self, consume: Callable[[bytes], bytes]):
-        self._consume = consume
-        # The slave stays open here: after its last close the master would only read errors.
-        self._master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.name = os.ttyname(self._slave)
-        self._wake_read, self._wake_write = os.pipe()
-        self._thread = threading.Thread(target=self._run, name="sv203-emulator", daemon=True)
-        self._thread.start()
-
-    def close(self) -> int:
-        """Ends the thread; returns how many bytes were still on their way."""
-        os.write(self._wake_write, b"x")
-        self._thread.join()
-        swallowed = 0
-        with suppress(BlockingIOError):
-            while data := os.read(self._master, _CHUNK):
-                swallowed += len(data)
-        for fd in (self._master, self._slave, self._wake_read, self._wake_write):
-            os.close(fd)
-        return swallowed
-
-    def _run(self) -> None:
-        poll = select.poll()
-        poll.register(self._master, select.POLLIN)
-        poll.register(self._wake_read, select.POLLIN)
-        while True:
-            ready = poll.poll()
-            if any(fd == self._wake_read for fd, _ in ready):
-                return
-            # Held open here, the line would stay exclusive after a daemon that was killed.
-            fcntl.ioctl(self._slave, termios.TIOCNXCL)
-            with suppress(BlockingIOError):
-                reply = self._consume(os.read(self._master, _CHUNK))
-                if reply:
-                    os.write(self._master, reply)  # a full line loses bytes, as a real one does

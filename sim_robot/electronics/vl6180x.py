@@ -3,7 +3,8 @@
 Source: ST application note AN4545 and the VL6180X data sheet. Assumed, for want of figures: how
 long convergence takes, how photon counts scatter, how the return rate falls with the distance, and
 how wrongly a chip measures without the settings that it should have: as the real one it gives no
-error then, and here reads a fifth too little.
+error then, and here reads a fifth too little. Not modelled: light sensor, ambient light, history
+buffer, interrupt pin.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from robot.host.clock import Clock
 from sim_robot.electronics.i2c_bus import I2CDevice
 
 _SIZE: Final = 0x300
-_OVERHEAD_TIME: Final = 7.5e-3  # preparation and read-out
-_NEAR_TIME: Final = 1e-3  # convergence at no distance
+_OVERHEAD_TIME: Final = 7.5e-3  # s; preparation and read-out
+_NEAR_TIME: Final = 1e-3  # s; convergence at no distance
 _SLOWEST: Final = 49e-3  # convergence of what is out of sight, as the chip leaves its reset
 _RATE: Final = 20.0  # Mcps returned at no distance
 

@@ -13,10 +13,10 @@ from robot.drivers.sensors.analogue import AnalogueAxes
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock
-from sim_robot.electronics.clock import Follower
 from sim_robot.electronics.dmm32 import DMM32Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.i2c_bus import I2CBus
+from sim_robot.electronics.serial_device import Follower
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.simulator.electronics_set import REACH_MM, ElectronicsSet, configuration

@@ -30,15 +30,14 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Final, cast
 
-from bench.still_pi import StillPi, still_pi
-from bench.still_robot import StillRobot, still_robot
+from bench.still_robot import StillPi, StillRobot, still_pi, still_robot
 from protocol.errors import RobotError
 from protocol.wire.messages import Clear, ErrorReply, ObservationReply
 from robot.control.interaction import LATENESS
 from robot.drivers.servos.pca9685 import OSCILLATOR_MHZ
 from robot.drivers.servos.pca9685_board import TICKS
 from robot.drivers.servos.sv203 import NEUTRAL, SERVOS, SV203Settings
-from sim_robot.electronics.clock import Follower
+from sim_robot.electronics.serial_device import Follower
 from sim_robot.faults.fault_panel import FaultSpec
 from tests.robot.stepped import Bench, SteppedClock, program, request
 

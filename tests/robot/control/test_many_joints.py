@@ -10,7 +10,7 @@ import pytest
 
 from bench.still_robot import still_robot
 from protocol.wire.messages import ErrorReply, ObservationReply, Ok, Stop
-from sim_robot.electronics.clock import Follower
+from sim_robot.electronics.serial_device import Follower
 from tests.robot.stepped import Bench, SteppedClock, program, request
 
 BOARDS = (1, 2, 5)
