@@ -1,10 +1,9 @@
-"""Runs every benchmark."""
+"""Runs the benchmarks of ``make bench``."""
 
 from __future__ import annotations
 
-from bench import pybullet_cost, robot_cost, statics_cost
+from bench import robot_cost, simulation_cost
 
 if __name__ == "__main__":
     robot_cost.main()
-    pybullet_cost.main()
-    statics_cost.main()
+    simulation_cost.main()

@@ -21,7 +21,8 @@ from typing import Final
 import psutil
 
 from bench.attackers import ATTACKS
-from bench.latency.__main__ import percentile
+from bench.daemons import Simulator
+from bench.latency import percentile
 from protocol.errors import RobotError
 from protocol.transport.client import RobotClient
 from sim_robot.faults.control_socket import FaultClient
@@ -54,7 +55,6 @@ class Outcome:
         stops: How long each stop of another client took, ms, ascending.
         end: Until the daemon had ended after SIGTERM, s.
         code: Its exit status.
-        steps: What the attacker says.
     """
 
     name: str
@@ -63,7 +63,6 @@ class Outcome:
     stops: list[float] = field(default_factory=list)
     end: float = 0.0
     code: int | None = None
-    steps: str = ""
 
 
 def stops(uri: str, seconds: float) -> list[float]:
@@ -100,50 +99,40 @@ def measure(name: str, seconds: float) -> Outcome:
     """Measures one attack."""
     outcome = Outcome(name)
     sick = ("--sick", SICK[name]) if name in SICK else ()
-    robot = _started("bench.still_robotd", "tcp://127.0.0.1:*", "--control", *sick)
-    assert robot.stdout is not None
-    uri, control = robot.stdout.readline().strip(), robot.stdout.readline().strip()
-    with RobotClient(uri) as client:
-        other = control if name == "idle_faults" else client.telemetry_endpoint
-    victim = psutil.Process(robot.pid)
-    client_process = subprocess.Popen(
-        [sys.executable, "-c", _ASKING, control if other == control else uri, str(seconds), name],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    assert client_process.stdin is not None
-    assert client_process.stdout is not None
-    client_process.stdout.readline()
-    outcome.before = victim.memory_info().rss / 1e6
-    attacker = _started("bench.attackers", name, uri, other) if name != "none" else None
+    robot = Simulator("--control", *sick, module="bench.still_robotd")
+    with RobotClient(robot.uri) as client:
+        other = robot.control if name == "idle_faults" else client.telemetry_endpoint
+    asked = robot.control if other == robot.control else robot.uri
+    asking = _started("-c", _ASKING, asked, str(seconds), name)
+    assert asking.stdout is not None
+    asking.stdout.readline()
+    outcome.before = robot.process.memory_info().rss / 1e6
+    attacker = _started("-m", "bench.attackers", name, robot.uri, other) if name != "none" else None
     if attacker is not None and attacker.stdout is not None:
         assert attacker.stdout.readline() == "under way\n"
     done = threading.Event()
-    watcher = threading.Thread(target=_watch, args=(victim, done, outcome))
+    watcher = threading.Thread(target=_watch, args=(robot.process, done, outcome))
     watcher.start()
-    answer_times, _ = client_process.communicate("go\n", timeout=seconds + 120)
+    answer_times, _ = asking.communicate("go\n", timeout=seconds + 120)
     done.set()
     watcher.join()
-    if client_process.returncode == 0:
+    if asking.returncode == 0:
         outcome.stops = sorted(json.loads(answer_times))
     begun = time.monotonic()
-    robot.terminate()
     try:
-        outcome.code = robot.wait(60)
+        outcome.code, _ = robot.terminate(60)
     except subprocess.TimeoutExpired:
         robot.kill()
     outcome.end = time.monotonic() - begun
-    robot.communicate()
     if attacker is not None:
         attacker.kill()
         attacker.communicate()
     return outcome
 
 
-def _started(module: str, *options: str) -> subprocess.Popen[str]:
+def _started(*arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", module, *options],
+        [sys.executable, *arguments],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

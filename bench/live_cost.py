@@ -24,7 +24,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from bench.pybullet_cost import workload
+from bench.simulation_cost import workload
 from estimator.readings import readings_csv
 
 AIM: Final = 0.05

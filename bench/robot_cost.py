@@ -7,9 +7,7 @@ import math
 import random
 import time
 
-import psutil
-
-from bench.daemons import cpu_seconds, helper
+from bench.daemons import cpu_seconds, simulator
 from protocol.rules.robot_interface import Finished
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import Perform
@@ -23,16 +21,16 @@ INTERACTIONS = 40
 
 def idle_daemon(electronics: str = "pc104") -> tuple[float, float]:
     """Resident memory (MB) and CPU share (%) of an idle daemon with one client connected."""
-    with helper("bench.still_robotd", "tcp://127.0.0.1:*", electronics) as daemon:
-        assert daemon.stdout is not None
-        process = psutil.Process(daemon.pid)
-        with RobotClient(daemon.stdout.readline().strip()) as client:
-            client.acquire()
-            client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
-            before = cpu_seconds(process)
-            time.sleep(IDLE_SECONDS)
-            spent = cpu_seconds(process) - before
-            return process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
+    with (
+        simulator("--electronics", electronics, module="bench.still_robotd") as daemon,
+        RobotClient(daemon.uri) as client,
+    ):
+        client.acquire()
+        client.perform({joint.name: 0.1 for joint in client.capabilities.joints})
+        before = cpu_seconds(daemon.process)
+        time.sleep(IDLE_SECONDS)
+        spent = cpu_seconds(daemon.process) - before
+        return daemon.process.memory_info().rss / 1e6, 100 * spent / IDLE_SECONDS
 
 
 def interaction() -> float:

@@ -1,7 +1,7 @@
 """A robot on emulated electronics in a world that never moves: it lies flat, whatever it does.
 
-It needs neither numpy nor PyBullet, so it shows what the daemon itself costs, and lets tests drive
-the control loop with a clock of their own.
+With the boards of a PC-104, or with the chips of a Pi. It needs neither numpy nor PyBullet, so it
+shows what the daemon itself costs, and lets tests drive the control loop with a clock of their own.
 """
 
 from __future__ import annotations
@@ -12,20 +12,29 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
-from typing import cast
+from typing import Final, cast
 
+from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
 from robot.drivers.buses import Buses
+from robot.drivers.daq.ads1115 import ADS1115Settings
+from robot.drivers.sensors.analogue import StrainGauge
+from robot.drivers.sensors.mpu6050 import MPU6050Settings
+from robot.drivers.servos.pca9685 import PCA9685Settings
+from robot.drivers.servos.servo_bus import ServoBus
 from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock, WatchedClock
 from robot.host.service_manager import ServiceManager
 from robot.service.daemon import build_controller
 from robot.service.devices import Devices, open_devices
+from sim_robot.electronics.ads1115 import ADS1115Emulator
 from sim_robot.electronics.clock import HostClock
 from sim_robot.electronics.dmm32 import Dither, DMM32Emulator
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.electronics.i2c_bus import I2CBus
+from sim_robot.electronics.mpu6050 import MPU6050Emulator
+from sim_robot.electronics.pca9685 import PCA9685Emulator
 from sim_robot.electronics.sv203 import SV203Emulator
 from sim_robot.electronics.vl6180x import VL6180XEmulator
 from sim_robot.faults.fault_panel import FaultPanel
@@ -75,7 +84,7 @@ class OnElectronics:
 
 @dataclass(frozen=True, kw_only=True)
 class StillRobot(OnElectronics):
-    """The same with a PC-104's boards, and the parts behind it."""
+    """A robot with a PC-104's boards, and the parts behind it."""
 
     servos: SV203
     world: StillWorld
@@ -141,9 +150,9 @@ def on_electronics(
         electronics: What can fail, by its name on the fault panel.
         buses: What leads to it.
         stand: Whether the servos are on, in the zero pose.
-        housekeeping: As ``build_controller`` takes it, like those that follow.
-        log: Likewise.
-        manager: Likewise.
+        housekeeping: As ``build_controller`` takes it.
+        log: As ``build_controller`` takes it.
+        manager: As ``build_controller`` takes it.
     """
     with ExitStack() as stack:
 
@@ -208,3 +217,72 @@ def still_robot(
                 distance=distance,
                 bus=bus,
             )
+
+
+_ENDS: Final = (106, 509)  # counts at the limits of each joint
+
+
+@dataclass(frozen=True, kw_only=True)
+class StillPi(OnElectronics):
+    """A robot with PCA9685, ADS1115, MPU-6050 and VL6180X, and the parts behind it."""
+
+    servos: ServoBus
+    pwm: PCA9685Emulator
+    bus: I2CBus
+
+
+def pi_config() -> RobotConfig:
+    """The documented robot, with the chips in the place of its boards."""
+    config = example_config("")
+    servos = PCA9685Settings(bus=1, boards=(0x40,), prescale=121, widths_us=(500.0, 2500.0))
+    joints = tuple(
+        replace(
+            joint,
+            output=joint.output - 1,
+            scale=JointScale(
+                tuple(zip(_ENDS, (joint.lower_limit, joint.upper_limit), strict=True)),
+                servos.counts,
+            ),
+        )
+        for joint in config.joints
+    )
+    touch = tuple(
+        replace(point, driver=StrainGauge(channel=index, tare=0.2, volts_per_newton=0.1))
+        for index, point in enumerate(config.touch)
+    )
+    return replace(
+        config,
+        servos=servos,
+        joints=joints,
+        touch=touch,
+        daq=ADS1115Settings(bus=1, addresses=(0x48,), input_range="±4.096V"),
+        accelerometer=MPU6050Settings(bus=1, address=0x68),
+    )
+
+
+@contextmanager
+def still_pi(clock: Clock, *, housekeeping: float | None, log: logging.Logger) -> Iterator[StillPi]:
+    """Builds the robot, with its servos on in the zero pose; its control loop is not started."""
+    config = pi_config()
+    assert config.distance is not None
+    world = StillWorld(volts=[0.2] * 4, distance_mm=config.distance.sensor.zero * 1000)
+    pwm = PCA9685Emulator(clock)
+    adc = ADS1115Emulator(world.input, clock)
+    accelerometer = MPU6050Emulator(lambda: (0.0, 0.0, 1.0), clock)
+    distance = VL6180XEmulator(lambda: world.distance_mm, clock)
+    bus = I2CBus([pwm, adc, accelerometer, distance], clock)
+    with on_electronics(
+        config,
+        {
+            "pwm": pwm,
+            "adc": adc,
+            "accelerometer": accelerometer,
+            "distance": distance,
+            "i2c": bus,
+        },
+        Buses(clock=clock, open_i2c=bus.open),
+        stand=True,
+        housekeeping=housekeeping,
+        log=log,
+    ) as robot:
+        yield StillPi(**vars(robot), servos=robot.devices.servos, pwm=pwm, bus=bus)

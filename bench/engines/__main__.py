@@ -12,12 +12,9 @@ from rich.console import Console
 from rich.markdown import Markdown
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from bench.engines.bodies import PROBLEMS, draw
-from bench.engines.causes import list_causes
-from bench.engines.figures import Compared, figures
-from bench.engines.page import publish, tables, write_csv
-from bench.engines.plots import plot_differences, plot_risk
-from bench.engines.simulate import Piece, load, pieces
+from bench.engines.figures import Compared, figures, list_causes
+from bench.engines.page import plot_differences, plot_risk, publish, tables, write_csv
+from bench.engines.runs import PROBLEMS, Piece, draw, load, pieces
 from bench.study_command import add_options, complete_by_command
 from estimator.cli.console import errors_as_sentences
 from estimator.physics.statics import StaticsPhysics

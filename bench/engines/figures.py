@@ -1,19 +1,29 @@
-"""Differences between readings, shares, and the risk–coverage curve of the path margin."""
+"""How far statics and the engines agree: differences, shares, and why they differ.
+
+For the cause, statics is asked again with finer steps: where it then lies as the reference says,
+the cause is its own. Each other body is simulated again in worlds that differ in one thing or two.
+The first in which it comes to lie as statics says names the cause.
+"""
 
 from __future__ import annotations
 
 import importlib
+import json
 import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from bench.engines.runs import CEILINGS, RIVALS
-from bench.engines.simulate import Simulated
+from bench.engines.runs import CEILINGS, KNOWN, RIVALS, TRIALS, Simulated, draw
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
+from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.pybullet import PyBulletPhysics
+from estimator.physics.statics import PACE, StaticsPhysics
+from protocol.system.replace_file import replace_text
 
 CLOSE: Final = 0.5
 """Poses whose tilts differ by less are the same, degrees."""
@@ -21,6 +31,11 @@ COVERED: Final = 0.85
 """Share of the poses, those with the largest margins, that must be sure."""
 STILL: Final = 1e-3
 """A main body that is slower is at rest, m/s."""
+
+
+OWN: Final = f"statics itself: joint steps of {np.degrees(PACE):g}°"
+UNEXPLAINED: Final = "unexplained"
+_FINER: Final = PACE / 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,3 +175,76 @@ def _touch(one: Readings, two: Readings, counted: Flags) -> float:
 
 def _quantile(values: Array, part: float) -> float:
     return float(np.quantile(values, part)) if values.size else math.nan
+
+
+def cause(pair: Pair, computed: Readings, trials: Mapping[str, WorldSettings] = TRIALS) -> str:
+    """The first trial in which PyBullet agrees with statics, or ``UNEXPLAINED``.
+
+    Args:
+        pair: Body and motor program.
+        computed: Its reading by statics, one row.
+        trials: Worlds by the cause that they are to show.
+    """
+    for name, settings in trials.items():
+        with PyBulletPhysics(settings) as physics:
+            readings = physics.read([pair])
+        if readings.valid[0] and differences(computed, readings)[0] <= CLOSE:
+            return name
+    return UNEXPLAINED
+
+
+def list_causes(
+    compared: Compared, seed: int, memory: Path, done: Callable[[], None]
+) -> list[dict[str, Any]]:
+    """Every disagreement of a problem with its poses and cause.
+
+    Args:
+        compared: The readings.
+        seed: Of the comparison.
+        memory: A file that remembers causes by body and pose, so that work goes on where it was.
+        done: Called after each.
+    """
+    known: dict[str, str] = json.loads(memory.read_text("utf-8")) if memory.exists() else {}
+    suspects = set(compared.suspects())
+    rows = compared.disagreements()
+    own = _own(compared, seed, rows)
+    disagreements = []
+    for row in rows:
+        tilt = np.degrees(compared.statics.tilt[row])
+        key = f"{row} {tilt.round(2).tolist()}"
+        if row not in own and key not in known:
+            _, pair, _ = draw(compared.problem, seed, row)
+            known[key] = cause(pair, compared.statics[row : row + 1])
+            replace_text(memory, json.dumps(known, indent=1))
+        name = OWN if row in own else known[key]
+        if name == UNEXPLAINED:
+            name = _shown(compared, row) or UNEXPLAINED
+        disagreements.append(
+            {
+                "problem": compared.problem,
+                "seed": seed,
+                "body": row,
+                "statics_tilt_deg": tilt.round(2).tolist(),
+                "reference_tilt_deg": np.degrees(compared.simulated["fine"].tilt[row])
+                .round(2)
+                .tolist(),
+                "margin_deg": round(float(np.degrees(compared.margins[row])), 2),
+                "suspect": row in suspects,
+                "cause": name,
+            }
+        )
+        done()
+    return disagreements
+
+
+def _own(compared: Compared, seed: int, rows: Sequence[int]) -> set[int]:
+    """The rows on which statics with finer steps lies as the reference says."""
+    with StaticsPhysics(pace=_FINER) as physics:
+        readings = physics.read([draw(compared.problem, seed, row)[1] for row in rows])
+    apart = differences(readings, compared.simulated["fine"][np.array(rows, dtype=int)])
+    return {row for row, angle in zip(rows, apart, strict=True) if angle <= CLOSE}
+
+
+def _shown(compared: Compared, row: int) -> str | None:
+    """The cause that a run of all bodies shows, if one does."""
+    return next((name for name, run in KNOWN.items() if compared.agrees(run)[row]), None)

@@ -1,19 +1,32 @@
-"""Which engines simulate every body, in which worlds.
+"""Which engines simulate which bodies, in which worlds.
 
 Two runs that differ in one thing, which should not matter to a resting pose, show how far an
-engine agrees with itself. That is the most which agreement with it can mean.
+engine agrees with itself. That is the most which agreement with it can mean. Bodies and motor
+programs are random, each from a seed of its own. Each piece of work is a run of a study.
 """
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+import zlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final, TypeAlias
 
+import numpy as np
+
+from bench.prior_bodies import drawn_genes, on_default_robot
+from estimator.body.morphology import Morphology
 from estimator.physics.base import Pair, Physics, Readings, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.study.harness import BriefRun
+from protocol.system.native_output import native_output_discarded
+from protocol.system.replace_file import replace_file
 
 _COARSE: Final = WorldSettings()
 _FINE: Final = WorldSettings(step=1 / 240, steps=1200, full_steps=True)
@@ -109,3 +122,103 @@ KNOWN: Final = {
     "the engine: MuJoCo lies as statics says": "mujoco",
 }
 """Causes that runs of all bodies show; looked at after the trials."""
+
+
+PROBLEMS: Final = ("parametric", "topological", "topological-20", "topological-24")
+NUDGE: Final = np.radians(0.1)
+"""How far off a target may be for a reading to count, rad."""
+
+
+PIECE: Final = 20
+"""Bodies simulated at a time, in all runs: some seconds of work."""
+
+Simulated: TypeAlias = dict[str, Readings]
+"""Readings of the same bodies in each run."""
+
+
+def draw(name: str, seed: int, number: int) -> tuple[Morphology, Pair, Pair]:
+    """Body ``number`` of a problem: genes and motor program uniform where they are allowed.
+
+    Args:
+        name: Of the problem.
+        seed: Of the comparison.
+        number: Which body; it does not depend on how many others are drawn.
+
+    Returns:
+        The body; it with its motor program; and it with each target 0.1° off, to either side.
+    """
+    problem, genome, capabilities = on_default_robot(name)
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
+    body = genome.decode(drawn_genes(genome, rng))
+    program = problem.random_program(rng, capabilities)
+    nudged = program + NUDGE * rng.choice([-1.0, 1.0], len(program)) * (program != 0)
+    return body, (body, program), (body, nudged)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece(BriefRun):
+    """Bodies ``start`` to ``start + size`` of a problem."""
+
+    leaves = "readings.npz"
+
+    problem: str
+    seed: int
+    start: int
+    size: int
+
+    @property
+    def name(self) -> str:
+        """Its own, and another one in other worlds."""
+        return f"{_worlds()}-seed-{self.seed}/{self.problem}/{self.start:06d}-{self.size}"
+
+    def make(self, place: Path) -> None:
+        """Leaves the readings of its bodies in all runs."""
+        drawn = [draw(self.problem, self.seed, self.start + row) for row in range(self.size)]
+        simulated = simulate_here(
+            [pair for _, pair, _ in drawn], [nudged for _, _, nudged in drawn]
+        )
+        arrays: dict[str, Any] = {
+            f"{run}:{item.name}": getattr(readings, item.name)
+            for run, readings in simulated.items()
+            for item in fields(Readings)
+        }
+        replace_file(place / self.leaves, lambda fresh: np.savez_compressed(fresh, **arrays))
+
+
+def pieces(problem: str, seed: int, bodies: int) -> list[Piece]:
+    """The pieces that so many bodies are made of; the last may hold more than is asked for."""
+    size = min(PIECE, bodies)
+    return [
+        Piece(problem=problem, seed=seed, start=start, size=size)
+        for start in range(0, bodies, size)
+    ]
+
+
+def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
+    """All runs of some bodies, in this process."""
+    with native_output_discarded():
+        return {name: run.read(nudged if run.nudged else pairs) for name, run in RUNS.items()}
+
+
+def load(finished: Sequence[Piece], root: Path, bodies: int) -> Simulated:
+    """Loads the simulated readings of the first bodies; ``root`` is the study's directory."""
+    parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
+    for piece in finished:
+        with np.load(piece.file(root)) as arrays:
+            for name in RUNS:
+                parts[name].append(_unpacked(arrays, name))
+    return {name: Readings.concatenate(readings)[:bodies] for name, readings in parts.items()}
+
+
+def _unpacked(arrays: Mapping[str, Any], run: str) -> Readings:
+    return Readings(**{item.name: arrays[f"{run}:{item.name}"] for item in fields(Readings)})
+
+
+@cache
+def _worlds() -> str:
+    """Names the runs and the engines' versions: what was simulated otherwise is not mixed in.
+
+    Whoever changes a back-end itself has to delete the folder.
+    """
+    versions = [metadata.version(engine) for engine in ("pybullet", "mujoco")]
+    return hashlib.sha256(repr((RUNS, versions)).encode()).hexdigest()[:8]

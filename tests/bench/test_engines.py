@@ -10,12 +10,18 @@ import numpy as np
 import pytest
 
 from bench.engines.__main__ import main
-from bench.engines.bodies import PROBLEMS, draw
-from bench.engines.causes import OWN, UNEXPLAINED, cause, list_causes
-from bench.engines.figures import Compared, risk_coverage, share
+from bench.engines.figures import (
+    OWN,
+    UNEXPLAINED,
+    Compared,
+    cause,
+    list_causes,
+    risk_coverage,
+    share,
+)
 from bench.engines.page import publish
-from bench.engines.runs import CEILINGS, RIVALS, RUNS
-from bench.statics_cost import count_operations
+from bench.engines.runs import CEILINGS, PROBLEMS, RIVALS, RUNS, draw
+from bench.simulation_cost import count_operations
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import EstimatorError
 from estimator.physics.base import Readings, WorldSettings

@@ -19,7 +19,7 @@ from protocol.wire.messages import ObservationReply, Status
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.faults.matrix import PROCESSES
 
-DAEMON: Final = "bench.latency.outboard"
+DAEMON: Final = "bench.still_robotd"
 FAR: Final = -90.0
 ZERO: Final = tuple(joint.quantise(0.0) for joint in example_config("").joints)
 """The counts of the zero pose."""

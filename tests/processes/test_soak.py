@@ -5,8 +5,8 @@ On the PC-104's electronics; ``make soak SOAK='--electronics pi'`` has the other
 
 from __future__ import annotations
 
-from bench.soak.__main__ import growth, soak
-from bench.soak.vitals import Sample
+from bench.daemons import Sample
+from bench.soak import growth, soak
 
 
 def sample(memory: float) -> Sample:

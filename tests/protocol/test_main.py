@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from bench.daemons import helper, simulator
+from bench.daemons import simulator
 from protocol.__main__ import main
 from protocol.transport.client import RobotClient
 
@@ -37,9 +37,8 @@ def test_stop_latches_until_clear(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_a_stop_that_is_not_confirmed_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     sick = ("--sick", "servos.verify=hang")  # which is asked for every 3 s
-    with helper("bench.still_robotd", "tcp://127.0.0.1:*", *sick) as daemon:
-        assert daemon.stdout is not None
-        uri = daemon.stdout.readline().strip()
+    with simulator(*sick, module="bench.still_robotd") as daemon:
+        uri = daemon.uri
         with RobotClient(uri) as client:
             while client.status().state != "fault":
                 time.sleep(0.02)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import socket
 import struct
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -14,6 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
+from bench.daemons import simulator
 from bench.raw_peer import GREETING, MORE, RawPeer, frame, guessed_identities
 from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import Endpoint
@@ -79,22 +78,14 @@ def test_an_identity_that_others_claim_is_still_served(
 
 
 def test_claiming_the_identities_of_others_ends_no_daemon() -> None:
-    command = [sys.executable, "-m", "bench.still_robotd", "tcp://127.0.0.1:*"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    try:
-        assert process.stdout is not None
-        endpoint = process.stdout.readline().strip()
-        with ExitStack() as stack:
-            for identity in guessed_identities(sockets=12, connections=3):
-                stack.callback(RawPeer(endpoint, identity=identity).close)
-            for _ in range(3):  # ZeroMQ names these
-                nameless = RawPeer(endpoint)
-                stack.callback(nameless.close)
-                assert answered(nameless)
-    finally:
-        process.terminate()
-        process.communicate(timeout=120)
-    assert process.returncode == 0
+    with simulator(module="bench.still_robotd") as robot, ExitStack() as stack:
+        for identity in guessed_identities(sockets=12, connections=3):
+            stack.callback(RawPeer(robot.uri, identity=identity).close)
+        for _ in range(3):  # ZeroMQ names these
+            nameless = RawPeer(robot.uri)
+            stack.callback(nameless.close)
+            assert answered(nameless)
+        assert robot.terminate()[0] == 0
 
 
 # --- memory ---------------------------------------------------------------------------------------

@@ -11,8 +11,7 @@ from typing import cast
 
 import pytest
 
-from bench.still_pi import StillPi, still_pi
-from bench.still_robot import StillRobot, still_robot
+from bench.still_robot import StillPi, StillRobot, still_pi, still_robot
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Progressed
 from protocol.wire.messages import Clear, ErrorReply, Hold, ObservationReply, Ok, Read, Relax, Stop

@@ -9,7 +9,7 @@ import re
 import pytest
 import serial
 
-from bench.still_pi import still_pi
+from bench.still_robot import still_pi
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Severity
 from robot.drivers.daq.dmm32 import DMM32Settings

@@ -10,8 +10,7 @@ from typing import NoReturn
 
 import pytest
 
-from bench.still_pi import StillPi, still_pi
-from bench.still_robot import StillRobot, example_config, still_robot
+from bench.still_robot import StillPi, StillRobot, example_config, still_pi, still_robot
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus

@@ -60,10 +60,10 @@ class LatencyFigures:
     Attributes:
         viewers: How many.
         robot: Round trips, ms, ascending.
-        echo: The same of the bare echo.
+        echo: Round trips of the bare echo, ms, ascending.
         jitter: Of the control loop, ms, ascending.
         share: Of one core, %, while moving.
-        idle_share: The same with the same viewers, while idle.
+        idle_share: Of one core, %, while idle.
         memory: Resident, MB.
         seen: What the viewers say they saw.
     """
@@ -131,9 +131,9 @@ def _measure(
 ) -> None:
     options = ("--port", board.port, "--telemetry-rate", str(RATE), "--times", str(times))
     with (
-        simulator(*options, module="bench.latency.outboard") as robot,
-        helper("bench.latency.echo") as echo,
-        helper("bench.latency.viewers", robot.uri, str(outcome.viewers)) as watching,
+        simulator(*options, module="bench.still_robotd") as robot,
+        helper("bench.latency_peers", "echo") as echo,
+        helper("bench.latency_peers", "view", robot.uri, str(outcome.viewers)) as watching,
     ):
         assert echo.stdout is not None
         assert watching.stdout is not None
@@ -153,7 +153,7 @@ def _measure(
 def _probe(robot: Simulator, mirror: str, requests: int, outcome: LatencyFigures) -> None:
     before, start = cpu_seconds(robot.process), time.monotonic()
     done = subprocess.run(
-        [sys.executable, "-m", "bench.latency.prober", robot.uri, mirror, str(requests)],
+        [sys.executable, "-m", "bench.latency_peers", "probe", robot.uri, mirror, str(requests)],
         stdout=subprocess.PIPE,
         text=True,
         check=True,

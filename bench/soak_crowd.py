@@ -7,18 +7,16 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
-from functools import partial
+from contextlib import ExitStack, closing
 
-from bench.daemons import Simulator
+from bench.daemons import Sample, Simulator, take_sample
 from bench.network_proxy import MessageProxy, TcpProxy, Weather
-from bench.soak.vitals import Sample, take_sample
 from protocol.errors import RobotError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import ObservationReply
 from sim_robot.faults.control_socket import FaultClient
-from sim_robot.simulator import pc104_set, pi_set
+from sim_robot.simulator.daemon import SETS
 from sim_robot.world.body import default_body_path, load_body
 from sim_robot.world.sensor_noise import NoiseLevels
 
@@ -114,12 +112,10 @@ class Crowd:
         self.samples: list[Sample] = []
         self._robot = robot
         self._random = random.Random(seed)
-        body, levels = load_body(default_body_path()), NoiseLevels()
-        on_pi = electronics == "pi"
-        configure = pi_set.configure if on_pi else partial(pc104_set.configure, port="")
-        config = configure(body, levels=levels)
+        with closing(SETS[electronics](load_body(default_body_path()))) as boards:
+            joints = boards.configure(NoiseLevels()).joints
         self._breaks = FAULTS[electronics]
-        self._scales = {joint.name: joint.scale for joint in config.joints}
+        self._scales = {joint.name: joint.scale for joint in joints}
         self._last: ObservationReply | None = None
         self._generation = 0
 

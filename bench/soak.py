@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from statistics import median
 
-from bench.daemons import simulator
-from bench.soak.crowd import Crowd, InvariantBroken
-from bench.soak.vitals import Sample
+from bench.daemons import Sample, simulator
+from bench.soak_crowd import Crowd, InvariantBroken
+from sim_robot.simulator.daemon import DEFAULT_SET, SETS
 
 DEATHS = 3  # of controllers
 
@@ -27,7 +27,7 @@ def growth(samples: Sequence[Sample], of: Callable[[Sample], float]) -> float:
 
 
 @contextmanager
-def soak(seed: int, electronics: str = "pc104") -> Iterator[Crowd]:
+def soak(seed: int, electronics: str = DEFAULT_SET) -> Iterator[Crowd]:
     """Starts a robot and yields a crowd for it."""
     options = ("--seed", str(seed), "--electronics", electronics)
     with simulator(*options, "--control", "tcp://127.0.0.1:*") as robot:
@@ -39,7 +39,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m bench.soak", description=__doc__)
     parser.add_argument("--hours", type=float, default=24.0, help="virtual hours (default 24)")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--electronics", choices=("pc104", "pi"), default="pc104")
+    parser.add_argument("--electronics", choices=SETS, default=DEFAULT_SET)
     options = parser.parse_args()
     print("| virtual h | memory MB | descriptors | threads | latency p50 ms | p99 ms |")
     print("| --- | --- | --- | --- | --- | --- |", flush=True)

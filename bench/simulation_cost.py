@@ -1,7 +1,9 @@
 """What a simulation costs: statics, PyBullet's plain loop, our PyBullet back-end, and MuJoCo.
 
 All rates are per second of CPU of one core, in one run, so that other work on the machine weighs on
-all alike. ``bench/pybullet_cost.py`` explains the plain loop.
+all alike. The *plain loop* is what one would write first: reset, build, 300 steps, read, one body
+after the other in one process. Our PyBullet back-end stops at rest, and tries a child first where
+it will fail, then drops it; its searches are counted in simulations *requested*.
 
 The *arithmetic floor* is the time that the additions, multiplications and comparisons of the pose
 alone would take, one after another at the rate at which this machine does them when it does nothing
@@ -16,35 +18,49 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import Final
+from functools import partial
+from typing import Final, TypeVar
 
 import numba
 import numpy as np
 
-from bench.engines.bodies import draw
-from bench.pybullet_cost import workload as topological_workload
+from bench.engines.runs import draw
+from bench.prior_bodies import on_default_robot
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
-from estimator.physics.base import Pair, Physics, WorldSettings
+from estimator.parallel.executors import WorkerProcesses
+from estimator.physics.backends import REFERENCE, foresight_of
+from estimator.physics.base import ArrayPhysics, Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
+from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
 from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
 
+Result = TypeVar("Result")
+
 KINDS: Final = (("quadruped", "parametric"), ("8-part trees", "topological-24"))
 SEED: Final = 7
-FLOOR: Final = 600
+FLOOR: Final = 600  # times the plain loop, for statics
 AIM: Final = 2000
 AIM_OVER_ARITHMETIC: Final = 5
 
+GENERATIONS: Final = 40  # the paper's, with
+FEW: Final = 50  # models: the share of children that win is that of a whole run
+POPULATION: Final = 300  # the paper's, for
+BRIEF: Final = 2  # generations: batches are as large as in a whole run
+INTERACTIONS: Final = 9
+
 _COMPUTED: Final = 2000  # bodies
 _SIMULATED: Final = 100
+_PLAIN: Final = 300  # simulations of the plain loop
 _REPEATS: Final = 5
-_POPULATION: Final = 300
-_GENERATIONS: Final = 40
 _JOBS: Final = 2
 
 # Operations: multiplications, additions, subtractions, comparisons; a root or quotient counts as 1.
@@ -56,6 +72,26 @@ _CORNERS: Final = 8
 
 _CHAINS: Final = 8
 _ROUNDS: Final = 20_000_000
+
+
+def workload() -> tuple[Problem, Genome, list[Observation]]:
+    """The topological problem, and what one of its bodies reads."""
+    problem, genome, capabilities = on_default_robot("topological")
+    rng = np.random.default_rng(0)
+    truth = genome.decode(rng.random(genome.size))
+    programs = [problem.random_program(rng, capabilities) for _ in range(INTERACTIONS)]
+    with PyBulletPhysics(WorldSettings(full_steps=True)) as physics:
+        readings = physics.read([(truth, program) for program in programs])
+    observations = [
+        Observation(
+            angles=tuple(program.tolist()),
+            touch=tuple(bool(bit) for bit in readings.touch[row]),
+            tilt=(float(readings.tilt[row, 0]), float(readings.tilt[row, 1])),
+            clearance=float(readings.clearance[row]),
+        )
+        for row, program in enumerate(programs)
+    ]
+    return problem, genome, observations
 
 
 def pairs_of(problem: str, count: int) -> list[Pair]:
@@ -131,29 +167,106 @@ def scalar_rate() -> float:
     return best_rate(lambda: _chains(_ROUNDS, 0.999, 0.001), 2 * _CHAINS * _ROUNDS)
 
 
-def topological_run() -> tuple[float, float, Counters]:
-    """A whole topological search with statics; returns wall s, CPU s and what it has cost."""
-    problem, genome, observations = topological_workload()
+def _pairs(genome: Genome, observations: list[Observation], count: int) -> list[Pair]:
+    rng = np.random.default_rng(1)
+    return [
+        (
+            genome.decode(rng.random(genome.size)),
+            np.array(observations[index % len(observations)].angles),
+        )
+        for index in range(count)
+    ]
+
+
+def search(
+    physics: Physics, population: int, generations: int, *, foresight: ArrayPhysics | None = None
+) -> Counters:
+    """A topological search of the paper's kind; returns what it has cost."""
+    problem, genome, observations = workload()
+    modeller = Modeller(
+        genome,
+        physics,
+        ("touch", "tilt", "clearance"),
+        Counters(),
+        objective=LargestError(),
+        foresight=foresight,
+    )
+    rng = np.random.default_rng(SEED)
+    crowd = DeterministicCrowding(
+        population, genome.size, rng, operators=problem.search.operators()
+    )
+    for number in range(1, INTERACTIONS + 1):
+        modeller.introduce(crowd, observations[:number])
+        for _ in range(generations):
+            modeller.evolve(crowd, observations[:number])
+    return modeller.counters(0.0)
+
+
+def _alone(work: Callable[[], Result]) -> Result:
+    """Does the work in a fresh process: PyBullet keeps memory, and the CPU clock is a process's."""
+    with WorkerProcesses(1) as workers:
+        return workers.submit(work).result()
+
+
+def _plain_rate() -> float:
+    pairs = _pairs(*workload()[1:], _PLAIN)
+    with PyBulletPhysics(WorldSettings(full_steps=True)) as physics:
+        return simulations_per_second(physics, pairs, afresh=True)
+
+
+def _search_here() -> tuple[int, int, float]:
+    with PyBulletPhysics() as physics:
+        start = time.process_time()
+        cost = search(physics, FEW, GENERATIONS, foresight=_foresight())
+        seconds = time.process_time() - start
+        return cost.simulations_requested, cost.simulations_run, seconds
+
+
+def _search_in_pool(jobs: int) -> float:
+    make = partial(PyBulletPhysics, WorldSettings())
+    with WorkerProcesses(jobs) as workers, PhysicsPool(make, workers) as pool:
+        pool.read(_pairs(*workload()[1:], 4 * jobs))  # workers start
+        start = time.perf_counter()
+        search(pool, POPULATION, BRIEF, foresight=_foresight())
+        return time.perf_counter() - start
+
+
+def _foresight() -> ArrayPhysics | None:
+    return foresight_of(REFERENCE, WorldSettings())
+
+
+def report_search_in_pybullet() -> None:
+    """Prints the ratio to the plain loop, where it comes from, and the efficiency of two cores."""
+    plain = _alone(_plain_rate)
+    requested, run, seconds = _alone(_search_here)
+    rate = requested / seconds
+    print(f"PyBullet, plain loop: {plain:.0f} simulations per CPU second")
+    print(
+        f"PyBullet, ours: {rate:.0f} requested simulations per CPU second, "
+        f"{rate / plain:.1f} times the plain loop (floor 6, aim 8); "
+        f"{requested / run:.2f} requested for each one run"
+    )
+    one, two = _search_in_pool(1), _search_in_pool(2)
+    print(f"PyBullet, two workers: efficiency {one / two / 2:.2f} (floor 0.9)")
+
+
+def report_search_with_statics() -> None:
+    """Prints what a whole topological search with statics costs."""
+    _, genome, observations = workload()
     with StaticsPhysics(jobs=_JOBS) as physics:
-        rng = np.random.default_rng(SEED)
-        bodies = genome.bodies(rng.random((1, genome.size)))
+        bodies = genome.bodies(np.random.default_rng(SEED).random((1, genome.size)))
         physics.read_bodies(bodies, np.array(observations[0].angles))  # compiles, or loads
-        modeller = Modeller(
-            genome, physics, ("touch", "tilt", "clearance"), Counters(), objective=LargestError()
-        )
-        crowd = DeterministicCrowding(
-            _POPULATION, genome.size, rng, operators=problem.search.operators()
-        )
         wall, cpu = time.perf_counter(), time.process_time()
-        for number in range(1, len(observations) + 1):
-            modeller.introduce(crowd, observations[:number])
-            for _ in range(_GENERATIONS):
-                modeller.evolve(crowd, observations[:number])
+        cost = search(physics, POPULATION, GENERATIONS)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-        return wall, cpu, modeller.counters(0.0)
+    print(
+        f"topological search with statics, {POPULATION} models × {GENERATIONS} generations × "
+        f"{INTERACTIONS} interactions: {wall:.2f} s on {_JOBS} threads, {cpu:.2f} s of CPU; "
+        f"{cost.simulations_requested:,} simulations requested, {cost.simulations_run:,} run"
+    )
 
 
-def report(kind: str, problem: str, operations_per_second: float) -> None:
+def report_engines(kind: str, problem: str, operations_per_second: float) -> None:
     """Prints the rates for one kind of body."""
     pairs = pairs_of(problem, _COMPUTED)
     computed = statics_rate(pairs)
@@ -187,18 +300,13 @@ def report(kind: str, problem: str, operations_per_second: float) -> None:
 
 
 def main() -> None:
-    """Prints all of it; takes about a minute."""
+    """Prints all of it; some minutes."""
+    report_search_in_pybullet()
     rate = scalar_rate()
     print(f"scalar arithmetic: {rate / 1e9:.2f} thousand million operations per CPU second")
     for kind, problem in KINDS:
-        report(kind, problem, rate)
-    wall, cpu, counters = topological_run()
-    print(
-        f"topological search with statics, {_POPULATION} models × {_GENERATIONS} generations × 9 "
-        f"interactions: {wall:.2f} s on {_JOBS} threads, {cpu:.2f} s of CPU; "
-        f"{counters.simulations_requested:,} simulations requested, "
-        f"{counters.simulations_run:,} run"
-    )
+        report_engines(kind, problem, rate)
+    report_search_with_statics()
 
 
 if __name__ == "__main__":
