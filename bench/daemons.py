@@ -97,7 +97,7 @@ class Simulator:
 
 @contextmanager
 def helper(module: str, *options: str) -> Iterator[subprocess.Popen[str]]:
-    """A module of ours as a process that is told and tells by pipes; it is gone afterwards."""
+    """A module of ours as a process with pipes to and from it; it is gone afterwards."""
     process = subprocess.Popen(
         [sys.executable, "-m", module, *options],
         stdin=subprocess.PIPE,

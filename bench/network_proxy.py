@@ -50,7 +50,7 @@ def lasting_port() -> int:
 
 
 class _Service(Closable):
-    """A thread that polls until it is told to end."""
+    """A thread that polls until it is asked to end."""
 
     def __init__(self) -> None:
         self._waker = Waker()

@@ -187,7 +187,7 @@ class Crowd:
         self._take(self._once(self._targets(), self._client.reserve_id()))
 
     def _perform_again(self) -> None:
-        """The same request under the same id: the same answer, and nothing moves."""
+        """Repeats a request under its id: the first answer comes again, and nothing moves."""
         number, targets = self._client.reserve_id(), self._targets()
         first = self._once(targets, number)
         self._take(first)

@@ -56,7 +56,7 @@ class StillWorld:
 
     @classmethod
     def around(cls, config: RobotConfig) -> StillWorld:
-        """What a robot feels that lies flat on its belly with its feet in the air."""
+        """What the sensors of a robot read that lies flat on its belly, its feet in the air."""
         assert config.axes is not None
         rest = [*config.axes.zero[:2], config.axes.zero[2] + 1.0]
         return cls(

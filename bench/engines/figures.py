@@ -77,7 +77,7 @@ class Compared:
         return [int(row) for row in np.flatnonzero(apart)]
 
     def suspects(self) -> list[int]:
-        """Those of them with large margins on which the engines agree with each other."""
+        """Disagreements with large margins on which the engines agree with each other."""
         coarse, fine, mujoco = (self.simulated[run] for run in ("coarse", "fine", "mujoco"))
         agreed = (differences(coarse, fine) <= CLOSE) & (differences(mujoco, fine) <= CLOSE)
         agreed &= coarse.valid & mujoco.valid & (self.margins >= self.least_margin())
@@ -103,7 +103,7 @@ def share(close: Flags) -> dict[str, float]:
 def risk_coverage(compared: Compared, run: str) -> tuple[Array, Array]:
     """Share of poses kept, surest first, and the share of those that disagree by over 0.5°.
 
-    Of poses with equal margins, such as the largest that is told, none comes first: each counts as
+    Of poses with equal margins, such as the largest there is, none comes first: each counts as
     the mean of them.
     """
     counted = compared.counted(run)

@@ -17,7 +17,7 @@ class FaultSwitch:
 
     Attributes:
         FAULTS: What each lasting fault does, by name; subclasses fill it in.
-        EVENTS: What happens once and is over, by name, likewise.
+        EVENTS: What each event does, which happens once and is over, by name.
         NUMBERS: The numbers that make sense, by name, of those that take one.
     """
 

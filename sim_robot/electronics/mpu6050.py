@@ -39,7 +39,7 @@ class MPU6050Emulator(I2CDevice):
     """One chip.
 
     Args:
-        acceleration: What its axes feel, g; asked once per sample.
+        acceleration: Acceleration along its axes, g; asked once per sample.
         clock: Is charged 100 µs per transfer and times the samples.
         address: 0x68, or 0x69 by its pin.
 

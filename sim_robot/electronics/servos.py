@@ -34,7 +34,7 @@ class Servos(FaultSwitch):
         self._jammed: int | None = None
 
     def numbers(self, fault: str) -> Sequence[int]:
-        """Those of the servos; the last has no neighbour to exchange plugs with."""
+        """The servos from 1; the last has no neighbour to exchange plugs with."""
         return range(1, self._count + (fault != "swapped"))
 
     def carry(self, pulses: Sequence[int]) -> tuple[int, ...]:

@@ -37,10 +37,10 @@ from sim_robot.faults.fault_panel import FaultPanel, FaultSpec
 
 _IPC: Final = "ipc://"
 _MAX_REQUEST: Final = 65536  # bytes of a line
-_MOST: Final = 64  # connections that have yet to say what they want
-_AT_ONCE: Final = 16  # that are let in before those are heard that are in
+_MAX_OPEN: Final = 64  # connections whose request has not come yet
+_MAX_ACCEPTED: Final = 16  # connections before those that are open are read
 _BACKLOG: Final = 1024  # that wait in the kernel: one that it drops knocks again after a second
-_PATIENCE: Final = 10.0  # s that a client waits for an answer
+_TIMEOUT: Final = 10.0  # s that a client waits for an answer
 
 
 class FaultSocket(Closable):
@@ -72,6 +72,8 @@ class FaultSocket(Closable):
         except OSError as error:
             raise FaultError(f"Cannot serve faults at {uri}: {error.strerror or error}.") from None
         self._waker = Waker()
+        self._requests: dict[socket.socket, bytes] = {}  # so far; the oldest connection is first
+        self._selector = selectors.DefaultSelector()
         self._stopping = False
         self._thread = threading.Thread(target=self._run, name="faults", daemon=True)
         self._thread.start()
@@ -88,48 +90,47 @@ class FaultSocket(Closable):
                 os.unlink(self.endpoint.removeprefix(_IPC))
 
     def _run(self) -> None:
-        asking: dict[socket.socket, bytes] = {}  # what each said so far; who came first, first
-        with selectors.DefaultSelector() as selector:
-            selector.register(self._listener, selectors.EVENT_READ)
-            selector.register(self._waker.fileno(), selectors.EVENT_READ)
+        with self._selector:
+            self._selector.register(self._listener, selectors.EVENT_READ)
+            self._selector.register(self._waker.fileno(), selectors.EVENT_READ)
             while not self._stopping:
-                for key, _ in selector.select():
+                for key, _ in self._selector.select():
                     if key.fileobj is self._listener:
-                        self._admit(asking, selector)
-                    elif isinstance(key.fileobj, socket.socket) and key.fileobj in asking:
-                        self._hear(key.fileobj, asking, selector)
-            for connection in asking:
+                        self._accept()
+                    elif isinstance(key.fileobj, socket.socket) and key.fileobj in self._requests:
+                        self._read(key.fileobj)
+            for connection in self._requests:
                 connection.close()
 
-    def _admit(self, asking: dict[socket.socket, bytes], selector: selectors.BaseSelector) -> None:
-        """Lets some in; those that have been silent for longest make room for them."""
-        with suppress(OSError):  # there are no more, or whoever knocked is gone
-            for _ in range(_AT_ONCE):
+    def _accept(self) -> None:
+        """Accepts connections; those that have been silent for longest make room for them."""
+        with suppress(OSError):  # there are no more, or whoever connected is gone
+            for _ in range(_MAX_ACCEPTED):
                 connection, _ = self._listener.accept()
-                if len(asking) == _MOST:
-                    _dismiss(next(iter(asking)), asking, selector)
+                if len(self._requests) == _MAX_OPEN:
+                    self._drop(next(iter(self._requests)))
                 connection.setblocking(False)
-                asking[connection] = b""
-                selector.register(connection, selectors.EVENT_READ)
+                self._requests[connection] = b""
+                self._selector.register(connection, selectors.EVENT_READ)
 
-    def _hear(
-        self,
-        connection: socket.socket,
-        asking: dict[socket.socket, bytes],
-        selector: selectors.BaseSelector,
-    ) -> None:
-        """Takes what one has sent; answers it, and hangs up, once that is a whole line."""
+    def _read(self, connection: socket.socket) -> None:
+        """Reads from a connection; answers it, and hangs up, once that is a whole line."""
         try:
             chunk = connection.recv(_MAX_REQUEST)
-            asking[connection] += chunk
-            line, ended, _ = asking[connection].partition(b"\n")
+            self._requests[connection] += chunk
+            line, ended, _ = self._requests[connection].partition(b"\n")
             if chunk and not ended and len(line) < _MAX_REQUEST:
                 return
             answer = self._answer(line[:_MAX_REQUEST])
             connection.sendall(json.dumps(answer).encode() + b"\n")
         except OSError:
             pass  # it is gone, or does not read
-        _dismiss(connection, asking, selector)
+        self._drop(connection)
+
+    def _drop(self, connection: socket.socket) -> None:
+        del self._requests[connection]
+        self._selector.unregister(connection)
+        connection.close()
 
     def _answer(self, line: bytes) -> dict[str, Any]:
         try:
@@ -164,16 +165,6 @@ class FaultSocket(Closable):
         }
 
 
-def _dismiss(
-    connection: socket.socket,
-    asking: dict[socket.socket, bytes],
-    selector: selectors.BaseSelector,
-) -> None:
-    del asking[connection]
-    selector.unregister(connection)
-    connection.close()
-
-
 class FaultClient:
     """Talks to the control socket of a simulated robot.
 
@@ -205,7 +196,7 @@ class FaultClient:
         family, address = _address(self._uri)
         try:
             with socket.socket(family, socket.SOCK_STREAM) as connection:
-                connection.settimeout(_PATIENCE)
+                connection.settimeout(_TIMEOUT)
                 connection.connect(address)
                 with connection.makefile("rwb") as stream:
                     stream.write(json.dumps(request).encode() + b"\n")

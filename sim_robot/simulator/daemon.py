@@ -1,4 +1,4 @@
-"""The same daemon as on a robot, on emulated electronics over a simulated body."""
+"""The daemon of a real robot, on emulated electronics over a simulated body."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ class PC104Set(ElectronicsSet):
         }
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """As ``configure``, on the emulated port."""
+        """The configuration that fits, on the emulated port."""
         return configure(self._body, port=self.servo_board.port, levels=levels)
 
     def connect(self, wiring: Wiring, clock: Clock) -> None:

@@ -71,7 +71,7 @@ class PiSet(ElectronicsSet):
         return switches | ({"adc": self.adc[0]} if self.adc else {})
 
     def configure(self, levels: NoiseLevels) -> RobotConfig:
-        """As ``configure``; it says how many chips there are."""
+        """The configuration that fits; it says how many chips there are."""
         config = configure(self._body, levels)
         assert isinstance(config.servos, PCA9685Settings)
         self._servos = config.servos

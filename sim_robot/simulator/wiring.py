@@ -65,7 +65,7 @@ class Wiring:
         self._bridges = list(truth.gauges.values())
         self._belly = truth.distance.sensor
         self._inputs = inputs
-        self._seen = -1
+        self._read_at = -1
         self._volts: dict[int, float] = {}
 
     def drive(self, pulses: Sequence[float]) -> None:
@@ -79,8 +79,8 @@ class Wiring:
 
     def volts(self, channel: int) -> float:
         """Volts at an analogue input; inputs with nothing on them read 0."""
-        if channel in self._inputs[:1] or self._seen != self._world.steps:
-            self._seen = self._world.steps
+        if channel in self._inputs[:1] or self._read_at != self._world.steps:
+            self._read_at = self._world.steps
             dither = self._noise.dither()
             analogue = self.acceleration() if isinstance(self._axes, AnalogueAxes) else []
             values = [value + dither for value in (*analogue, *self._gauges())]
@@ -88,12 +88,12 @@ class Wiring:
         return self._volts.get(channel, 0.0)
 
     def distance_mm(self) -> float | None:
-        """What the distance sensor is exposed to, mm; ``None`` beyond its sight."""
+        """The distance in front of the distance sensor, mm; ``None`` out of its range."""
         ray = self._world.belly_ray()
         if math.isinf(ray):
             return None
-        seen = (ray + self._noise.clearance()) / self._belly.scale
-        return (seen + self._belly.zero) * 1000
+        measured = (ray + self._noise.clearance()) / self._belly.scale
+        return (measured + self._belly.zero) * 1000
 
     def acceleration(self) -> list[float]:
         """What the accelerometer reads along x, y and z of the body, in its unit."""

@@ -2,7 +2,7 @@
 
 Motor k is the k-th revolute joint in document order. The root link is the main body; it carries the
 accelerometer and, at the middle of its lower face, the distance sensor. Touch sensors sit on the
-leaf links, in the order of their motors; a sensor feels its link and whatever is fixed to it.
+leaf links, in the order of their motors; a sensor senses its link and whatever is fixed to it.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from sim_robot.world.urdf.checks import root_of
 from sim_robot.world.urdf.declarations import Box, Cylinder, Joint, Robot, Sphere, vector
 from sim_robot.world.urdf.reading import read_urdf
 
-DEFAULT = "quadruped"
-_HARDLY: Final = 1e-3  # m
+DEFAULT: Final = "quadruped"
+_FLATNESS: Final = 1e-3  # m that a part may reach below the belly of a body that lies flat
 
 
 def default_body_path() -> Path:
@@ -144,7 +144,7 @@ def _body(robot: Robot, notes: tuple[str, ...]) -> Body:
         base_size=size,
         base_center=center,
         base_mass=root.mass,
-        lies_flat=_lowest(robot, root.name) > center[2] - size[2] / 2 - _HARDLY,
+        lies_flat=_lowest(robot, root.name) > center[2] - size[2] / 2 - _FLATNESS,
         mass=sum(link.mass for link in robot.links),
         motors=tuple(_motor(joint, robot) for joint in moving),
         touch=_touch(robot, moving),

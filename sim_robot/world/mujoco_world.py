@@ -21,6 +21,7 @@ from sim_robot.world.simulation import (
     FRICTION,
     GRAVITY,
     HOLD_TOLERANCE,
+    MAX_GAP,
     SERVO_SPEED,
     STEP,
     Pose,
@@ -28,11 +29,10 @@ from sim_robot.world.simulation import (
 )
 from sim_robot.world.urdf.declarations import Box, Collision, Cylinder, Link, Origin, Sphere, vector
 
-_FINER: Final = 4
-_STEP: Final = STEP / _FINER
-_YIELD: Final = 0.2  # of the tolerance, where a servo gives all it has
-_LEAST_INERTIA: Final = 1e-8  # kg·m²
-_SEEN: Final = 1.0  # m; what is farther from the ground has this distance
+_SUBSTEPS: Final = 4  # of MuJoCo in one step of the world
+_STEP: Final = STEP / _SUBSTEPS  # s
+_YIELD: Final = 0.2  # share of HOLD_TOLERANCE at which a servo gives its full torque
+_MIN_INERTIA: Final = 1e-8  # kg·m²
 
 
 class MuJoCoWorld(World):
@@ -69,7 +69,7 @@ class MuJoCoWorld(World):
         self._aims += np.clip(self._wanted - self._aims, -turn, turn)
         self._aims[self._limp] = self._data.qpos[self._places][self._limp]
         self._data.ctrl[:] = self._aims
-        mujoco.mj_step(self._model, self._data, _FINER)
+        mujoco.mj_step(self._model, self._data, _SUBSTEPS)
 
     def _contacts(self) -> Iterator[tuple[str, float]]:
         force = np.zeros(6)
@@ -83,7 +83,7 @@ class MuJoCoWorld(World):
         for geom in range(1, self._model.ngeom):
             name = self._sensor_of.get(int(self._model.geom_bodyid[geom]))
             if name is not None:
-                yield name, min(_SEEN, self._lowest(geom))
+                yield name, min(MAX_GAP, self._lowest(geom))
 
     def _lowest(self, geom: int) -> float:
         """Height of the lowest point of a shape, m."""
@@ -125,7 +125,7 @@ def _model(body: Body, held: Pose | None) -> Any:
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     # Files have few digits: a moment may round to 0, or to a little more than the other two.
-    spec.compiler.boundinertia = _LEAST_INERTIA
+    spec.compiler.boundinertia = _MIN_INERTIA
     spec.compiler.balanceinertia = True
     friction = (FRICTION, 0, 0)
     spec.worldbody.add_geom(

@@ -14,12 +14,13 @@ from typing import Final
 
 from protocol.system.native_output import native_output_discarded
 from sim_robot.world.body import Body
-from sim_robot.world.simulation import FRICTION, GRAVITY, SERVO_SPEED, STEP, Pose, World
+from sim_robot.world.simulation import FRICTION, GRAVITY, MAX_GAP, SERVO_SPEED, STEP, Pose, World
 
 with native_output_discarded():
     import pybullet
 
 MIN_INERTIA: Final = 0.001
+"""kg·m²; not tuned."""
 _ORIGIN: Final = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
@@ -57,7 +58,7 @@ class PyBulletWorld(World):
     def _distances(self) -> Iterator[tuple[str, float]]:
         for index, name in self._sensor_of.items():
             for point in pybullet.getClosestPoints(
-                self._robot, self._ground, 1.0, index, physicsClientId=self._client
+                self._robot, self._ground, MAX_GAP, index, physicsClientId=self._client
             ):
                 yield name, point[8]
 

@@ -2,7 +2,7 @@
 
 One offset is drawn per interaction (a sensor that is off by 0.3° stays off while the robot rests)
 and smaller white noise per sample. Both come from (seed, number of the interaction), so a robot
-that is asked again after a crash feels the same.
+that is asked again after a crash reads the same.
 """
 
 from __future__ import annotations

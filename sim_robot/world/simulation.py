@@ -33,6 +33,8 @@ SERVO_SPEED: Final = math.radians(60)
 """At most, rad/s."""
 HOLD_TOLERANCE: Final = math.radians(0.1)
 """A servo at rest further from its target is too weak, rad."""
+MAX_GAP: Final = 1.0
+"""The distance from the ground, m, of whatever is farther."""
 
 _LOOK: Final = 12  # steps from one look at the pose to the next: 0.05 s
 _CALM_LOOKS: Final = 10  # 0.5 s in one pose are rest; speed alone is none where a body tips over
@@ -156,8 +158,8 @@ class World(Closable):
         return tuple(forces.values())
 
     def gaps(self) -> tuple[float, ...]:
-        """Distance of each touch sensor's parts from the ground, m, at most 1."""
-        gaps = dict.fromkeys(self._body.touch, 1.0)
+        """Distance of each touch sensor's parts from the ground, m, at most ``MAX_GAP``."""
+        gaps = dict.fromkeys(self._body.touch, MAX_GAP)
         for name, gap in self._distances():
             gaps[name] = min(gaps[name], gap)
         return tuple(gaps.values())

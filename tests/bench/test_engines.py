@@ -41,10 +41,10 @@ def four_legs(length: float) -> Morphology:
 
 def readings(tilts: list[float]) -> Readings:
     """Poses that differ in one tilt, degrees; everything else is alike."""
-    felt = Readings.empty(len(tilts), 1)
-    felt.tilt[:, 0] = np.radians(tilts)
-    felt.valid[:] = True
-    return felt
+    poses = Readings.empty(len(tilts), 1)
+    poses.tilt[:, 0] = np.radians(tilts)
+    poses.valid[:] = True
+    return poses
 
 
 @pytest.mark.parametrize("problem", PROBLEMS)

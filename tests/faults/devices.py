@@ -188,7 +188,7 @@ DEVICES: Final = {
             "servos.dead=1",
             "nothing: servos report nothing, and a robot that does not know its body cannot tell "
             "which reading would be right",
-            "**not noticed** (an observation: what was commanded, and what was felt)",
+            "**not noticed** (an observation: what was commanded, and what was measured)",
             "`robotd doctor --move` and `estimator validate` show it; repair the servo.",
         ),
         unnoticed(

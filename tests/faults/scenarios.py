@@ -82,9 +82,9 @@ def cable_pulled() -> None:
             assert board.pulses() == held
             proxy.mend()
         check("pulled", motion.end, status)
-        seen = client.read()
-        assert seen.sequence == 1
-        assert -85 < math.degrees(seen.angles["hip_left"]) < -25
+        reading = client.read()
+        assert reading.sequence == 1
+        assert -85 < math.degrees(reading.angles["hip_left"]) < -25
 
 
 CONTROLLER: Final = """
@@ -154,14 +154,14 @@ def sigkill() -> None:
             assert (status.state, status.sequence) == (PROCESSES["kill"].state, 0)
             assert board.pulses() == held
             client.acquire()
-            seen = [held[0]]
+            counts = [held[0]]
             with Motion(client, 0.0) as home:
                 while home.end is None:
-                    seen.append(board.pulses()[0])
+                    counts.append(board.pulses()[0])
                     time.sleep(0.01)
             check("kill", home.end)
             # It slews from where the board stood: 60°/s is 88 counts a second.
-            assert max(abs(b - a) for a, b in pairwise(seen)) < 45
+            assert max(abs(b - a) for a, b in pairwise(counts)) < 45
             second.kill()
 
 

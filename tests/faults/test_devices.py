@@ -182,21 +182,23 @@ def test_what_is_not_noticed_is_answered_with_what_was_felt(
 ) -> None:
     inject(row, patient)
     before = patient.sequence()
-    seen = patient.perform()
-    assert seen.sequence == before + 1
-    assert seen.angles == patient.reference.angles  # what was commanded
+    observation = patient.perform()
+    assert observation.sequence == before + 1
+    assert observation.angles == patient.reference.angles  # what was commanded
     assert patient.client.status().state == row.state
-    # A fault that changes what is felt shows in the reading, which is not smoothed over.
-    assert same(seen, patient.reference) == (not row.injected.startswith(("servos.", "daq.")))
+    # A fault that changes what is measured shows in the reading, which is not smoothed over.
+    assert same(observation, patient.reference) == (
+        not row.injected.startswith(("servos.", "daq."))
+    )
     patient.faults.mend()
-    check_health(patient, after=seen.sequence)
+    check_health(patient, after=observation.sequence)
 
 
 def check_health(patient: Patient, *, after: int) -> None:
-    seen = patient.perform()
-    assert seen.sequence == after + 1
-    assert same(seen, patient.reference)
-    assert seen.robot_time > patient.reference.robot_time
+    observation = patient.perform()
+    assert observation.sequence == after + 1
+    assert same(observation, patient.reference)
+    assert observation.robot_time > patient.reference.robot_time
     assert patient.faults.report()["pulses"] == patient.pulses
 
 

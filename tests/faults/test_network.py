@@ -1,17 +1,20 @@
-"""Bad networks between a client and a real ``sim-robotd``: nothing lost, nothing done twice."""
+"""A bad network between robot and controller, and faults ordered on the command line."""
 
 from __future__ import annotations
 
 import math
 import random
+import time
+from contextlib import suppress
 
 import pytest
 
 from bench.daemons import simulator
 from bench.network_proxy import MessageProxy
-from protocol.errors import RobotUnreachableError
+from protocol.errors import RobotError, RobotUnreachableError
 from protocol.transport.client import RobotClient
 from protocol.wire.messages import ObservationReply
+from sim_robot.command_line import main
 from sim_robot.faults.control_socket import FaultClient
 from tests.faults.matrix import NETWORK, WeatherRow
 
@@ -31,8 +34,14 @@ def perform(client: RobotClient, degrees: dict[str, float]) -> ObservationReply:
     raise AssertionError("the network lets nothing through")
 
 
-def felt(seen: ObservationReply) -> tuple[object, ...]:
-    return seen.sequence, seen.angles, seen.touch, seen.tilt, seen.clearance
+def measured(observation: ObservationReply) -> tuple[object, ...]:
+    return (
+        observation.sequence,
+        observation.angles,
+        observation.touch,
+        observation.tilt,
+        observation.clearance,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -44,10 +53,10 @@ def programs() -> list[dict[str, float]]:
 
 @pytest.fixture(scope="module")
 def expected(programs: list[dict[str, float]]) -> list[tuple[object, ...]]:
-    """What a robot with the same seed feels on a good network."""
+    """What a robot with the same seed reads on a good network."""
     with simulator("--seed", "3") as robot, RobotClient(robot.uri) as client:
         client.acquire()
-        return [felt(perform(client, degrees)) for degrees in programs]
+        return [measured(perform(client, degrees)) for degrees in programs]
 
 
 @pytest.mark.parametrize("row", [pytest.param(row, id=row.fault) for row in NETWORK])
@@ -65,7 +74,7 @@ def test_each_request_is_carried_out_once(
         client.acquire()
         proxy.weather = row.weather
         # The noise is drawn by the number of the interaction: one that was done twice would show.
-        assert [felt(perform(client, degrees)) for degrees in programs] == expected
+        assert [measured(perform(client, degrees)) for degrees in programs] == expected
         assert faults.report()["interactions"] == PROGRAMS
         fates = proxy.fates
         assert bool(fates.lost) == bool(row.weather.loss)
@@ -74,3 +83,30 @@ def test_each_request_is_carried_out_once(
         proxy.weather = type(row.weather)()
         assert client.status().state == row.state
         assert client.status().controller == client.client_id
+
+
+def test_a_fault_comes_in_its_interaction_and_goes_by_itself() -> None:
+    options = ("--fault", "daq.stuck_wait@2i+0.3w", "--fault", "servos.dead=1@9i")
+    with simulator(*options) as robot, RobotClient(robot.uri) as client:
+        client.acquire()
+        flat = {joint.name: 0.0 for joint in client.capabilities.joints}
+        assert client.perform(flat).settled
+        with pytest.raises(RobotError, match="WAIT") as down:
+            client.perform(flat)
+        assert down.value.code == "fault"
+        deadline = time.monotonic() + 120
+        while client.status().state == "fault":  # which ends by the clock on the wall
+            assert time.monotonic() < deadline
+            with suppress(RobotError):
+                client.clear()
+        assert client.perform(flat).sequence == 2
+
+
+@pytest.mark.parametrize("fault", ["daq.stuk_wait", "daq", "servo_board.brown_out+1s"])
+def test_a_fault_that_cannot_be_is_refused_before_anything_starts(
+    fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--fault", fault])
+    assert ended.value.code == 2
+    assert "argument --fault" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""A gauge feels load, a model measures a gap: they may differ where a foot only just touches."""
+"""A gauge measures load, a model measures a gap: they may differ where a foot only just touches."""
 
 from __future__ import annotations
 

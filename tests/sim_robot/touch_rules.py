@@ -2,7 +2,7 @@
 
     python -m tests.sim_robot.touch_rules [--programs N]
 
-A gauge feels load, a model measures a gap. Prints a row of figures for each body that ships.
+A gauge measures load, a model measures a gap. Prints a row of figures for each body that ships.
 """
 
 from __future__ import annotations

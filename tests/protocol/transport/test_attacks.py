@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 import zmq
 
+from bench.attackers import GREETING, MORE, RawPeer, frame, guessed_identities
 from bench.daemons import simulator
-from bench.raw_peer import GREETING, MORE, RawPeer, frame, guessed_identities
 from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.tcp_connection import FrameCounter

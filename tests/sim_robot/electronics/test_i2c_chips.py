@@ -18,9 +18,9 @@ class Bench:
     def __init__(self) -> None:
         self.clock = InstantClock()
         self.volts = [0.5, 1.0, 2.0, 3.0]
-        self.felt = (0.5, -0.25, 0.75)
+        self.acceleration = (0.5, -0.25, 0.75)
         self.adc = ADS1115Emulator(lambda n: self.volts[n], self.clock)
-        self.imu = MPU6050Emulator(lambda: self.felt, self.clock)
+        self.imu = MPU6050Emulator(lambda: self.acceleration, self.clock)
         self.bus = I2CBus([self.adc, self.imu], self.clock)
 
     def write(self, address: int, register: int, *values: int) -> None:
@@ -118,17 +118,17 @@ def test_the_four_ranges(bench: Bench, setting: int, codes: int) -> None:
     bench.write(0x68, 0x6B, 0)
     bench.write(0x68, 0x1C, setting << 3)
     bench.clock.sleep(0.01)
-    seen = [bench.word(0x68, register) / codes for register in (0x3B, 0x3D, 0x3F)]
-    assert seen == pytest.approx(bench.felt, abs=1.5 / codes)
+    measured = [bench.word(0x68, register) / codes for register in (0x3B, 0x3D, 0x3F)]
+    assert measured == pytest.approx(bench.acceleration, abs=1.5 / codes)
 
 
 def test_a_sample_stays_within_its_range_and_a_sleeping_chip_repeats_it(bench: Bench) -> None:
     bench.write(0x68, 0x6B, 0)
-    bench.felt = (3.0, -3.0, 0.0)
+    bench.acceleration = (3.0, -3.0, 0.0)
     bench.clock.sleep(0.01)
     assert [bench.word(0x68, register) for register in (0x3B, 0x3D)] == [32767, -32768]
     bench.write(0x68, 0x6B, 0x40)
-    bench.felt = (0.0, 0.0, 0.0)
+    bench.acceleration = (0.0, 0.0, 0.0)
     bench.clock.sleep(0.01)
     assert bench.word(0x68, 0x3B) == 32767
 
@@ -140,13 +140,13 @@ def test_the_self_test_moves_each_axis_by_its_factory_trim(bench: Bench) -> None
     for axis in range(3):
         code = (trims[axis] >> 5) << 2 | (trims[3] >> (4 - 2 * axis)) & 3
         assert 1 <= code <= 31
-        seen = []
+        measured = []
         for bits in (0x10, 0x10 | 0x80 >> axis):
             bench.write(0x68, 0x1C, bits)
             bench.clock.sleep(0.01)
-            seen.append(bench.word(0x68, 0x3B + 2 * axis))
+            measured.append(bench.word(0x68, 0x3B + 2 * axis))
         trim = 4096 * 0.34 * (0.92 / 0.34) ** ((code - 1) / 30)
-        assert (seen[1] - seen[0]) / trim == pytest.approx(1, abs=0.14)
+        assert (measured[1] - measured[0]) / trim == pytest.approx(1, abs=0.14)
 
 
 def test_an_offset_shifts_an_axis_by_codes_of_8_g_and_a_reset_brings_back_its_own(
@@ -166,7 +166,7 @@ def test_the_sample_rate_is_divided(bench: Bench) -> None:
     bench.write(0x68, 0x19, 99)
     bench.clock.sleep(0.1)
     first = bench.read(0x68, 0x3B, 6)
-    bench.felt = (0.0, 0.0, 0.0)
+    bench.acceleration = (0.0, 0.0, 0.0)
     bench.clock.sleep(0.09)
     assert bench.read(0x68, 0x3B, 6) == first
     bench.clock.sleep(0.01)

@@ -219,13 +219,13 @@ def test_what_another_program_does_is_in_the_registers_and_is_no_command(
     awake: Bench, event: str, registers: bytes, pulses: tuple[int, ...]
 ) -> None:
     awake.write(0x06, 0, 0, 100, 0)
-    seen: list[tuple[int, int, int]] = []
-    awake.chip.on_pulse = lambda *move: seen.append(move)
+    moves: list[tuple[int, int, int]] = []
+    awake.chip.on_pulse = lambda *move: moves.append(move)
     name, _, number = event.partition("=")
     awake.chip.inject(name, int(number or 0))
     assert awake.chip.pulses()[:2] == pulses
     assert b"".join(map(awake.read, (0xFE, 0x00, 0x01))) == registers
-    assert not seen
+    assert not moves
 
 
 def test_a_tick_is_as_long_as_the_oscillator_is_slow() -> None:
@@ -234,14 +234,14 @@ def test_a_tick_is_as_long_as_the_oscillator_is_slow() -> None:
 
 
 def test_outputs_change_together_at_the_end_of_a_transfer(awake: Bench) -> None:
-    seen: list[tuple[int, int, int]] = []
-    awake.chip.on_pulse = lambda *move: seen.append(move)
+    moves: list[tuple[int, int, int]] = []
+    awake.chip.on_pulse = lambda *move: moves.append(move)
     awake.chip.receive(bytes((0x06, 0, 0, 100, 0)))
-    assert not seen
+    assert not moves
     awake.chip.stop()
-    assert seen == [(0, 0, 100)]
+    assert moves == [(0, 0, 100)]
     awake.chip.power_cycle()
-    assert len(seen) == 1
+    assert len(moves) == 1
 
 
 def test_reserved_registers_are_not_acknowledged(awake: Bench) -> None:

@@ -99,16 +99,16 @@ def test_pca9685_smbus2_moves_servos(chips: Chips) -> None:
 
 def test_mpu6050_raspberrypi_feels_gravity(chips: Chips) -> None:
     sensor = load("mpu6050").mpu6050(0x68)
-    felt = sensor.get_accel_data(g=True)
-    assert [felt[axis] for axis in "xyz"] == pytest.approx(chips.acceleration, abs=2e-4)
+    measured = sensor.get_accel_data(g=True)
+    assert [measured[axis] for axis in "xyz"] == pytest.approx(chips.acceleration, abs=2e-4)
     chips.imu.celsius = 41.5
     chips.clock.sleep(0.01)
     assert sensor.get_temp() == pytest.approx(41.5, abs=0.01)
     sensor.set_accel_range(sensor.ACCEL_RANGE_8G)
     assert sensor.read_accel_range() == 8
     chips.clock.sleep(0.01)
-    felt = sensor.get_accel_data()
-    assert felt["z"] == pytest.approx(0.83 * 9.80665, abs=5e-3)
+    measured = sensor.get_accel_data()
+    assert measured["z"] == pytest.approx(0.83 * 9.80665, abs=5e-3)
 
 
 def test_ads1x15_adc_measures_each_input(chips: Chips) -> None:

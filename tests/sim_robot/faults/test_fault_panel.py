@@ -100,22 +100,22 @@ def test_a_fault_keeps_its_hours() -> None:
 def test_a_fault_keeps_its_interactions() -> None:
     bench = Panel()
     bench.order("servos.dead=2@2i+1i")
-    seen = []
+    active_faults = []
     for _ in range(4):
         bench.panel.begin_interaction()
-        seen.append(bench.panel.active())
-    assert seen == [[], ["servos.dead=2"], [], []]
+        active_faults.append(bench.panel.active())
+    assert active_faults == [[], ["servos.dead=2"], [], []]
 
 
 def test_a_fault_ends_by_the_clock_on_the_wall() -> None:
     bench = Panel()
     bench.order("daq.absent+0.05w")
     deadline = time.monotonic() + 120
-    seen: list[list[str]] = []
-    while (active := bench.panel.active()) or not seen:
-        seen.append(active)
+    active_faults: list[list[str]] = []
+    while (active := bench.panel.active()) or not active_faults:
+        active_faults.append(active)
         assert time.monotonic() < deadline
-    assert seen[0] == ["daq.absent"]
+    assert active_faults[0] == ["daq.absent"]
     bench.panel.close()
 
 

@@ -59,8 +59,10 @@ class Requests:
                     return event.reply
 
 
-def felt(electronics: str, broken_off: Sequence[int], patch: pytest.MonkeyPatch) -> list[object]:
-    """What two interactions feel, the second broken off when the robot waits the n-th time."""
+def measured(
+    electronics: str, broken_off: Sequence[int], patch: pytest.MonkeyPatch
+) -> list[object]:
+    """Reads two interactions, the second broken off when the robot waits the n-th time."""
     log = logging.getLogger("test")
     with emulation(
         BODY, seed=8, levels=NoiseLevels(), real_time=False, log=log, electronics=electronics
@@ -94,13 +96,13 @@ def felt(electronics: str, broken_off: Sequence[int], patch: pytest.MonkeyPatch)
 
 
 @pytest.mark.parametrize("electronics", SETS)
-def test_a_motion_that_was_broken_off_feels_the_same_when_it_is_made_again(
+def test_a_motion_that_was_broken_off_reads_the_same_when_it_is_made_again(
     electronics: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    expected = felt(electronics, (), monkeypatch)
+    expected = measured(electronics, (), monkeypatch)
     assert len(expected) == len(PROGRAMS)
     for broken_off in ((3,), (20,), (60,), (70, 11)):
-        assert felt(electronics, broken_off, monkeypatch) == expected
+        assert measured(electronics, broken_off, monkeypatch) == expected
 
 
 # Radians. PyBullet's body stands still in these poses for half a second, then tips over by 11° and
@@ -120,9 +122,9 @@ def test_what_is_settled_does_not_tip_over_afterwards() -> None:
         client.acquire()
         names = [joint.name for joint in client.capabilities.joints]
         for pose in ON_AN_EDGE:
-            seen = client.perform(dict(zip(names, pose, strict=True)))
-            assert seen.settled
-            assert seen.tilt is not None
+            observation = client.perform(dict(zip(names, pose, strict=True)))
+            assert observation.settled
+            assert observation.tilt is not None
             for _ in range(5):  # each a second of robot time
                 later = client.read()
-            assert later.tilt == pytest.approx(seen.tilt, abs=math.radians(0.3))
+            assert later.tilt == pytest.approx(observation.tilt, abs=math.radians(0.3))

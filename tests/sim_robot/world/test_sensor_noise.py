@@ -16,13 +16,13 @@ from sim_robot.world.sensor_noise import NO_NOISE, Noise, NoiseLevels, load_nois
 def test_the_same_interaction_feels_the_same_again() -> None:
     first, second = Noise(NoiseLevels(), 3), Noise(NoiseLevels(), 3)
     first.begin(7)
-    seen = (first.tilt(), first.clearance(), first.load())
+    values = (first.tilt(), first.clearance(), first.load())
     second.begin(6)
     second.tilt()
     second.begin(7)
-    assert (second.tilt(), second.clearance(), second.load()) == seen
+    assert (second.tilt(), second.clearance(), second.load()) == values
     second.begin(8)
-    assert second.tilt() != seen[0]
+    assert second.tilt() != values[0]
 
 
 def test_offsets_have_the_announced_size() -> None:

@@ -53,7 +53,7 @@ def test_the_default_body_holds_every_pose(world: World) -> None:
 
 
 def enlarged(path: Path, scale: float, folder: Path) -> Path:
-    """The same body of the same materials, so many times as long, with servos to match."""
+    """A body so many times as long, of the same materials, with servos to match."""
     powers = {"xyz": 1, "size": 1, "radius": 1, "length": 1, "value": 3, "effort": 4}
     powers |= dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 5)
     tree = ElementTree.parse(path)
