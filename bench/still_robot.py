@@ -162,7 +162,7 @@ def on_electronics(
             config,
             devices,
             clock=host,
-            attendant=Bystander(panel),
+            operator=Bystander(panel),
             housekeeping=housekeeping,
             log=log,
             manager=manager,

@@ -62,7 +62,7 @@ def main() -> None:
     if options.sick is not None:
         make_sick(devices, options.sick, only_while=options.sick_while)
     controller = build_controller(
-        config, devices, clock=clock, attendant=None, housekeeping=HOUSEKEEPING, log=log
+        config, devices, clock=clock, operator=None, housekeeping=HOUSEKEEPING, log=log
     )
     server = Server(controller, bind=options.bind, telemetry_rate=options.telemetry_rate, log=log)
     try:

@@ -113,7 +113,7 @@ def _controller(
             config,
             devices,
             clock=clock,
-            attendant=None,
+            operator=None,
             housekeeping=HOUSEKEEPING,
             log=log,
             manager=manager,

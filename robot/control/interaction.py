@@ -37,12 +37,12 @@ _SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 Report = Callable[[str, float], None]
 
 
-class Attendant(Protocol):
+class Operator(Protocol):
     """A person beside the robot, or what takes their place.
 
     Attributes:
-        lays_down: Whether the attendant puts the robot back on its belly, so that nobody needs to
-            check that it lies flat.
+        lays_down: Whether the operator lays the robot on its belly at each interaction; whether it
+            lies flat is then not checked.
     """
 
     lays_down: bool
@@ -70,7 +70,7 @@ class MotorProgramRunner:
         sensing: The sensors.
         clock: The robot clock.
         revive: Makes the devices work again after a fault, or raises ``DeviceError``.
-        attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
+        operator: The operator, or ``None`` for none. Unless the operator lays it down, the zero
             pose is compared with the first one since a client took control, which must be flat
             unless the robot stands then; else the robot is refused with ``not_planar``.
     """
@@ -83,7 +83,7 @@ class MotorProgramRunner:
         sensing: Senses,
         clock: SteadyClock,
         revive: Callable[[], None],
-        attendant: Attendant | None,
+        operator: Operator | None,
     ):
         self._config = config
         self._joints = config.joints
@@ -92,7 +92,7 @@ class MotorProgramRunner:
         self._sensing = sensing
         self._clock = clock
         self._revive = revive
-        self._attendant = attendant
+        self._operator = operator
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
         self._counts = self._board_counts()
@@ -123,10 +123,10 @@ class MotorProgramRunner:
         self._verify(partial(report, "homing", 0.0))
         self._clock.watch()
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
-        if self._attendant is not None:
-            self._attendant.attend()
+        if self._operator is not None:
+            self._operator.attend()
         settled, _ = self._settle(report)
-        if self._attendant is None or not self._attendant.lays_down:
+        if self._operator is None or not self._operator.lays_down:
             flat = self._average(lambda _: report("settling", 1.0))
             self._check_flat(flat, settled=settled)
         self._slew(targets, "moving", report)

@@ -16,7 +16,7 @@ from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
-from robot.control.interaction import Attendant, MotorProgramRunner
+from robot.control.interaction import MotorProgramRunner, Operator
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceTimeoutError
 from robot.host.clock import Clock
@@ -34,7 +34,7 @@ def build_controller(
     devices: Devices,
     *,
     clock: Clock,
-    attendant: Attendant | None,
+    operator: Operator | None,
     housekeeping: float | None,
     log: logging.Logger,
     manager: ServiceManager | None = None,
@@ -45,7 +45,7 @@ def build_controller(
         config: What is connected where.
         devices: The drivers.
         clock: The robot clock.
-        attendant: Who puts the robot back on its belly, or ``None``.
+        operator: Who puts the robot back on its belly, or ``None``.
         housekeeping: Seconds between checks of the idle board, or ``None`` for none.
         log: Where to write what a person may want to know.
         manager: Who is told that the control loop turns.
@@ -69,7 +69,7 @@ def build_controller(
         capabilities=describe(config),
         clock=steady,
         revive=partial(revive, config, devices),
-        attendant=attendant,
+        operator=operator,
         housekeeping=housekeeping,
         log=log,
         manager=manager,
@@ -83,7 +83,7 @@ def assemble(
     sensing: Senses,
     capabilities: Capabilities,
     clock: SteadyClock,
-    attendant: Attendant | None,
+    operator: Operator | None,
     housekeeping: float | None,
     log: logging.Logger,
     manager: ServiceManager | None,
@@ -99,7 +99,7 @@ def assemble(
         sensing=sensing,
         clock=clock,
         revive=revive,
-        attendant=attendant,
+        operator=operator,
     )
     return Controller(
         interaction,

@@ -115,7 +115,7 @@ def dry_controller(
         sensing=NoSensors(clock),
         capabilities=replace(describe(config), sensors=()),
         clock=SteadyClock(clock),
-        attendant=None,
+        operator=None,
         housekeeping=HOUSEKEEPING,
         log=log,
         manager=manager,
