@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 
 from protocol.errors import BodyschemaError
-from protocol.text.printable import printable
+from protocol.text import printable
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import Telemetry

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from protocol.text.toml import TomlError, parse_toml
+from protocol.text import TomlError, parse_toml
 from robot.errors import ConfigError
 
 _UNITS: Final = MappingProxyType(

@@ -20,7 +20,7 @@ from bench.engines.runs import KNOWN, TRIALS
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 OWN: Final = f"statics itself: joint steps of {np.degrees(PACE):g}°"
 UNEXPLAINED: Final = "unexplained"

@@ -15,8 +15,8 @@ from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
 from estimator.parallel.worker_processes import Raised, Work, WorkerProcesses
 from estimator.physics.base import Pair, Readings
-from protocol.system.native_output import native_output_discarded
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
+from protocol.system.process import native_output_discarded
 
 PIECE: Final = 20
 """Bodies simulated at a time, in all runs: some seconds of work."""

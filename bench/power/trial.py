@@ -30,7 +30,7 @@ from estimator.report.run_files import write_report
 from estimator.reproduction.runs.robot_process import RobotProcess
 from estimator.storage.store import RunStore
 from protocol.errors import BodyschemaError
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 from sim_robot.world.body import DEFAULT
 
 _FIGURES: Final = "figures.json"

@@ -24,7 +24,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 
 from estimator.errors import ClusterError, WorkerError
 from estimator.plugins import installed_packages
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 
 Future: TypeAlias = Any
 """What will come of some work: a ``distributed.Future``."""

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import TypeVar
 
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 
 Result = TypeVar("Result")
 

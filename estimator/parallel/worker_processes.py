@@ -26,7 +26,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any, Final, Generic, NoReturn, TypeAlias, TypeVar
 
 from estimator.errors import WorkerError
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 
 Task = TypeVar("Task")
 Message = TypeVar("Message")

@@ -23,7 +23,7 @@ from estimator.reproduction.runs.plan import (
 )
 from estimator.reproduction.runs.progress import in_words
 from estimator.reproduction.runs.run_summary import Summary
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 REPORT: Final = "report.md"
 HEADER: Final = (

@@ -35,7 +35,7 @@ from estimator.reproduction.runs.run_processes import Ended, Said, Worked, Worke
 from estimator.reproduction.runs.run_summary import Summary
 from estimator.reproduction.runs.runs_on_cluster import ClusterWorkers
 from estimator.reproduction.runs.single_run import is_finished, work_done
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from protocol.conformance.raw_connection import (
     said,
 )
 from protocol.security.keys import ClientKeys
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOOSE_ID: Final = 2**52

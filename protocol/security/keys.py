@@ -29,7 +29,7 @@ from zmq.utils import z85
 from protocol.errors import KeysError
 from protocol.rules.roles import Role
 from protocol.security.key_files import check_private, read_toml
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
 
 ROBOT: Final = "robot"
 """What ``known.toml`` calls the robot that a computer controls."""

@@ -28,7 +28,7 @@ from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import DEFAULT_BIND
 from protocol.sockets.tcp_listener import Arrival, TcpListener
 from protocol.sockets.zmq_sockets import Waker, permitted
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.transport.telemetry import Publisher
 from protocol.wire.codec import MAX_MESSAGE
 from protocol.wire.messages import ErrorReply, Request

@@ -14,7 +14,7 @@ from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.tcp_listener import TcpListener
 from protocol.sockets.zmq_sockets import connected
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.wire.codec import decode
 from protocol.wire.messages import Telemetry, parse_telemetry
 

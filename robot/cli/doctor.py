@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from robot.calibration.guided_session import parts
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config

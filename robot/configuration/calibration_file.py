@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
 from robot.configuration.device_tables import (
     read_limits,
     read_ruler,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, cast
 
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.configuration.device_tables import (
     DistanceConfig,

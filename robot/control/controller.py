@@ -26,7 +26,7 @@ from functools import partial
 from protocol.errors import CLEAR, RobotError
 from protocol.rules.robot_interface import FinalReply, RobotEvent, Snapshot
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
-from protocol.text.printable import brief, told
+from protocol.text import brief, error_text
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform, RobotRequest
 from protocol.wire.states import State
@@ -203,7 +203,7 @@ class Controller:
 
     def _die(self, error: BaseException) -> None:
         """The end of the control thread: nothing moves any more, and everybody is answered."""
-        sentence = f"The control loop has ended: {told(error)}."
+        sentence = f"The control loop has ended: {error_text(error)}."
         with self._lock:
             self._died = RobotError("fault", sentence, advice="Start the daemon again.")
             self._ended = True
@@ -241,7 +241,7 @@ class Controller:
             known = isinstance(error, DeviceError)
             if not known or isinstance(error, DriverError):
                 self._log.exception("the control loop failed")
-            self._fail(str(error) if known else f"internal error: {told(error)}", job)
+            self._fail(str(error) if known else f"internal error: {error_text(error)}", job)
 
     def _carry_out(self, job: Job) -> None:
         if job.event in (Event.PERFORM, Event.READ):

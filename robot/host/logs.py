@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from protocol.text.printable import brief, printable
+from protocol.text import brief, printable
 
 _ERROR, _WARNING, _INFORMATION, _DEBUG = "<3>", "<4>", "<6>", "<7>"  # as in sd-daemon(3)
 _STDERR: Final = 2

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from protocol.errors import BodyschemaError
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from protocol.transport.server import Server
 from robot.cli.run import add_server_arguments
 from robot.cli.startup import add_version

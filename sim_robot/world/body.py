@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from sim_robot.errors import BodyError
 from sim_robot.world.body_checks import faults_of, root_of
 from sim_robot.world.urdf.declarations import (

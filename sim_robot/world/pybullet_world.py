@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
-from protocol.system.native_output import native_output_discarded
+from protocol.system.process import native_output_discarded
 from sim_robot.world.body import Body
 from sim_robot.world.simulation import FRICTION, GRAVITY, SERVO_SPEED, STEP, Pose, World
 

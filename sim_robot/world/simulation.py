@@ -12,7 +12,7 @@ from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.wire.readings import belly_ray, up_in_body
 from sim_robot.world.body import Body
 

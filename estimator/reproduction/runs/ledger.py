@@ -27,8 +27,8 @@ from estimator.errors import RunDirectoryError
 from estimator.reproduction.runs.plan import Budget
 from estimator.storage.locking import lock
 from estimator.versions import versions
-from protocol.system.closable import Closable
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
+from protocol.system.process import Closable
 
 LEDGER: Final = "reproduction.json"
 _LOCK: Final = "reproduction.lock"

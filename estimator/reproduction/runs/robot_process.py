@@ -24,7 +24,7 @@ from estimator.errors import EstimatorError, InteractionError, RunDirectoryError
 from estimator.parallel.child_process import die_with
 from estimator.readings.observation import Observation, by_joint_name
 from estimator.storage.store import RunStore
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.transport.client import RobotClient
 
 COMMAND: Final = "sim-robotd"

@@ -17,7 +17,7 @@ from estimator.parallel.worker_processes import Raised, Returned, Work, WorkerPr
 from estimator.reproduction.runs.plan import PlannedRun
 from estimator.reproduction.runs.single_run import complete_run
 from protocol.errors import BodyschemaError
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 
 FAILURES: Final = (BodyschemaError, OSError, sqlite3.Error)
 """Errors that end one run and let the others go on."""

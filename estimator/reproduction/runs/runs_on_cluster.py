@@ -25,8 +25,8 @@ from estimator.reproduction.runs.run_processes import FAILURES, Ended, News, Sai
 from estimator.reproduction.runs.single_run import complete_run, has_begun, is_finished, work_done
 from estimator.storage.database import DATABASE
 from estimator.storage.store import LOCK, RunStore
-from protocol.system.closable import Closable
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
+from protocol.system.process import Closable
 
 TURN: Final = 60.0
 """Least time of a turn that does not end the run, s. Starting a robot anew takes two or three."""

@@ -27,7 +27,7 @@ from estimator.reproduction.runs.run_summary import Summary
 from estimator.storage.database import holds_run
 from estimator.storage.store import RunStore
 from protocol.errors import RobotUnreachableError
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 _ATTEMPTS: Final = 3
 

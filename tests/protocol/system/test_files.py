@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from protocol.system.replace_file import replace_file, replace_text
+from protocol.system.files import replace_file, replace_text
 
 
 def put(path: Path, text: str, mode: int | None = None) -> None:

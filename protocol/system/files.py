@@ -1,4 +1,4 @@
-"""Files that are replaced in one step."""
+"""Files: whether there is one, and replacing one in one step."""
 
 from __future__ import annotations
 
@@ -77,3 +77,17 @@ def _sync_folder(folder: Path) -> None:
             raise
     finally:
         os.close(handle)
+
+
+def may_exist(path: Path) -> bool:
+    """Whether a file is there, or may be: of one that nobody lets us see, opening it says why.
+
+    ``Path.exists`` raises there, or says no, by the version of Python.
+    """
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
+    return True

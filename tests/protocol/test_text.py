@@ -1,6 +1,6 @@
 import pytest
 
-from protocol.text.toml import DEEPEST, TomlError, parse_toml
+from protocol.text import DEEPEST, TomlError, parse_toml
 
 
 def test_what_is_fine_is_parsed() -> None:
