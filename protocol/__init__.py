@@ -1,8 +1,24 @@
 """The protocol between a robot and its clients, which ``SPEC.md`` in this folder specifies.
 
-A client uses ``RobotClient`` and ``TelemetrySubscriber``; a robot, ``Server`` around a
-``rules.robot_interface.Robot``. ``python -m protocol.conformance URI`` tries any robot against the
-specification.
+======================= =========================================================================
+For                     Use
+======================= =========================================================================
+controlling a robot     ``RobotClient``: acquire, perform, read, hold, relax, stop, clear, release
+listening to a robot    ``TelemetrySubscriber``
+serving a robot         ``Server`` around anything that is a ``rules.robot_interface.Robot``
+keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.roles``: who may do what
+nobody answers: why?    ``transport.connection_probe``: ``probe``
+trying any robot        ``python -m protocol.conformance URI``: which clauses of the page hold
+what can go wrong       ``errors``: ``RobotError``, ``RobotUnreachableError``,
+                        ``RobotRestartedError``, ``KeysError``, and the table ``ERROR_CODES``
+messages                ``wire.messages``, ``wire.capabilities``
+frames                  ``wire.codec``: ``encode``, ``decode``
+states of a robot       ``rules.transitions``: ``TRANSITIONS``
+what a reading means    ``wire.readings``: tilt, clearance, touch
+======================= =========================================================================
+
+A room imports only from those below it: ``conformance``, ``transport``, ``sockets``, ``security``,
+``rules``, ``wire``, ``system`` (with ``text``).
 """
 
 from protocol.errors import (

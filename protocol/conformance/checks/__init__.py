@@ -1,1 +1,1 @@
-"""The checks by subject, each module for sections of ``SPEC.md``; importing one registers its checks."""
+"""The checks by subject, as ``SPEC.md`` has its sections; importing a module registers its checks."""
