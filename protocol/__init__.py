@@ -6,7 +6,7 @@ For                     Use
 controlling a robot     ``RobotClient``: acquire, perform, read, hold, relax, stop, clear, release
 listening to a robot    ``TelemetrySubscriber``
 serving a robot         ``Server`` around anything that is a ``rules.robot_interface.Robot``
-keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.roles``: who may do what
+keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.control``: who may do what
 nobody answers: why?    ``transport.connection_probe``: ``probe``
 trying any robot        ``python -m protocol.conformance URI``: which clauses of the page hold
 what can go wrong       ``errors``: ``RobotError``, ``RobotUnreachableError``,
@@ -35,8 +35,7 @@ from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import ObservationReply, Ok, Progress, Status, Telemetry
-from protocol.wire.states import State
+from protocol.wire.messages import ObservationReply, Ok, Progress, State, Status, Telemetry
 
 __all__ = [
     "BodyschemaError",

@@ -14,8 +14,15 @@ import time
 import zmq
 
 from protocol.wire.codec import decode, encode
-from protocol.wire.messages import PROTOCOL_VERSION, Heartbeat, Hello, Status, Welcome, parse_reply
-from protocol.wire.states import State
+from protocol.wire.messages import (
+    PROTOCOL_VERSION,
+    Heartbeat,
+    Hello,
+    State,
+    Status,
+    Welcome,
+    parse_reply,
+)
 
 PATIENCE = 10_000  # ms
 PAUSE = (0.002, 0.006)  # s between round trips, drawn, so as not to march in step with anything

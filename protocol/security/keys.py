@@ -27,7 +27,7 @@ import zmq
 from zmq.utils import z85
 
 from protocol.errors import KeysError
-from protocol.rules.roles import Role
+from protocol.rules.control import Role
 from protocol.security.key_files import check_private, read_toml
 from protocol.system.files import replace_file
 

@@ -21,8 +21,15 @@ import zmq
 
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.rules.robot_interface import Finished, Robot
-from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
-from protocol.rules.server_core import ServerCore, allow_all
+from protocol.rules.server_core import (
+    Action,
+    ControllerChanged,
+    Send,
+    ServerCore,
+    Silence,
+    Submit,
+    allow_all,
+)
 from protocol.security.access import Access, ZapHandler
 from protocol.security.keys import KeyDirectory
 from protocol.sockets.endpoints import DEFAULT_BIND

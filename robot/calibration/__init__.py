@@ -1,1 +1,1 @@
-"""The guided session behind ``robotd calibrate``; it writes no file, and leaves the robot holding."""
+"""The guided session behind ``robotd calibrate``: it writes no file; at its end the robot holds."""

@@ -28,8 +28,7 @@ from protocol.rules.robot_interface import FinalReply, RobotEvent, Snapshot
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.text import brief, error_text
 from protocol.wire.capabilities import Capabilities
-from protocol.wire.messages import Ok, Perform, RobotRequest
-from protocol.wire.states import State
+from protocol.wire.messages import Ok, Perform, RobotRequest, State
 from robot.control.interaction import InteractionResult, MotorProgramRunner
 from robot.control.job_queue import JobQueue
 from robot.control.jobs import ENDS, LEAVING, NEWS, OFF, STOPPED, Job, ended_by

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from protocol.errors import RobotError
 from protocol.rules.transitions import TRANSITIONS, Event
-from protocol.wire.states import State
+from protocol.wire.messages import State
 from robot.control.jobs import Job
 
 

@@ -1,1 +1,1 @@
-"""The checks by subject, as ``SPEC.md`` has its sections; importing a module registers its checks."""
+"""The checks, grouped as the sections of ``SPEC.md``; importing a module registers its checks."""

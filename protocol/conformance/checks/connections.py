@@ -22,7 +22,7 @@ from protocol.conformance.raw_connection import (
 )
 from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
-from protocol.rules.roles import MAY, Role
+from protocol.rules.control import MAY, Role
 from protocol.security.keys import ClientKeys, KeyPair
 from protocol.wire.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
 

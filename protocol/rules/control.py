@@ -1,9 +1,29 @@
-"""The lease: which client controls the robot, and until when."""
+"""Who may do what: the roles of clients; and which client controls the robot: the lease."""
 
 from __future__ import annotations
 
-from enum import Enum
+from enum import Enum, StrEnum
+from types import MappingProxyType
 from typing import Final
+
+from protocol.wire.messages import REQUESTS
+
+
+class Role(StrEnum):
+    """The role of a client."""
+
+    VIEWER = "viewer"  # look and listen, and stop the robot
+    CONTROLLER = "controller"  # everything
+
+
+MAY: Final = MappingProxyType(
+    {
+        Role.VIEWER: frozenset(name for name, kind in REQUESTS.items() if kind.FOR_VIEWERS),
+        Role.CONTROLLER: frozenset(REQUESTS),
+    }
+)
+"""The types of request that a role allows; ``SPEC.md`` prints the same table."""
+
 
 HEARTBEAT: Final = 1.0
 """Seconds between a client's signs of life."""
