@@ -18,7 +18,7 @@ from typing import Final
 
 from bench.raw_peer import MORE, RawPeer, frame, guessed_identities
 from protocol.errors import RobotError
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, encode
 

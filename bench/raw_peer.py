@@ -11,7 +11,7 @@ import socket
 import struct
 from collections.abc import Iterator
 
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 
 GREETING = b"\xff" + bytes(8) + b"\x7f\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 MORE, LONG, COMMAND = 1, 2, 4

@@ -12,7 +12,7 @@ import time
 
 import zmq
 
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.telemetry import TOPIC
 from protocol.wire.codec import decode, encode
 from protocol.wire.messages import PROTOCOL_VERSION, Heartbeat, Hello, Status, Welcome, parse_reply

@@ -32,9 +32,8 @@ from protocol.rules.server_core import (
 )
 from protocol.security.access import Access, ZapHandler
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.endpoints import DEFAULT_BIND
 from protocol.sockets.tcp_listener import Arrival, TcpListener
-from protocol.sockets.zmq_sockets import Waker, permitted
+from protocol.sockets.zmq_sockets import DEFAULT_BIND, Waker, permitted
 from protocol.system.process import Closable
 from protocol.transport.telemetry import Publisher
 from protocol.wire.codec import MAX_MESSAGE

@@ -27,8 +27,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from protocol.errors import BodyschemaError
-from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.zmq_sockets import Waker
+from protocol.sockets.zmq_sockets import Endpoint, Waker
 from protocol.system.process import Closable, kept_from_children
 from robot.errors import CommandError
 from sim_robot.errors import FaultError

@@ -87,7 +87,7 @@ def test_only_what_is_printed_inside_is_discarded() -> None:
 PARENT = """
 import logging, os, socket, threading, time
 from bench.still_robot import still_robot
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.server import Server
 from robot.host.clock import WallClock
 log = logging.getLogger("test")

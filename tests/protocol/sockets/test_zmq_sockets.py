@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 
 from protocol.errors import EndpointError
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 
 
 @pytest.mark.parametrize(
