@@ -17,7 +17,7 @@ from robot.configuration.calibration_file import AxesCalibration
 from robot.drivers.sensors.axes import CalibratedAxes
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
-from robot.sensing.raw_samples import spread
+from robot.sensing.samples import spread
 
 POSITIONS: Final = (
     ("nose up", 0, 1),

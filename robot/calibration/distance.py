@@ -14,7 +14,7 @@ from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import RulerCalibration
 from robot.drivers.sensors.contracts import DistanceSensor
 from robot.errors import DeviceDataError
-from robot.sensing.raw_samples import Spread, sample_distance, spread
+from robot.sensing.samples import Spread, sample_distance, spread
 from robot.sensing.sensors import BellySensor
 
 SAMPLES: Final = 10

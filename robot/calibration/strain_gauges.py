@@ -9,8 +9,8 @@ from robot.calibration.questions import Questions, number
 from robot.configuration.calibration_file import GaugeCalibration
 from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.host.clock import Clock
-from robot.sensing.raw_samples import Spread, sample_channel
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import Spread, sample_channel
+from robot.sensing.sensors import TouchPoint
 
 SAMPLES: Final = 100
 GRAVITY: Final = 9.81

@@ -16,9 +16,8 @@ from robot.configuration.joint_calibration import DrivenJoint, JointScale, slope
 from robot.drivers.registry import SENSORS, read_settings
 from robot.drivers.sensors.contracts import BoardSettings, DistanceSettings, SensorSettings
 from robot.drivers.servos.servo_bus import ServoSettings
-from robot.sensing.sensors import BellySensor
-from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import RestCriterion
+from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.toml_sections import Section
 
 

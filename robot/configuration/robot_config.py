@@ -32,9 +32,8 @@ from robot.drivers.sensors.axes import CalibratedAxes
 from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.errors import ConfigError
-from robot.sensing.plausibility import Underside
-from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import RestCriterion
+from robot.sensing.sensors import TouchPoint, Underside
 from robot.toml_sections import Section, numbered, read_toml
 
 DENSITIES: Final = (10.0, 20_000.0)

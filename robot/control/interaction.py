@@ -24,9 +24,9 @@ from robot.configuration.robot_config import RobotConfig
 from robot.control.motion import Slew
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceDataError
-from robot.host.trusted_clock import MAX_GAP, SteadyClock
+from robot.host.clock import MAX_GAP, SteadyClock
+from robot.sensing.samples import RestDetector
 from robot.sensing.sensors import OnProgress, Reading, Senses
-from robot.sensing.settling import RestDetector
 
 LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)

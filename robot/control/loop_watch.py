@@ -14,7 +14,7 @@ from typing import Final
 PATIENCE: Final = 2.0
 """Seconds without a sign of life after which the loop is given up until it turns again.
 
-A motion that was held up for as long has failed anyway: ``robot.host.trusted_clock``."""
+A motion that was held up for as long has failed anyway: ``robot.host.clock``."""
 
 LATE: Final = 0.25
 """Seconds without one after which a person who asks is told."""

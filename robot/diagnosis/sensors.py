@@ -14,9 +14,8 @@ from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.contracts import BoardSettings, DistanceSensor, SensorDriver
 from robot.errors import DeviceDataError, DeviceError
 from robot.host.clock import Clock
-from robot.sensing.raw_samples import spread
-from robot.sensing.sensors import PLAUSIBLE_G, BellySensor, tilt_at_rest
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import spread
+from robot.sensing.sensors import PLAUSIBLE_G, BellySensor, TouchPoint, tilt_at_rest
 
 Sample = TypeVar("Sample")
 

@@ -19,9 +19,8 @@ from robot.control.controller import Controller
 from robot.control.interaction import MotorProgramRunner, Operator
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceTimeoutError
-from robot.host.clock import Clock
+from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
-from robot.host.trusted_clock import SteadyClock
 from robot.sensing.sensors import Senses, Sensing
 from robot.service.devices import Devices, revive
 

@@ -14,9 +14,8 @@ from typing import Final
 
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
-from robot.host.clock import Clock
+from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
-from robot.host.trusted_clock import SteadyClock
 from robot.sensing.sensors import OnProgress, Reading, ignore
 from robot.service.daemon import HOUSEKEEPING, assemble, describe
 

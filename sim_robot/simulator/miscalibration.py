@@ -17,7 +17,7 @@ from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.contracts import SensorSettings
-from robot.sensing.touch import TouchPoint
+from robot.sensing.sensors import TouchPoint
 
 COUNTS_OFF: Final = 15 / 255  # share of all counts, at most, either way
 JOINT_GAIN: Final = 0.1  # share of the true one, at most, either way; and so on

@@ -8,7 +8,7 @@ from robot.calibration.questions import Questions
 from robot.calibration.strain_gauges import GaugeSession
 from robot.configuration.calibration_file import GaugeCalibration
 from robot.drivers.sensors.analogue import StrainGauge
-from robot.sensing.touch import TouchPoint
+from robot.sensing.sensors import TouchPoint
 from tests.robot.calibration.desk import Inputs, Script
 from tests.robot.clocks import InstantClock
 

@@ -1,14 +1,70 @@
-"""Statistics of raw samples."""
+"""Rest: neither swinging nor drifting."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Callable
 
 import pytest
 
 from robot.errors import DeviceDataError
-from robot.sensing.raw_samples import sample_channel, sample_distance, spread
+from robot.sensing.samples import (
+    RestCriterion,
+    RestDetector,
+    sample_channel,
+    sample_distance,
+    spread,
+)
 from tests.robot.calibration.desk import Inputs
 from tests.robot.clocks import InstantClock
 from tests.robot.sensing.resting import Leaning
+
+CRITERION = RestCriterion(
+    window=0.3, swing=math.radians(0.5), drift=math.radians(0.1), timeout=5, rate=50
+)
+
+
+def rest_time(
+    tilt: Callable[[float], float], until: float = 5.0, *, late: float = 0.0
+) -> float | None:
+    """When the detector first reports rest for a tilt (degrees) over time (s)."""
+    detector = RestDetector(CRITERION)
+    for step in range(int(until * CRITERION.rate)):
+        now = step * (1 / CRITERION.rate + late)
+        if detector.feed(now, (0.0, math.radians(tilt(now)))):
+            return now
+    return None
+
+
+def test_a_still_robot_rests_after_one_window() -> None:
+    seconds = rest_time(lambda _: 3.0)
+    assert seconds is not None
+    assert 0.25 <= seconds <= 0.35
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0015, 0.01, 0.015])
+def test_samples_that_take_time_are_as_good(late: float) -> None:
+    """As on an I²C bus of 100 kHz, where a sample takes 1.5 ms, or on a busy computer."""
+    seconds = rest_time(lambda _: 3.0, late=late)
+    assert seconds is not None
+    assert 0.25 <= seconds <= 0.35
+
+
+def test_a_swinging_robot_does_not_rest_until_it_has_died_down() -> None:
+    seconds = rest_time(lambda t: 5 * math.exp(-2 * t) * math.cos(30 * t))
+    assert seconds is not None
+    assert seconds > 1.0
+
+
+def test_a_robot_that_tips_over_slowly_is_not_at_rest() -> None:
+    assert rest_time(lambda t: 1.0 * t) is None  # 1°/s
+
+
+def test_a_gap_in_the_samples_is_not_rest() -> None:
+    detector = RestDetector(CRITERION)
+    assert not detector.feed(0.0, (0.0, 0.0))
+    assert not detector.feed(10.0, (0.0, 0.0))
+    assert not detector.feed(10.02, (0.0, 0.0))
 
 
 def test_a_spread_by_hand() -> None:
