@@ -223,7 +223,7 @@ class Progress(Reply):
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationReply(Reply):
-    """What the robot felt, after a ``Perform`` or a ``Read``.
+    """What the robot observed, after a ``Perform`` or a ``Read``.
 
     Attributes:
         sequence: Grows by at least one from observation to observation within one daemon start.

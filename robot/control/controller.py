@@ -29,7 +29,7 @@ from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.text import brief, error_text
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.messages import Ok, Perform, RobotRequest, State
-from robot.control.interaction import InteractionResult, MotorProgramRunner
+from robot.control.interaction import MotorProgramRunner
 from robot.control.job_queue import JobQueue
 from robot.control.jobs import ENDS, LEAVING, NEWS, OFF, STOPPED, Job, ended_by
 from robot.control.loop_watch import LATE, LoopWatch
@@ -37,6 +37,7 @@ from robot.control.outbox import Outbox
 from robot.drivers.guard import under_way
 from robot.errors import DeviceError, DriverError
 from robot.host.service_manager import ServiceManager
+from robot.sensing.sensors import Reading
 
 _RARELY = 86_400.0  # s; a wait that needs no end
 _STOPPING = 2.0  # s for the control thread to hear that there is no more time
@@ -280,7 +281,7 @@ class Controller:
             self._interaction.hold(check)  # also when it was limp: that must not move after a stop
 
     def _measure(self, job: Job) -> FinalReply:
-        measured: InteractionResult | RobotError
+        measured: Reading | RobotError
         report = partial(self._report, job)
         try:
             if isinstance(job.request, Perform):

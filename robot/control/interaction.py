@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from typing import Final, Protocol
 
@@ -49,16 +49,6 @@ class Operator(Protocol):
 
     def attend(self) -> None:
         """Called at each interaction, once the joints are at zero."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class InteractionResult:
-    """The result of one interaction or one reading."""
-
-    reading: Reading
-    saturated_joints: tuple[str, ...]
-    settled: bool
-    settle_time: float
 
 
 class MotorProgramRunner:
@@ -112,7 +102,7 @@ class MotorProgramRunner:
         """The angle that each joint is commanded to, rad; none for a joint that is limp."""
         return {joint.name: joint.scale.angle(count) for joint, count in self._commanded()}
 
-    def perform(self, targets: Mapping[str, float], report: Report) -> InteractionResult:
+    def perform(self, targets: Mapping[str, float], report: Report) -> Reading:
         """One interaction.
 
         Raises:
@@ -132,7 +122,7 @@ class MotorProgramRunner:
         self._slew(targets, "moving", report)
         return self._observe(report)
 
-    def read(self, report: Report) -> InteractionResult:
+    def read(self, report: Report) -> Reading:
         """Waits for rest in the present pose, and averages the sensors.
 
         Raises:
@@ -220,14 +210,14 @@ class MotorProgramRunner:
         """Takes the next zero pose as the reference for lying flat."""
         self._flat = None
 
-    def _observe(self, report: Report) -> InteractionResult:
+    def _observe(self, report: Report) -> Reading:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         settled, settle_time = self._settle(report)
         self._verify(partial(report, "settling", 1.0))
         reading = self._average(partial(report, "sampling"))
         self._verify(partial(report, "sampling", 1.0))
-        return InteractionResult(
-            reading=reading,
+        return replace(
+            reading,
             saturated_joints=self._saturated(),
             settled=settled,
             settle_time=settle_time,
@@ -294,14 +284,7 @@ class MotorProgramRunner:
                 "not_settled",
                 f"In its zero pose the robot did not come to rest within {self._rest.timeout:g} s.",
             )
-        level = Reading(
-            tilt=(0.0, 0.0),
-            touch=None,
-            clearance=0.0,
-            clearance_saturated=False,
-            samples=1,
-            time=0.0,
-        )
+        level = Reading(tilt=(0.0, 0.0), clearance=0.0)
         reference = self._flat or (level if self._config.body.lies_flat else reading)
         tilts = zip(reading.tilt or (0.0, 0.0), reference.tilt or (0.0, 0.0), strict=True)
         lean = max(abs(a - b) for a, b in tilts)

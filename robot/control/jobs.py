@@ -13,7 +13,7 @@ from typing import Final
 from protocol.errors import CLEAR, RobotError
 from protocol.rules.transitions import Event
 from protocol.wire.messages import ErrorReply, ObservationReply, RobotRequest
-from robot.control.interaction import InteractionResult
+from robot.sensing.sensors import Reading
 
 SENTENCES: Final = MappingProxyType(
     {
@@ -43,7 +43,7 @@ ENDS: Final = MappingProxyType(
 """What each request ends that was accepted before it, and the error code with which that ends."""
 
 LEAVING: Final = MappingProxyType({Event.READ: "shutting_down", Event.PERFORM: "shutting_down"})
-"""What the end of the daemon ends, likewise."""
+"""What the end of the daemon ends, and the error code with which that ends."""
 
 STOPPED: Final = "A client sent stop."
 OFF: Final = (
@@ -102,24 +102,15 @@ class Job:
         return True
 
     def observation(
-        self, outcome: InteractionResult, sequence: int, angles: Mapping[str, float]
+        self, reading: Reading, sequence: int, angles: Mapping[str, float]
     ) -> ObservationReply:
         """The reply to a request that measured something; ``angles`` are the joints', rad."""
-        reading = outcome.reading
         return ObservationReply(
             id=self.request.id,
             sequence=sequence,
-            robot_time=reading.time,
             monotonic=time.monotonic(),
             angles=angles,
-            saturated_joints=outcome.saturated_joints,
-            touch=reading.touch,
-            tilt=reading.tilt,
-            clearance=reading.clearance,
-            clearance_saturated=reading.clearance_saturated,
-            settled=outcome.settled,
-            settle_time=outcome.settle_time,
-            samples=reading.samples,
+            **vars(reading),
         )
 
     def error(self, error: RobotError) -> ErrorReply:

@@ -48,14 +48,29 @@ class BellySensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One average over a resting robot; angles in rad, clearance in m; ``None``: not measured."""
+    """One average over a resting robot; its fields are named as those of ``ObservationReply``.
 
-    tilt: tuple[float, float] | None
-    touch: tuple[bool, ...] | None
-    clearance: float | None
-    clearance_saturated: bool
-    samples: int
-    time: float
+    Attributes:
+        tilt: Left/right and forward/back, rad; ``None``: not measured.
+        touch: Whether each part with a sensor touches, in the order of the configuration.
+        clearance: Belly to ground, m.
+        clearance_saturated: Whether nothing was within reach: ``clearance`` is then the reach.
+        samples: How many were averaged.
+        robot_time: When the last of them was taken, s.
+        settled: Whether the robot came to rest before the first.
+        settle_time: Seconds that was waited for.
+        saturated_joints: The joints that were commanded to an end of their range.
+    """
+
+    tilt: tuple[float, float] | None = None
+    touch: tuple[bool, ...] | None = None
+    clearance: float | None = None
+    clearance_saturated: bool = False
+    samples: int = 1
+    robot_time: float = 0.0
+    settled: bool = False
+    settle_time: float = 0.0
+    saturated_joints: tuple[str, ...] = ()
 
 
 def ignore(fraction: float) -> None:
@@ -66,6 +81,110 @@ def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
     """Both tilt angles, rad, of a robot whose accelerometer feels nothing but gravity."""
     length = math.hypot(*acceleration) or 1.0
     return tilt_of([value / length for value in acceleration])
+
+
+@dataclass(frozen=True, kw_only=True)
+class TouchPoint:
+    """A part that feels touch.
+
+    Attributes:
+        name: The part.
+        driver: Its sensor.
+        on: Load above which the part touches, N; a switch needs none.
+        off: Load below which it no longer does, N.
+        debounce: Consecutive samples that must agree before the bit changes.
+    """
+
+    name: str
+    driver: SensorSettings
+    on: float
+    off: float
+    debounce: int
+
+
+class TouchDetector:
+    """The bit of one part, sample by sample."""
+
+    def __init__(self, point: TouchPoint):
+        self._point = point
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets: what a foot felt in an earlier pose says nothing about this one."""
+        self.touching = False
+        self._against = 0
+
+    def feed(self, load: float | bool) -> bool:
+        """Takes one sample of a ``TouchSensor`` and returns the bit."""
+        if isinstance(load, bool):
+            wanted = load
+        else:
+            wanted = load > (self._point.off if self.touching else self._point.on)
+        self._against = self._against + 1 if wanted != self.touching else 0
+        if self._against >= self._point.debounce:
+            self.touching = wanted
+            self._against = 0
+        return self.touching
+
+
+LEAST_MARGIN: Final = 0.010
+"""Metres by which distance and tilt may contradict each other in any case."""
+
+_DISTANCE_SIGMAS: Final = 10.0
+_TILT_SIGMAS: Final = 5.0
+_STEEPEST: Final = math.cos(math.radians(60))  # beyond it, 1° of tilt is worth too many metres
+
+
+@dataclass(frozen=True, kw_only=True)
+class Underside:
+    """The belly, against which distance and tilt are held.
+
+    Attributes:
+        length: Along x, m.
+        width: Along y, m.
+        margin: Metres by which distance and tilt may contradict each other.
+    """
+
+    length: float
+    width: float
+    margin: float = LEAST_MARGIN
+
+    @classmethod
+    def of(cls, size: Sequence[float], *, tilt_noise: float, clearance_noise: float) -> Underside:
+        """The belly of a body, with a margin for the noise that its sensors announce.
+
+        Args:
+            size: Main body along x, y, z, m.
+            tilt_noise: Root mean square error of one observation of tilt, rad.
+            clearance_noise: Root mean square error of one observation of clearance, m.
+        """
+        length, width = size[:2]
+        lifted = _TILT_SIGMAS * tilt_noise * (length + width) / 2
+        margin = max(LEAST_MARGIN, _DISTANCE_SIGMAS * clearance_noise + lifted)
+        return cls(length=length, width=width, margin=margin)
+
+    def check(self, clearance: float, tilt: tuple[float, float], *, sensor: str) -> None:
+        """Whether a clearance can go with a tilt: no corner of the belly is below the ground.
+
+        Args:
+            clearance: Belly to ground, m.
+            tilt: Left/right and forward/back, rad.
+            sensor: What the distance sensor is called.
+
+        Raises:
+            DeviceDataError: It cannot.
+        """
+        along, across, upright = map(abs, up_of(tilt))
+        if upright < _STEEPEST:
+            return
+        least = (self.length * along + self.width * across) / 2 / upright
+        if clearance < least - self.margin:
+            lean = math.degrees(math.acos(upright))
+            raise DeviceDataError(
+                f"The distance sensor ({sensor}) says {clearance * 1000:.0f} mm, but the belly of "
+                f"a body that leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
+                "One of the two is wrong: check the distance sensor, then the accelerometer.",
+            )
 
 
 class Senses(Protocol):
@@ -166,7 +285,7 @@ class Sensing:
             clearance=clearance,
             clearance_saturated=saturated,
             samples=samples,
-            time=self._clock.now(),
+            robot_time=self._clock.now(),
         )
 
 
@@ -177,107 +296,3 @@ def _clearance(belly: BellySensor, distances: Sequence[float | None]) -> tuple[f
     if 2 * len(seen) < len(distances):
         return belly.reach, True
     return sum(seen) / len(seen), False
-
-
-@dataclass(frozen=True, kw_only=True)
-class TouchPoint:
-    """A part that feels touch.
-
-    Attributes:
-        name: The part.
-        driver: Its sensor.
-        on: Load above which the part touches, N; a switch needs none.
-        off: Load below which it no longer does, N.
-        debounce: Consecutive samples that must agree before the bit changes.
-    """
-
-    name: str
-    driver: SensorSettings
-    on: float
-    off: float
-    debounce: int
-
-
-class TouchDetector:
-    """The bit of one part, sample by sample."""
-
-    def __init__(self, point: TouchPoint):
-        self._point = point
-        self.reset()
-
-    def reset(self) -> None:
-        """Forgets: what a foot felt in an earlier pose says nothing about this one."""
-        self.touching = False
-        self._against = 0
-
-    def feed(self, load: float | bool) -> bool:
-        """Takes one sample of a ``TouchSensor`` and returns the bit."""
-        if isinstance(load, bool):
-            wanted = load
-        else:
-            wanted = load > (self._point.off if self.touching else self._point.on)
-        self._against = self._against + 1 if wanted != self.touching else 0
-        if self._against >= self._point.debounce:
-            self.touching = wanted
-            self._against = 0
-        return self.touching
-
-
-LEAST_MARGIN: Final = 0.010
-"""Metres by which distance and tilt may contradict each other in any case."""
-
-_DISTANCE_SIGMAS: Final = 10.0
-_TILT_SIGMAS: Final = 5.0
-_STEEPEST: Final = math.cos(math.radians(60))  # beyond it, 1° of tilt is worth too many metres
-
-
-@dataclass(frozen=True, kw_only=True)
-class Underside:
-    """The belly, against which distance and tilt are held.
-
-    Attributes:
-        length: Along x, m.
-        width: Along y, m.
-        margin: Metres by which distance and tilt may contradict each other.
-    """
-
-    length: float
-    width: float
-    margin: float = LEAST_MARGIN
-
-    @classmethod
-    def of(cls, size: Sequence[float], *, tilt_noise: float, clearance_noise: float) -> Underside:
-        """That of a body, with a margin for readings that err as they are announced to.
-
-        Args:
-            size: Of the main body along x, y, z, m.
-            tilt_noise: Root mean square error of one observation, rad.
-            clearance_noise: Likewise, m.
-        """
-        length, width = size[:2]
-        lifted = _TILT_SIGMAS * tilt_noise * (length + width) / 2
-        margin = max(LEAST_MARGIN, _DISTANCE_SIGMAS * clearance_noise + lifted)
-        return cls(length=length, width=width, margin=margin)
-
-    def check(self, clearance: float, tilt: tuple[float, float], *, sensor: str) -> None:
-        """Whether a clearance can go with a tilt: no corner of the belly is below the ground.
-
-        Args:
-            clearance: Belly to ground, m.
-            tilt: Left/right and forward/back, rad.
-            sensor: What the distance sensor is called.
-
-        Raises:
-            DeviceDataError: It cannot.
-        """
-        along, across, upright = map(abs, up_of(tilt))
-        if upright < _STEEPEST:
-            return
-        least = (self.length * along + self.width * across) / 2 / upright
-        if clearance < least - self.margin:
-            lean = math.degrees(math.acos(upright))
-            raise DeviceDataError(
-                f"The distance sensor ({sensor}) says {clearance * 1000:.0f} mm, but the belly of "
-                f"a body that leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
-                "One of the two is wrong: check the distance sensor, then the accelerometer.",
-            )

@@ -75,17 +75,10 @@ class NoSensors:
         return 0.0, 0.0
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
-        """An empty reading of one sample, the least that a message may say."""
+        """An empty reading."""
         del samples
         report(1.0)
-        return Reading(
-            tilt=None,
-            touch=None,
-            clearance=None,
-            clearance_saturated=False,
-            samples=1,
-            time=self._clock.now(),
-        )
+        return Reading(robot_time=self._clock.now())
 
 
 def dry_config(config: RobotConfig) -> RobotConfig:
