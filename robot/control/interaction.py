@@ -19,6 +19,8 @@ from functools import partial
 from typing import Final, Protocol
 
 from protocol.errors import RobotError
+from protocol.rules.transitions import Event
+from protocol.wire.messages import State
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
 from robot.control.motion import Slew
@@ -132,55 +134,28 @@ class MotorProgramRunner:
         self._clock.watch()
         return self._observe(report)
 
-    def hold(self, check: Callable[[], None]) -> None:
-        """Makes the board hold the last commanded counts.
-
-        A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
-        that was limp when the daemon started returns to zero.
+    def command(self, event: Event, state: State, check: Callable[[], None]) -> None:
+        """Carries out what a hold, relax or clear asks of the servos; a stop asks nothing of them.
 
         Args:
-            check: Called before each query; it may raise ``RobotError``, and then nothing is sent.
+            event: Which of them.
+            state: The robot's. A clear after a stop holds, also what was limp before it: that must
+                not move; a clear after a fault makes the devices work and tries all of them.
+            check: Called before each sample and query; it may raise ``RobotError``, and then
+                nothing is sent.
 
         Raises:
             RobotError: ``check`` ended it.
-            DeviceError: A device failed, or the board was reset: then nothing is sent, for the
-                servos would leap back from neutral.
+            DeviceError: A device failed.
         """
-        self._verify(check)
-        self._stiffen()
-
-    def relax(self) -> None:
-        """Lets every joint go limp.
-
-        Raises:
-            DeviceError: The servo board failed; joints count as driven then, as they may be.
-        """
-        self._servos.release(self._outputs)
-        self._released = True
-
-    def recover(self, check: Callable[[], None]) -> None:
-        """After a fault: makes the devices work, tries all of them, goes on from where they stand.
-
-        A board that was reset keeps the counts that it has now. Joints that are limp are held, as
-        after ``hold``.
-
-        Args:
-            check: Called before each sample and query; it may raise ``RobotError``.
-
-        Raises:
-            RobotError: ``check`` ended it.
-            DeviceError: Something still fails.
-        """
-        self._clock.watch()
-        self._servos.forget()
-        self._revive()
-        board = self._board_counts()
-        self._counts = {output: board[output] or self._counts[output] for output in board}
-        self._released = False
-        if not all(board.values()):
+        if event is Event.RELAX:
+            self._servos.release(self._outputs)  # joints count as driven where it fails
+            self._released = True
+        elif event is Event.CLEAR and state is State.FAULT:
+            self._recover(check)
+        elif event is Event.HOLD or (event is Event.CLEAR and state is State.STOPPED):
+            self._verify(check)  # after a reset the servos would leap back from neutral
             self._stiffen()
-        self._average(lambda _: check())
-        self._verify(check)
 
     def check_board(self, check: Callable[[], None]) -> None:
         """Finds out whether the board was reset behind our back.
@@ -234,7 +209,27 @@ class MotorProgramRunner:
         commanded = [(joint, counts[joint.output]) for joint in self._joints]
         return [(joint, count) for joint, count in commanded if count]
 
+    def _recover(self, check: Callable[[], None]) -> None:
+        """Makes the devices work, tries all of them, and goes on from where the joints stand.
+
+        A board that was reset keeps the counts that it has now; joints that are limp are held.
+        """
+        self._clock.watch()
+        self._servos.forget()
+        self._revive()
+        board = self._board_counts()
+        self._counts = {output: board[output] or self._counts[output] for output in board}
+        self._released = False
+        if not all(board.values()):
+            self._stiffen()
+        self._average(lambda _: check())
+        self._verify(check)
+
     def _stiffen(self) -> None:
+        """Sends the last commanded counts, to which a limp joint returns at its servo's own speed.
+
+        Nothing tells where it hangs. One that was limp when the daemon started returns to zero.
+        """
         self._counts = {
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)
             for joint in self._joints
