@@ -14,7 +14,7 @@ from typing import Final, Protocol
 
 from robot.calibration.questions import Questions
 from robot.configuration.calibration_file import AxesCalibration
-from robot.drivers.sensors.axes import CalibratedAxes
+from robot.drivers.sensors.contracts import CalibratedAxes
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 from robot.sensing.samples import spread

@@ -23,7 +23,7 @@ from robot.configuration.device_tables import (
 )
 from robot.configuration.joint_calibration import JointScale
 from robot.drivers.sensors.analogue import read_bridge
-from robot.drivers.sensors.axes import AXIS_KEYS, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, read_axes
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml, toml_section
 

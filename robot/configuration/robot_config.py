@@ -28,8 +28,7 @@ from robot.configuration.device_tables import (
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.drivers.registry import SERVOS, read_settings
 from robot.drivers.sensors.analogue import StrainGauge
-from robot.drivers.sensors.axes import CalibratedAxes
-from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
+from robot.drivers.sensors.contracts import BoardSettings, CalibratedAxes, SensorSettings
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.errors import ConfigError
 from robot.sensing.samples import RestCriterion

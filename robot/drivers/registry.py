@@ -41,7 +41,7 @@ OURS: Final = MappingProxyType(
                 "daq.ads1115": "robot.drivers.daq.ads1115:ADS1115Settings",
                 "accelerometer.mpu6050": "robot.drivers.sensors.mpu6050:MPU6050Settings",
                 "accelerometer.analogue": "robot.drivers.sensors.analogue:AnalogueAxes",
-                "touch.switch": "robot.drivers.sensors.switch:SwitchSettings",
+                "touch.switch": "robot.drivers.sensors.analogue:SwitchSettings",
                 "touch.analogue": "robot.drivers.sensors.analogue:StrainGauge",
                 "distance.vl6180x": "robot.drivers.sensors.vl6180x:VL6180XSettings",
             }

@@ -17,7 +17,7 @@ from robot.host.clock import Clock
 LEAD: Final = math.radians(20)
 
 
-class JointsOnTrial:
+class JointsUnderTest:
     """Commands one joint at a time; nobody but this object may move the servos meanwhile.
 
     A joint that is limp does not move before ``stiffen``, because nothing tells where it hangs.

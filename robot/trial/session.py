@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import MappingProxyType
 from typing import Final, Protocol
 
+from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
 from robot.drivers.guard import open_driver
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceError
 from robot.host.clock import Clock
-from robot.trial.joints import JointsOnTrial
+from robot.trial.joints import JointsUnderTest
 from robot.trial.live_sensors import LiveSensors
-from robot.trial.screen import head, row
 
 TURN: Final = 0.01  # s
 SHOWN_EVERY: Final = 0.2  # s
@@ -64,7 +65,7 @@ class Trial:
         """
         servos: ServoBus = open_driver(self._config.servos, self._buses)
         try:
-            self._joints = JointsOnTrial(self._config, servos, self._clock)
+            self._joints = JointsUnderTest(self._config, servos, self._clock)
             self._sensors.open()
             self._take_turns()
         finally:
@@ -138,3 +139,34 @@ class Trial:
             [row(joint, self._joints) for joint in joints],
             keep=joints.index(self._joints.chosen),
         )
+
+
+KEYS: Final = (
+    "up, down: another joint    left, right: 1°    PgUp, PgDn: 10°    0: to zero",
+    "space: stop    r: look again    q: quit; the robot holds",
+)
+
+
+def head(
+    config: RobotConfig, joints: JointsUnderTest, sensors: LiveSensors, message: str
+) -> list[str]:
+    """The sensors, a message, and the keys."""
+    width = max(len(row.name) for row in sensors.rows)
+    return [
+        *(f"{'!' if one.failed else ' '} {one.name:<{width}}  {one.text}" for one in sensors.rows),
+        "",
+        message or f"{config.name}: {'moving' if joints.moving else 'holding'}",
+        *KEYS,
+        "",
+    ]
+
+
+def row(joint: DrivenJoint, joints: JointsUnderTest) -> str:
+    """One joint: where it was sent, and how far it may go."""
+    low, high = (math.degrees(angle) for angle in joint.reachable)
+    angle = joints.angle(joint)
+    where = "limp" if angle is None else f"{math.degrees(angle):+.1f}°"
+    return (
+        f"{'>' if joint is joints.chosen else ' '} {joint.name:<20} {where:>8}  {low:.0f}° to "
+        f"{high:.0f}°; output {joint.output}, count {joints.counts[joint.output]}"
+    )

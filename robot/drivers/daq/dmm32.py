@@ -18,7 +18,7 @@ from types import MappingProxyType
 from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.portio import ClosedPorts, PortIO
+from robot.drivers.links.device_files import ClosedPorts, PortIO
 from robot.errors import CommandError, DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 from robot.toml_sections import Section

@@ -22,7 +22,7 @@ from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
-from robot.drivers.sensors.axes import AXIS_KEYS, CalibratedAxes, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, CalibratedAxes, read_axes
 from robot.errors import DeviceDataError, DeviceMissingError
 from robot.host.clock import Clock
 from robot.toml_sections import Section

@@ -33,7 +33,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeVar
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.gpio_line import GPIOLine, OutputLine
+from robot.drivers.links.device_files import GPIOLine, OutputLine
 from robot.drivers.links.i2c import I2CLink
 from robot.drivers.servos.pca9685_board import (
     ALL_CALL,

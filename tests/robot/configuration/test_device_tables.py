@@ -11,7 +11,7 @@ import pytest
 
 from robot.configuration import device_tables
 from robot.drivers.sensors.analogue import read_bridge
-from robot.drivers.sensors.axes import read_axes
+from robot.drivers.sensors.contracts import read_axes
 from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml

@@ -7,8 +7,8 @@ import pytest
 from robot.drivers.buses import Buses
 from robot.drivers.daq.ads1115 import ADS1115Settings
 from robot.drivers.registry import SENSORS, read_settings
+from robot.drivers.sensors.analogue import Switch, SwitchSettings
 from robot.drivers.sensors.contracts import attach_board
-from robot.drivers.sensors.switch import Switch, SwitchSettings
 from robot.errors import ConfigError, DeviceDataError
 from robot.toml_sections import toml_section
 from sim_robot.electronics.ads1115 import ADS1115Emulator
