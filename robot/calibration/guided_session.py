@@ -11,12 +11,9 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, Final, Protocol
 
-from robot.calibration.accelerometer import AccelerometerSession
-from robot.calibration.distance import DistanceSession
-from robot.calibration.joints import Mover, calibrate_joint, help_text
-from robot.calibration.oscillators import measure_oscillators
+from robot.calibration.joints import Mover, calibrate_joint, help_text, measure_oscillators
 from robot.calibration.questions import Questions, Terminal
-from robot.calibration.strain_gauges import GaugeSession
+from robot.calibration.sensors import AccelerometerSession, DistanceSession, GaugeSession
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
