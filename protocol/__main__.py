@@ -18,7 +18,7 @@ from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import State, Telemetry
 
 COMMANDS = ("status", "stop", "clear", "watch", "hold", "relax")
-TIMEOUT = 5.0  # s
+TIMEOUT = 5.0  # s for an answer
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -52,7 +52,7 @@ class DeviceError(BodyschemaError):
     Attributes:
         message: What happened, one sentence; ``brief``, for libraries and drivers of others have
             their words in it.
-        advice: What to check, one sentence; likewise.
+        advice: What to check, one sentence; ``brief``, too.
     """
 
     def __init__(self, message: str, advice: str):

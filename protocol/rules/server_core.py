@@ -254,7 +254,7 @@ class ServerCore:
 
         Raises:
             KeyError: No such request is under way: a bug of the robot.
-            ValueError: The reply carries another id than its request: likewise.
+            ValueError: The reply carries another id than its request: a bug of the robot.
         """
         if event.ticket in self._unconfirmed:
             self._unconfirmed.remove(event.ticket)

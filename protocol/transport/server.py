@@ -60,7 +60,7 @@ class Server(Closable):
     Args:
         robot: What carries requests out.
         bind: ``tcp://host:port``; port 0 or ``*`` takes any free one.
-        telemetry_bind: The same for publications; default: the port after ``bind``'s.
+        telemetry_bind: Where publications are served; default: the port after ``bind``'s.
         telemetry_rate: Publications per second.
         keys: The robot's key directory: only clients that it knows can connect, and each may do
             what its role allows. Changes of the list take effect at once.

@@ -17,7 +17,7 @@ from protocol.system.process import Closable
 from protocol.wire.codec import decode
 from protocol.wire.messages import Telemetry, parse_telemetry
 
-_QUEUE: Final = 16
+_QUEUE: Final = 16  # publications that may wait for us
 
 
 class TelemetrySubscriber(Closable):

@@ -44,12 +44,12 @@ HELP: Final = """
   ?             this list
   q             leaves; the robot holds, and this joint keeps what it had"""
 
-MAX_STEP: Final = 20
+MAX_STEP: Final = 20  # steps in one move: 14°, which a person can follow and stop
 PACE: Final = 0.03  # s between counts besides the serial line's own: about 13° a second
 _STEPS: Final = 255  # at least, on the way through all counts of a driver
 _MIN_APART: Final = 10  # steps between two measured angles
-_ZERO_TOLERANCE: Final = 1.5  # degrees
-_WELL_BEYOND: Final = 30  # steps
+_ZERO_TOLERANCE: Final = 1.5  # degrees; two steps
+_WELL_BEYOND: Final = 30  # steps that a scale may be extrapolated by without a word: 21°
 
 
 def step_of(counts: range) -> int:

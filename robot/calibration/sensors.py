@@ -34,10 +34,10 @@ POSITIONS: Final = (
     ("upside down", 2, -1),
 )
 QUARTERS: Final = 4
-SAMPLES: Final = 100
+SAMPLES: Final = 100  # their mean has a tenth of the noise
 _MOVING: Final = 0.02  # V or g rms: far above the noise of any such sensor
-_LEAN: Final = math.sin(math.radians(8))
-_MIN_GAIN: Final = 0.05  # V or g per g
+_LEAN: Final = math.sin(math.radians(8))  # a placement that leans by more costs 1 % of the gain
+_MIN_GAIN: Final = 0.05  # V or g per g: far below any sensor's, so the axis did not turn over
 
 Axes = tuple[float, ...]
 
@@ -193,10 +193,10 @@ class AccelerometerSession:
 
 
 GRAVITY: Final = 9.81
-LOADS: Final = (0.05, 200.0)  # N
+LOADS: Final = (0.05, 200.0)  # N: 5 g to 20 kg; beyond, somebody typed another unit
 _CLEAR_OF_NOISE: Final = 10.0  # a load must stand out of the noise by this
 _QUIET: Final = 6.0  # so many times the noise below the threshold, a free foot never seems to touch
-_MIN_CHANGE: Final = 2e-3  # V
+_MIN_CHANGE: Final = 2e-3  # V; six codes of 16 bits at ±10 V
 
 
 class GaugeSession:
@@ -284,9 +284,9 @@ class GaugeSession:
         )
 
 
-DISTANCE_SAMPLES: Final = 10
+DISTANCE_SAMPLES: Final = 10  # of one placement
 AIM: Final = 0.25e-3  # m: how well the mean of all placements shall be known
-PLACEMENTS: Final = (3, 25)
+PLACEMENTS: Final = (3, 25)  # at least, and at most
 SCALES: Final = (0.7, 1.4)  # beyond these somebody erred
 
 

@@ -45,7 +45,7 @@ class BodyConfig:
 
     Attributes:
         size: x, y, z, m; ``hello`` makes it public.
-        mass: kg; likewise.
+        mass: Of the main body, kg.
         lies_flat: Whether it lies on the ground with all joints at 0.
     """
 

@@ -32,7 +32,10 @@ from robot.sensing.sensors import OnProgress, Reading, Senses
 
 LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)
+"""The most that a robot in its zero pose may lean, rad: ten times the usual noise of tilt."""
+
 FLAT_CLEARANCE: Final = 0.005
+"""The most that a robot in its zero pose may stand off, m: five times the usual noise."""
 
 _SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 

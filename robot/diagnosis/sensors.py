@@ -19,14 +19,14 @@ from robot.sensing.sensors import PLAUSIBLE_G, BellySensor, TouchPoint, tilt_at_
 
 Sample = TypeVar("Sample")
 
-FAST_SCANS: Final = 200
-SAMPLES: Final = 5 * STUCK_AFTER
-DISTANCES: Final = 20
+FAST_SCANS: Final = 200  # enough to be timed; not tuned
+SAMPLES: Final = 5 * STUCK_AFTER  # so that a stuck input is noticed
+DISTANCES: Final = 20  # not tuned
 _FLICKER: Final = 4.0  # a threshold nearer to zero than so many rms of noise is crossed by it
 _MOST_FORCE: Final = 50.0  # N; the robot weighs a few
-_LEANS: Final = math.radians(10)
-_BELOW_GROUND: Final = -0.005  # m
-_UNSTEADY: Final = 3e-3  # m rms
+_LEANS: Final = math.radians(10)  # more than any floor
+_BELOW_GROUND: Final = -0.005  # m; beyond the error of a calibrated sensor
+_UNSTEADY: Final = 3e-3  # m rms; not tuned
 
 
 class Recording(Generic[Sample]):

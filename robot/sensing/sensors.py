@@ -24,7 +24,8 @@ from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 
 OnProgress: TypeAlias = Callable[[float], None]
-PLAUSIBLE_G = (0.9, 1.1)
+PLAUSIBLE_G: Final = (0.9, 1.1)
+"""Lengths, g, of what a calibrated accelerometer reads at rest; chosen, not tuned."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +131,8 @@ class TouchDetector:
 LEAST_MARGIN: Final = 0.010
 """Metres by which distance and tilt may contradict each other in any case."""
 
-_DISTANCE_SIGMAS: Final = 10.0
-_TILT_SIGMAS: Final = 5.0
+_DISTANCE_SIGMAS: Final = 10.0  # rms errors; wide, for such a sensor errs by placement, too
+_TILT_SIGMAS: Final = 5.0  # rms errors; not tuned
 _STEEPEST: Final = math.cos(math.radians(60))  # beyond it, 1° of tilt is worth too many metres
 
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Final
 
+from protocol.wire.field_checks import MAX_NAME
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
 from robot.host.clock import Clock, SteadyClock
@@ -20,8 +21,7 @@ from robot.sensing.sensors import OnProgress, Reading, ignore
 from robot.service.daemon import HOUSEKEEPING, assemble, describe
 
 SUFFIX: Final = " (dry run)"
-_LONGEST_NAME: Final = 64
-_SECONDS_PER_SERVO: Final = 0.01
+_SECONDS_PER_SERVO: Final = 0.01  # s; an SV-203B's at 9600 baud
 _NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
 
 
@@ -85,7 +85,7 @@ def dry_config(config: RobotConfig) -> RobotConfig:
     """The configuration, under a name that says what it is."""
     return replace(
         config,
-        name=config.name[: _LONGEST_NAME - len(SUFFIX)] + SUFFIX,
+        name=config.name[: MAX_NAME - len(SUFFIX)] + SUFFIX,
         settling=replace(config.settling, timeout=_NO_WAIT),
     )
 

@@ -15,6 +15,7 @@ from robot.errors import DeviceDataError
 from robot.host.clock import Clock
 
 LEAD: Final = math.radians(20)
+"""How far ahead of a joint its goal may lie, rad: it stops soon after the key is let go."""
 
 
 class JointsUnderTest:

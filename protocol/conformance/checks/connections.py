@@ -204,8 +204,8 @@ def a_borrowed_id(robot: RobotUnderTest) -> None:
 MOST: Final = 64
 """Requests that a client may have under way."""
 
-_MOST_OF_A_KEY: Final = 8
-_FLOOD: Final = 200
+_MOST_OF_A_KEY: Final = 8  # reads, without control
+_FLOOD: Final = 200  # reads: three times what may be under way
 _TOO_QUICK: Final = "It reads too quickly for that."
 
 

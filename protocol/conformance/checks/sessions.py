@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Final
 
 from protocol.conformance.raw_connection import (
     FINAL,
@@ -17,7 +18,8 @@ from protocol.conformance.raw_connection import (
 from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
 
-PLACES = 64
+PLACES: Final = 64
+"""Clients that a robot remembers."""
 
 
 @check("3.2")
@@ -138,7 +140,8 @@ def answers_follow(robot: RobotUnderTest) -> None:
     expect(again == felt, f"Asked again, the robot answered {said(again)}, not as before.")
 
 
-MEMORY = 64
+MEMORY: Final = 64
+"""Outcomes that a robot remembers for each client."""
 
 
 @check("4.2", after=("4.4",))

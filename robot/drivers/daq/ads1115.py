@@ -40,8 +40,8 @@ _SINGLE_SHOT: Final = 0x0100
 _860_PER_SECOND: Final = 0x00E0
 _NO_COMPARATOR: Final = 0x0003
 _CONVERSION_TIME: Final = 1.1 / 860 + 25e-6  # s; the rate may be 10 % off, and waking takes 25 µs
-_LOOK_INTERVAL: Final = 0.5e-3
-_DEADLINE: Final = 10e-3
+_LOOK_INTERVAL: Final = 0.5e-3  # s
+_DEADLINE: Final = 10e-3  # s beyond the time of a conversion
 _SLOWEST: Final = 0.15  # s; a conversion of another program at 8 a second
 
 FULL_SCALES: Final = MappingProxyType(

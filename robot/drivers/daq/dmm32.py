@@ -44,7 +44,7 @@ _EMPTY: Final = 0x80  # register 7
 _OVERFLOW: Final = 0x10  # register 7
 _FLOATING: Final = 0xFF  # what a bus reads where no board answers
 
-_CONVERSION_TIME: Final = 4e-6
+_CONVERSION_TIME: Final = 4e-6  # s
 _GRACE: Final = 5e-3  # beyond the nominal time of any wait
 _MAX_POLLS: Final = 20_000  # ends a wait even if the clock stands still; a port access takes 1 µs
 _SCAN_INTERVAL: Final = 20e-6  # between the channels: the longest, so that the input settles best

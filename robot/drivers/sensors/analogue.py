@@ -154,10 +154,13 @@ def read_bridge(table: Section) -> tuple[float, float]:
     return table.number("tare_v", -10, 10), gain
 
 
-LEAST_CHANGE: Final = 0.3  # V
-_ON: Final = 0.6  # shares of the way from free to pressed
+LEAST_CHANGE: Final = 0.3
+"""Volts between free and pressed, at least: well above the noise of any input."""
+
+# Shares of the way from free to pressed.
+_ON: Final = 0.6
 _OFF: Final = 0.4
-_BEYOND: Final = 0.3
+_BEYOND: Final = 0.3  # before free or after pressed: a wire has come off
 
 
 @dataclass(frozen=True, kw_only=True)

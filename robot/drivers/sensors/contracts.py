@@ -189,6 +189,8 @@ def attach_board(buses: Buses, settings: BoardSettings) -> Buses:
 AXIS_KEYS: Final = MappingProxyType({"V": ("zero_v", "volts_per_g"), "g": ("zero_g", "g_per_g")})
 """By unit, the keys of what an axis reads at 0 g, and of what it reads more at 1 g."""
 
+# By unit, beyond these somebody erred: ± what an axis may read at 0 g, and the least and most more
+# that it may read at 1 g.
 _ZEROS: Final = MappingProxyType({"V": 10.0, "g": 0.5})
 _GAINS: Final = MappingProxyType({"V": (0.02, 5.0), "g": (0.5, 2.0)})
 

@@ -66,13 +66,13 @@ _ALL_AXES_TESTED: Final = 0xE0
 
 _RESETTING: Final = 0.1  # s
 _SETTLING: Final = 0.05  # s; ten times the filter's delay
-_TEST_SAMPLES: Final = 10
-_SAMPLE_PERIOD: Final = 2e-3
+_TEST_SAMPLES: Final = 10  # not tuned
+_SAMPLE_PERIOD: Final = 2e-3  # s; the chip takes a sample every millisecond
 _TOLERANCE: Final = 0.14  # of the factory trim
 _FULL_SCALE: Final = 32767
 _CODES_PER_G: Final = 16384
 _FROZEN_AFTER: Final = 20  # samples with exactly the same code; its noise is some 40 codes
-_TEMPERATURES: Final = (-40.0, 85.0)
+_TEMPERATURES: Final = (-40.0, 85.0)  # °C in which it may be used
 
 
 @dataclass(frozen=True, kw_only=True)

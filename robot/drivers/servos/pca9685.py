@@ -74,7 +74,7 @@ class PCA9685Settings:
         boards: Addresses, in the order of the outputs.
         prescale: Of the chips' oscillators, for the update rate at 25 MHz.
         widths_us: The narrowest and the widest pulse, µs.
-        oscillators_mhz: That of each board as it was measured, or ``None``: taken as 25.
+        oscillators_mhz: Measured frequency of each board, MHz, or ``None``: taken as 25.
         enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
     """
 

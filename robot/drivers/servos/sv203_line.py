@@ -25,7 +25,7 @@ from robot.host.clock import Clock
 LONGEST_REPLY: Final = len("255\r")
 
 _BITS_PER_BYTE: Final = 10  # 8N1
-_MAX_REPLY: Final = 16
+_MAX_REPLY: Final = 16  # bytes; whatever is longer is no count, and not waited for
 _PLUG: Final = "Check that the adapter is plugged in and the board has power."
 
 
