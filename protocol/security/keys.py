@@ -134,7 +134,7 @@ class KeyDirectory:
         return pair
 
     def known(self, *, must_exist: bool = False) -> tuple[KnownPeer, ...]:
-        """Whom this computer knows; empty where there is no list yet, unless it must exist."""
+        """The peers that this computer knows; none where there is no list, unless it must exist."""
         place = self._file(_KNOWN)
         if not must_exist and not place.exists():
             return ()

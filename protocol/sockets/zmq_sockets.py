@@ -182,7 +182,7 @@ def unconnected(
     keys: ClientKeys | None,
     options: Mapping[int, Any],
 ) -> zmq.Socket[bytes]:
-    """What ``connected`` makes, before it connects."""
+    """A client's socket with its options, not connected yet."""
     if keys is not None:
         options = dict(options) | {
             zmq.CURVE_SERVERKEY: keys.robot.encode(),

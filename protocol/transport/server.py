@@ -191,7 +191,7 @@ class Server(Closable):
         return max(0.0, due - self._clock())
 
     def _wait(self, patience: float) -> bool:
-        """Sleeps until something happens, and moves what bytes there are; whether there was."""
+        """Sleeps until something happens, and moves what bytes there are; returns whether any."""
         happened = self._selector.select(patience)
         for key, events in happened:
             act: Callable[[int], None] = key.data

@@ -17,10 +17,10 @@ from robot.calibration.sensors import AccelerometerSession, DistanceSession, Gau
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
+    DistanceCalibration,
     GaugeCalibration,
     JointCalibration,
     Part,
-    RulerCalibration,
     check_calibration,
 )
 from robot.configuration.robot_config import RobotConfig
@@ -198,7 +198,7 @@ class GuidedSession:
             if measured is not None:
                 yield point.name, measured
 
-    def _distance(self) -> RulerCalibration | None:
+    def _distance(self) -> DistanceCalibration | None:
         belly, finder = self._config.distance, self._devices.distance
         if "distance" not in self._wanted or belly is None or finder is None:
             return None

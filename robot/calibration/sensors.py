@@ -17,7 +17,11 @@ from collections.abc import Sequence
 from typing import Final, Protocol
 
 from robot.calibration.questions import Questions, number
-from robot.configuration.calibration_file import AxesCalibration, GaugeCalibration, RulerCalibration
+from robot.configuration.calibration_file import (
+    AxesCalibration,
+    DistanceCalibration,
+    GaugeCalibration,
+)
 from robot.drivers.links.analogue_inputs import AnalogueInputs
 from robot.drivers.sensors.contracts import CalibratedAxes, DistanceSensor
 from robot.errors import DeviceDataError
@@ -308,7 +312,7 @@ class DistanceSession:
         self._dialogue = dialogue
         self.placements = min(max(math.ceil((noise / AIM) ** 2), PLACEMENTS[0]), PLACEMENTS[1])
 
-    def run(self) -> RulerCalibration | None:
+    def run(self) -> DistanceCalibration | None:
         """The calibration, or ``None`` if it was skipped.
 
         Raises:
@@ -343,7 +347,7 @@ class DistanceSession:
                 f"{what}: {1000 * means.mean:.1f} mm, {deviation:.1f} mm rms from placement to "
                 f"placement, known to {deviation / math.sqrt(means.count):.2f} mm"
             )
-        return RulerCalibration(zero=ground.mean, scale=height / rise)
+        return DistanceCalibration(zero=ground.mean, scale=height / rise)
 
     def _placements(self, what: str) -> Spread:
         means: list[float] = []

@@ -146,7 +146,7 @@ class RobotConfig:
 
     @property
     def underside(self) -> Underside:
-        """The belly, for readings that err as they are announced to."""
+        """The belly, with a margin for the noise that ``hello`` announces."""
         return Underside.of(
             self.body.size, tilt_noise=self.noise.tilt, clearance_noise=self.noise.clearance
         )
@@ -204,7 +204,7 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
 
 
 def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfig, Calibration]:
-    """A configuration with the values of a calibration file, which need not exist; and those alone.
+    """Applies the values of a calibration file, which need not exist, and returns them, too.
 
     Raises:
         ConfigError: Names file, key and reason.

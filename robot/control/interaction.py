@@ -28,7 +28,7 @@ from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceDataError
 from robot.host.clock import MAX_GAP, SteadyClock
 from robot.sensing.samples import RestDetector
-from robot.sensing.sensors import OnProgress, Reading, Senses
+from robot.sensing.sensors import OnProgress, Reading, SensorReader
 
 LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)
@@ -75,7 +75,7 @@ class MotorProgramRunner:
         config: RobotConfig,
         *,
         servos: ServoBus,
-        sensing: Senses,
+        sensing: SensorReader,
         clock: SteadyClock,
         revive: Callable[[], None],
         operator: Operator | None,

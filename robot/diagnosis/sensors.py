@@ -153,7 +153,7 @@ def check_accelerometer(
 
 
 def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Finding:
-    """One touch sensor."""
+    """Examines one touch sensor."""
     subject = f"touch {point.name}"
     if recording.failure is not None:
         return failed(subject, recording.failure)

@@ -86,7 +86,7 @@ def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class TouchPoint:
-    """A part that feels touch.
+    """A part with a touch sensor.
 
     Attributes:
         name: The part.
@@ -188,8 +188,8 @@ class Underside:
             )
 
 
-class Senses(Protocol):
-    """The sensors, as an interaction reads them."""
+class SensorReader(Protocol):
+    """What an interaction reads: the robot's sensors, or none."""
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""
@@ -202,7 +202,7 @@ class Senses(Protocol):
         """
 
 
-class Sensing:
+class RobotSensors:
     """All sensors of the robot.
 
     Args:

@@ -21,7 +21,7 @@ from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceTimeoutError
 from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
-from robot.sensing.sensors import Senses, Sensing
+from robot.sensing.sensors import RobotSensors, SensorReader
 from robot.service.devices import Devices, revive
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
@@ -53,7 +53,7 @@ def build_controller(
     belly = None
     if config.distance is not None and devices.distance is not None:
         belly = (devices.distance, config.distance.sensor)
-    sensing = Sensing(
+    sensing = RobotSensors(
         accelerometer=devices.accelerometer,
         touch=list(zip(config.touch, devices.touch, strict=True)),
         belly=belly,
@@ -79,7 +79,7 @@ def assemble(
     config: RobotConfig,
     *,
     servos: ServoBus,
-    sensing: Senses,
+    sensing: SensorReader,
     capabilities: Capabilities,
     clock: SteadyClock,
     operator: Operator | None,

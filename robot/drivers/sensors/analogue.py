@@ -62,12 +62,12 @@ class AnalogueAxes(CalibratedAxes):
         return AnalogueAccelerometer(self, buses.analogue)
 
     def axis(self, index: int) -> str:
-        """Its input."""
+        """The input of an axis, for a sentence."""
         return f"channel {self.channels[index]}"
 
     @property
     def key(self) -> str:
-        """The inputs."""
+        """The key with the inputs."""
         return "accelerometer.channels"
 
     def __str__(self) -> str:

@@ -121,7 +121,7 @@ class MPU6050Settings(CalibratedAxes):
         return MPU6050(buses.i2c(self.bus), settings=self, clock=buses.clock)
 
     def axis(self, index: int) -> str:
-        """What an axis is called: of the chip."""
+        """The chip's axis that serves as x, y or z, for a sentence."""
         return f"the chip's {self.mounting[index].strip('-')}"
 
     @property
@@ -184,7 +184,7 @@ class MPU6050:
         self._last, self._repeats = (0, 0, 0), [0, 0, 0]
 
     def raw(self) -> tuple[float, float, float]:
-        """One sample along the robot's axes, g as the chip has it.
+        """One uncalibrated sample along the robot's axes, g.
 
         Raises:
             DeviceError: The chip is gone, sleeps, was reset, or is at an end of its range.

@@ -129,7 +129,7 @@ class PCA9685Settings:
 
     @property
     def outputs(self) -> range:
-        """Those of all boards."""
+        """The outputs of all boards."""
         return range(OUTPUTS * len(self.boards))
 
     @property
@@ -140,14 +140,14 @@ class PCA9685Settings:
 
     @property
     def counts(self) -> range:
-        """Those between the narrowest and the widest pulse, on every board."""
+        """The counts between the narrowest and the widest pulse, on every board."""
         low, high = self.widths_us
         ticks = self.ticks_us
         return range(-int(-low / min(ticks) // 1), int(high / max(ticks)) + 1)
 
     @property
     def per_update(self) -> int:
-        """All of them."""
+        """All outputs."""
         return len(self.outputs)
 
     @property

@@ -10,7 +10,11 @@ import pytest
 
 from robot.calibration.questions import Questions
 from robot.calibration.sensors import POSITIONS, AccelerometerSession, DistanceSession, GaugeSession
-from robot.configuration.calibration_file import AxesCalibration, GaugeCalibration, RulerCalibration
+from robot.configuration.calibration_file import (
+    AxesCalibration,
+    DistanceCalibration,
+    GaugeCalibration,
+)
 from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueAxes, StrainGauge
 from robot.errors import AbandonedError
 from robot.sensing.sensors import BellySensor, TouchPoint
@@ -269,7 +273,7 @@ class Ruler:
 
 def calibrate_distance(
     ruler: Ruler, script: Script, noise: float = 1e-3
-) -> RulerCalibration | None:
+) -> DistanceCalibration | None:
     dialogue = Questions(script)
     return DistanceSession(BELLY, ruler, noise=noise, dialogue=dialogue).run()
 

@@ -15,7 +15,7 @@ from robot.errors import DeviceDataError
 from robot.sensing.sensors import (
     LEAST_MARGIN,
     BellySensor,
-    Sensing,
+    RobotSensors,
     TouchDetector,
     TouchPoint,
     Underside,
@@ -26,8 +26,8 @@ from tests.robot.sensing.resting import Leaning, Ruler
 WIDE = Underside(length=1.0, width=1.0)  # its middle is 0.18 m up when it leans by 20°
 
 
-def sensing(metres: float | None) -> Sensing:
-    return Sensing(
+def sensing(metres: float | None) -> RobotSensors:
+    return RobotSensors(
         accelerometer=Leaning(),
         touch=(),
         belly=(Ruler(metres), BellySensor(zero=0.0, reach=0.15)),
@@ -67,7 +67,7 @@ def test_the_robot_reads_what_the_protocol_defines(
     length = math.hypot(*components)
     x, y, z = (part / length for part in components)
     sensor = BellySensor(zero=0.0, reach=0.15)
-    reading = Sensing(
+    reading = RobotSensors(
         accelerometer=Leaning((x, y, z)),
         touch=(),
         belly=(Ruler(millimetres / 1000), sensor),
