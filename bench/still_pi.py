@@ -12,7 +12,7 @@ from bench.still_robot import OnElectronics, StillWorld, example_config, on_elec
 from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
-from robot.drivers.daq.ads1115 import ADS1115Settings
+from robot.drivers.sensors.ads1115 import ADS1115Settings
 from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.servos.pca9685 import PCA9685Settings

@@ -23,7 +23,7 @@ from bench.sick_drivers import make_sick
 from bench.still_robot import StillWorld, example_config
 from protocol.transport.server import Server
 from robot.drivers.buses import Buses
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.errors import DeviceError
 from robot.host.clock import WallClock
 from robot.host.logs import complain, set_up_logging

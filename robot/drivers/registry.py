@@ -36,9 +36,9 @@ OURS: Final = MappingProxyType(
         ),
         SENSORS: MappingProxyType(
             {
-                "daq.dmm32": "robot.drivers.daq.dmm32:DMM32Settings",
-                "daq.comedi": "robot.drivers.daq.comedi:ComediSettings",
-                "daq.ads1115": "robot.drivers.daq.ads1115:ADS1115Settings",
+                "daq.dmm32": "robot.drivers.sensors.dmm32:DMM32Settings",
+                "daq.comedi": "robot.drivers.sensors.comedi:ComediSettings",
+                "daq.ads1115": "robot.drivers.sensors.ads1115:ADS1115Settings",
                 "accelerometer.mpu6050": "robot.drivers.sensors.mpu6050:MPU6050Settings",
                 "accelerometer.analogue": "robot.drivers.sensors.analogue:AnalogueAxes",
                 "touch.switch": "robot.drivers.sensors.analogue:SwitchSettings",

@@ -1,6 +1,6 @@
-"""Device files: I/O ports through ``/dev/port``, output lines of GPIO chips, and names like them.
+"""Device files: serial lines, I/O ports through ``/dev/port``, output lines of GPIO chips.
 
-Sources: port(4); Linux' GPIO character device, uAPI version 2 (``linux/gpio.h``).
+Sources: tty_ioctl(4); port(4); Linux' GPIO character device, uAPI version 2 (``linux/gpio.h``).
 """
 
 from __future__ import annotations
@@ -11,8 +11,12 @@ import grp
 import os
 import re
 import struct
+import termios
+from contextlib import suppress
 from pathlib import Path
 from typing import Final, Protocol
+
+import serial
 
 from robot.errors import DeviceMissingError
 
@@ -201,7 +205,7 @@ class GPIOLine:
                 os.close(device)
         except OSError as error:
             raise DeviceMissingError(
-                f"{self._name} cannot be opened: {error.strerror}.", _why_closed(chip, error)
+                f"{self._name} cannot be opened: {error.strerror}.", _why_no_gpio_line(chip, error)
             ) from error
         self._line: int = _REQUEST.unpack(request)[-1]
 
@@ -220,7 +224,7 @@ class GPIOLine:
         os.close(self._line)
 
 
-def _why_closed(chip: str, error: OSError) -> str:
+def _why_no_gpio_line(chip: str, error: OSError) -> str:
     match error.errno:
         case errno.ENOENT | errno.ENXIO | errno.ENODEV:
             found = ", ".join(others_like(chip))
@@ -231,3 +235,74 @@ def _why_closed(chip: str, error: OSError) -> str:
             return "Look with gpioinfo which program has it, and end that."
         case _:
             return "Look with gpioinfo whether it is a line of a GPIO chip."
+
+
+_SERIAL_TIMEOUT: Final = (
+    1.0  # s; pyserial counts a moment without the processor as the line's delay
+)
+
+
+class OwnLine(serial.Serial):
+    """A serial line that the kernel opens for nobody else, root aside, until it is closed.
+
+    A lock keeps out only those who ask for one: a login console or ``cat`` would take half of what
+    a device answers. Who has the line open already keeps it; see ``readers``.
+    """
+
+    def open(self) -> None:
+        """Opens it."""
+        super().open()
+        try:
+            fcntl.ioctl(self.fileno(), termios.TIOCEXCL)
+        except OSError:
+            super().close()
+            raise
+
+    def close(self) -> None:
+        """Closes it; whoever else has it open must not be left with a line that is shut."""
+        if self.is_open:
+            with suppress(OSError):  # hung up
+                fcntl.ioctl(self.fileno(), termios.TIOCNXCL)
+        super().close()
+
+
+def readers(port: str) -> str:
+    """How to find who else reads a line, and to end it: the end of a sentence of advice."""
+    terminal = os.path.basename(os.path.realpath(port))
+    console = f"; systemctl stop serial-getty@{terminal}" if terminal.startswith("tty") else ""
+    return f"that no other program reads the line (fuser -v {port}{console})."
+
+
+def open_serial(port: str, baud: int) -> serial.Serial:
+    """Opens a serial line (8N1), for this process alone.
+
+    Args:
+        port: Device file; prefer a link that survives re-plugging, as in ``/dev/serial/by-id``.
+        baud: Bits per second.
+
+    Raises:
+        DeviceMissingError: The port cannot be opened; the sentence says why.
+    """
+    try:
+        return OwnLine(
+            port, baud, timeout=_SERIAL_TIMEOUT, write_timeout=_SERIAL_TIMEOUT, exclusive=True
+        )
+    except (OSError, termios.error) as error:
+        raise DeviceMissingError(
+            f"The serial port {port} cannot be opened: {error}.", _why_no_serial_line(port, error)
+        ) from error
+
+
+def _why_no_serial_line(port: str, error: Exception) -> str:
+    match getattr(error, "errno", None):
+        case errno.ENOENT | errno.ENXIO | errno.ENODEV:
+            found = ", ".join(others_like(port))
+            return "Plug the adapter in, or name its link in /dev/serial/by-id" + (
+                f"; there are {found}." if found else "."
+            )
+        case errno.EACCES | errno.EPERM:
+            return f"Add the user to the group {group_of(port, 'dialout')}, then log in again."
+        case errno.EAGAIN | errno.EBUSY:
+            return f"End the other program that has it open (fuser -v {port})."
+        case _:
+            return "Name the device file of a serial port, such as /dev/ttyS0."

@@ -1,1 +1,1 @@
-"""Drivers of sensors, and the contracts of sensors and boards of analogue inputs."""
+"""Drivers of sensors and of boards of analogue inputs, and their contracts."""

@@ -18,7 +18,7 @@ from typing import Final
 
 import serial
 
-from robot.drivers.links.serial_line import readers
+from robot.drivers.links.device_files import readers
 from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from robot.drivers.buses import Buses
-from robot.drivers.daq.ads1115 import ADS1115Settings
 from robot.drivers.registry import SENSORS, read_settings
+from robot.drivers.sensors.ads1115 import ADS1115Settings
 from robot.drivers.sensors.analogue import Switch, SwitchSettings
 from robot.drivers.sensors.contracts import attach_board
 from robot.errors import ConfigError, DeviceDataError

@@ -16,7 +16,7 @@ import pytest
 
 from robot.configuration.device_tables import read_board
 from robot.drivers.buses import Buses
-from robot.drivers.daq.comedi import ComediInput, ComediRange, load_library
+from robot.drivers.sensors.comedi import ComediInput, ComediRange, load_library
 from robot.drivers.sensors.contracts import attach_board
 from robot.errors import CommandError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import WallClock
@@ -183,7 +183,7 @@ def test_a_board_that_fails_later(
 
 
 def test_a_configuration_names_it(fake: FakeComedi, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("robot.drivers.daq.comedi.load_library", lambda: fake)
+    monkeypatch.setattr("robot.drivers.sensors.comedi.load_library", lambda: fake)
     table = toml_section('[daq]\ndriver = "comedi"\ndevice = "/dev/comedi3"', "").table("daq")
     analogue = attach_board(Buses(clock=WallClock()), read_board(table)).analogue
     assert analogue is not None

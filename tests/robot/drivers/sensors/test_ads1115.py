@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from robot.drivers.buses import Buses
-from robot.drivers.daq.ads1115 import ADS1115, ADS1115Settings
+from robot.drivers.sensors.ads1115 import ADS1115, ADS1115Settings
 from robot.errors import (
     CommandError,
     ConfigError,

@@ -16,8 +16,8 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
 from robot.drivers.buses import Buses
-from robot.drivers.daq.dmm32 import RANGES
 from robot.drivers.links.device_files import group_of
+from robot.drivers.sensors.dmm32 import RANGES
 from robot.errors import CommandError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from robot.toml_sections import Section
 
@@ -105,8 +105,8 @@ class ComediInput:
 
     Args:
         device: The board's device file, such as ``/dev/comedi0``.
-        range_: Input range of all channels, a key of ``robot.drivers.daq.dmm32.RANGES``; the board
-            must offer exactly this one.
+        range_: Input range of all channels, a key of ``dmm32.RANGES``; the board must offer exactly
+            this one.
         library: Comedilib, with its functions as attributes; default: the installed one.
 
     Raises:

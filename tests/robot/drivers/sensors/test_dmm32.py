@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.drivers.daq.dmm32 import BASES, DMM32, RANGES
 from robot.drivers.links.device_files import PortIO
+from robot.drivers.sensors.dmm32 import BASES, DMM32, RANGES
 from robot.errors import (
     CommandError,
     DeviceDataError,

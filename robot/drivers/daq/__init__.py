@@ -1,1 +1,0 @@
-"""Drivers of boards with analogue inputs: the table ``[daq]`` of ``robot.toml``."""
