@@ -45,7 +45,7 @@ def interaction() -> float:
         real_time=False,
         log=log,
     ) as parts:
-        controller = robot_on(parts, log, attendant=True)
+        controller = robot_on(parts, log, operator=True)
         joints = controller.capabilities.joints
         controller.start()
         start = time.process_time()

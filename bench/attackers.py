@@ -21,7 +21,7 @@ from contextlib import suppress
 from typing import Final
 
 from protocol.errors import RobotError
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, encode
 

@@ -13,11 +13,18 @@ from typing import Final
 
 import zmq
 
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.telemetry import TOPIC
 from protocol.wire.codec import decode, encode
-from protocol.wire.messages import PROTOCOL_VERSION, Heartbeat, Hello, Status, Welcome, parse_reply
-from protocol.wire.states import State
+from protocol.wire.messages import (
+    PROTOCOL_VERSION,
+    Heartbeat,
+    Hello,
+    State,
+    Status,
+    Welcome,
+    parse_reply,
+)
 
 PATIENCE: Final = 10_000  # ms
 PAUSE: Final = (0.002, 0.006)  # s between round trips, drawn, so as not to march in step

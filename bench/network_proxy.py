@@ -24,9 +24,8 @@ from typing import Final
 
 import zmq
 
-from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.zmq_sockets import Waker
-from protocol.system.closable import Closable
+from protocol.sockets.zmq_sockets import Endpoint, Waker
+from protocol.system.process import Closable
 
 _PORTS: Final = itertools.count(20_000 + 2 * (os.getpid() % 5000), 2)
 _MOST_CLIENTS: Final = 256  # connections that are kept; reconnecting makes ever new ones

@@ -52,7 +52,7 @@ from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.study.harness import BriefRun, made_by
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 BEYOND: Final = 0.1
 

@@ -18,7 +18,7 @@ from robot.configuration.joint_calibration import JointScale
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
 from robot.drivers.buses import Buses
-from robot.drivers.daq.ads1115 import ADS1115Settings
+from robot.drivers.sensors.ads1115 import ADS1115Settings
 from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.servos.pca9685 import PCA9685Settings
@@ -174,7 +174,7 @@ def on_electronics(
             config,
             devices,
             clock=host,
-            attendant=Bystander(panel),
+            operator=Bystander(panel),
             housekeeping=housekeeping,
             log=log,
             manager=manager,

@@ -32,7 +32,7 @@ from bench.still_robot import (
 )
 from protocol.transport.server import Server
 from robot.drivers.buses import Buses
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.errors import DeviceError
 from robot.host.clock import WallClock
 from robot.host.logs import complain, set_up_logging

@@ -8,8 +8,8 @@ from __future__ import annotations
 import importlib
 import sys
 
-from protocol.system.interrupts import interrupts_deferred
 from protocol.system.missing_library import lacking
+from protocol.system.process import interrupts_deferred
 
 _INTERRUPTED = 130  # typer's, for an interrupt that meets none of our sentences
 

@@ -1,4 +1,4 @@
-"""The wire between a robot and its controllers in bodyschema; ``SPEC.md`` has it in words.
+"""The protocol between a robot and its clients in bodyschema; ``SPEC.md`` specifies it.
 
 ======================= =========================================================================
 For                     Use
@@ -6,7 +6,7 @@ For                     Use
 controlling a robot     ``RobotClient``: acquire, perform, read, hold, relax, stop, clear, release
 listening to a robot    ``TelemetrySubscriber``
 serving a robot         ``Server`` around anything that is a ``rules.robot_interface.Robot``
-keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.roles``: who may do what
+keys and roles          ``security.keys``: ``KeyDirectory``; ``rules.control``: who may do what
 nobody answers: why?    ``transport.connection_probe``: ``probe``
 trying any robot        ``python -m protocol.conformance URI``: which clauses of the page hold
 what can go wrong       ``errors``: ``RobotError``, ``RobotUnreachableError``,
@@ -17,10 +17,8 @@ states of a robot       ``rules.transitions``: ``TRANSITIONS``
 what a reading means    ``wire.readings``: tilt, clearance, touch
 ======================= =========================================================================
 
-From the top down: ``conformance`` (does any robot speak the protocol?), ``transport`` (server,
-client, telemetry), ``sockets`` (TCP and ZeroMQ), ``security`` (keys), ``rules`` (both sides' cores,
-without sockets, threads or clocks) and ``wire`` (messages and frames); below these, ``text`` (text
-from elsewhere) and ``system`` (files, Ctrl-C). A room imports only from those below it.
+A room imports only from those below it: ``conformance``, ``transport``, ``sockets``, ``security``,
+``rules``, ``wire``, ``system`` (with ``text``).
 """
 
 from protocol.errors import (
@@ -37,8 +35,7 @@ from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import ObservationReply, Ok, Progress, Status, Telemetry
-from protocol.wire.states import State
+from protocol.wire.messages import ObservationReply, Ok, Progress, State, Status, Telemetry
 
 __all__ = [
     "BodyschemaError",

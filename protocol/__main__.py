@@ -12,14 +12,13 @@ import sys
 from collections.abc import Sequence
 
 from protocol.errors import BodyschemaError
-from protocol.text.printable import printable
+from protocol.text import printable
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import TelemetrySubscriber
-from protocol.wire.messages import Telemetry
-from protocol.wire.states import State
+from protocol.wire.messages import State, Telemetry
 
 COMMANDS = ("status", "stop", "clear", "watch", "hold", "relax")
-TIMEOUT = 5.0  # s
+TIMEOUT = 5.0  # s for an answer
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -19,7 +19,7 @@ handler for a failed link would swallow it.
 from __future__ import annotations
 
 from protocol.errors import BodyschemaError
-from protocol.text.printable import brief, told
+from protocol.text import brief, error_text
 
 
 class ConfigError(BodyschemaError, ValueError):
@@ -52,7 +52,7 @@ class DeviceError(BodyschemaError):
     Attributes:
         message: What happened, one sentence; ``brief``, for libraries and drivers of others have
             their words in it.
-        advice: What to check, one sentence; likewise.
+        advice: What to check, one sentence; ``brief``, too.
     """
 
     def __init__(self, message: str, advice: str):
@@ -80,6 +80,6 @@ class DriverError(DeviceError):
     def of(cls, device: str, doing: str, cause: BaseException) -> DriverError:
         """The error of a device, of the driver's method and of what that raised."""
         return cls(
-            f"The driver of the {device} failed in {doing}: {told(cause)}.",
+            f"The driver of the {device} failed in {doing}: {error_text(cause)}.",
             "This is a mistake in the driver: tell whoever wrote it.",
         )

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from protocol.text.toml import TomlError, parse_toml
+from protocol.text import TomlError, parse_toml
 from robot.errors import ConfigError
 
 _UNITS: Final = MappingProxyType(
@@ -175,7 +175,7 @@ class Section:
         return self._magnitude(key, self._take(key), least, most)
 
     def magnitudes(self, key: str, count: int, least: float, most: float) -> tuple[float, ...]:
-        """An array of ``count`` such numbers."""
+        """An array of ``count`` numbers, each as ``magnitude`` reads it."""
         return tuple(self._magnitude(key, item, least, most) for item in self._array(key, count))
 
     def numbers(

@@ -9,7 +9,7 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 from protocol.errors import BodyschemaError
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from protocol.transport.server import Server
 from robot.cli.run import add_server_arguments
 from robot.cli.startup import add_version
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> None:
         )
         for note in parts.body.notes:
             log.warning("%s", note)
-        controller = robot_on(parts, log, attendant=options.attendant)
+        controller = robot_on(parts, log, operator=options.operator)
         for fault in options.fault:
             parts.panel.order(fault)
         if options.control is not None:
@@ -183,8 +183,8 @@ def _parser() -> argparse.ArgumentParser:
         help="let time pass as on a wall clock (default: as fast as the physics goes)",
     )
     parser.add_argument(
-        "--no-attendant",
-        dest="attendant",
+        "--no-operator",
+        dest="operator",
         action="store_false",
         help="leave the body as it fell, instead of laying it down before each interaction",
     )

@@ -23,7 +23,7 @@ from estimator.body.morphology import Array
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 CLOSE: Final = 0.5
 """Poses whose tilts differ by less are the same, degrees."""

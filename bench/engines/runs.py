@@ -25,8 +25,8 @@ from estimator.physics.base import Pair, Physics, Readings, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.study.harness import BriefRun
-from protocol.system.native_output import native_output_discarded
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
+from protocol.system.process import native_output_discarded
 
 _COARSE: Final = WorldSettings()
 _FINE: Final = WorldSettings(step=1 / 240, steps=1200, full_steps=True)

@@ -21,9 +21,9 @@ from estimator.problem.problem import Problem
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
+    DistanceCalibration,
     GaugeCalibration,
     JointCalibration,
-    RulerCalibration,
     to_toml,
 )
 from robot.configuration.joint_calibration import JointScale
@@ -164,7 +164,7 @@ FAULTS: Final = {
         Calibration(
             robot=DEFAULT,
             revision=1,
-            distance=RulerCalibration(zero=RECESS - 0.007, scale=1.0),
+            distance=DistanceCalibration(zero=RECESS - 0.007, scale=1.0),
         )
     ),
     "servos too weak": Robot(body=with_leg_mass(DEFAULT, 0.2 / 0.09)),

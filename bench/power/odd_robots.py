@@ -48,7 +48,7 @@ def odd_trials(seeds: tuple[int, ...]) -> tuple[Trial, ...]:
         "a hip 5 cm off the middle of its side": _built({"hip_left": _at("left", aside=0.05)}),
         "a leg that points 16° aside": _built({"hip_left": _at("left", turned=16.0)}),
         "zeros off by 5°, −4°, 3° and −5°": _off_zero((5.0, -4.0, 3.0, -5.0)),
-        "a robot that is never laid down anew": _default("--no-attendant"),
+        "a robot that is never laid down anew": _default("--no-operator"),
         "noise 1.5 times as announced": noisier(1.5),
         "noise twice as announced": noisier(2.0),
     }

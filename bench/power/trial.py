@@ -31,7 +31,7 @@ from estimator.storage.store import RunStore
 from estimator.study.harness import BriefRun
 from estimator.study.robot_process import RobotProcess
 from protocol.errors import BodyschemaError
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 from sim_robot.world.body import DEFAULT
 
 _RUN: Final = "run"

@@ -13,7 +13,7 @@ from estimator.report.plots.canvas import as_png
 from estimator.report.tables.plain import plain_table
 from estimator.report.tables.posterior import percent
 from estimator.report.tables.terminal import number
-from protocol.system.replace_file import replace_bytes
+from protocol.system.files import replace_bytes
 
 _NONE: Final = "–"
 

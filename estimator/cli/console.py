@@ -16,7 +16,7 @@ from rich.segment import Segment
 from estimator.errors import RunDirectoryError
 from estimator.storage.database import holds_run
 from protocol.errors import BodyschemaError
-from protocol.text.printable import printable
+from protocol.text import printable
 
 if TYPE_CHECKING:
     from estimator.report.result import Result

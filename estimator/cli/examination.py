@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Final
 
 from protocol.errors import CLEAR, HOLD, BodyschemaError, RobotError, RobotUnreachableError
-from protocol.rules.lease import HEARTBEAT
+from protocol.rules.control import HEARTBEAT
 from protocol.security.keys import KeyDirectory
 from protocol.transport.client import RobotClient
 from protocol.transport.connection_probe import Obstacle, probe

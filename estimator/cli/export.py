@@ -13,7 +13,7 @@ from estimator.errors import EstimatorError
 from estimator.export.formats import FORMATS, Format, in_words_of
 from estimator.posterior.fitted import FittedPosterior
 from estimator.storage.store import RunStore
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 
 def command(

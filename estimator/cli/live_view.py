@@ -21,8 +21,8 @@ from rich.console import Console
 from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
 from estimator.parallel.executors import die_with
-from protocol.system.closable import Closable
 from protocol.system.missing_library import install_command
+from protocol.system.process import Closable
 
 LIVE_BIND: Final = "127.0.0.1:8080"
 _NICE: Final = 10

@@ -15,7 +15,7 @@ from estimator.report.run_files import PAGE, write_files
 from estimator.report.summarise import summarise
 from estimator.reproduction.report import reproduction_page
 from estimator.storage.store import RunStore
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 
 def command(

@@ -19,7 +19,7 @@ from estimator.report.plots.run import LENGTHS, run_plots
 from estimator.report.run_files import LENGTHS_WITH_TRUTH, PAGE, write_report
 from estimator.report.tables.terminal import print_score
 from estimator.storage.store import RunStore
-from protocol.system.replace_file import replace_bytes
+from protocol.system.files import replace_bytes
 
 
 def command(

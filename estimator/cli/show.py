@@ -18,7 +18,7 @@ from estimator.report.run_files import write_files
 from estimator.report.summarise import summarise
 from estimator.report.tables.terminal import print_result
 from estimator.storage.store import RunStore
-from protocol.text.printable import printable
+from protocol.text import printable
 
 
 def command(

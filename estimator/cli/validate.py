@@ -15,7 +15,7 @@ from estimator.identification.run import reconnect
 from estimator.report.evaluation_files import VALIDATION
 from estimator.report.tables.terminal import print_validation
 from estimator.storage.store import RunStore
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 
 def command(

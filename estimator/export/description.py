@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import BASE, Array, Morphology, Part, PartShape, box_inertia
-from protocol.text.printable import printable
+from protocol.text import printable
 from protocol.wire.capabilities import Joint as RobotJoint
 
 _GRAVITY: Final = 9.81

@@ -37,7 +37,7 @@ from websockets.exceptions import ConnectionClosed, WebSocketException
 from websockets.http11 import Request, Response
 from websockets.typing import Data, Subprotocol
 
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 
 LARGEST: Final = 4096  # bytes of a message from a browser; that a box was ticked takes about 100
 CONNECTIONS: Final = 32  # at a time, of all visitors; a browser opens two or three

@@ -22,7 +22,7 @@ from types import TracebackType
 from typing import Any, Final, ParamSpec, TypeVar
 
 from estimator.errors import WorkerError
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 
 P = ParamSpec("P")
 Result = TypeVar("Result")

@@ -21,7 +21,7 @@ from estimator.body.accelerometer import up_as_felt
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import PhysicsError
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.wire.readings import (
     DOUBTFUL_GAP,
     TOUCH_GAP,

@@ -42,7 +42,7 @@ from estimator.physics.base import (
 )
 from estimator.physics.rest import MainBody, RestWatch
 from protocol.system.missing_library import install_command
-from protocol.system.native_output import native_output_discarded
+from protocol.system.process import native_output_discarded
 from protocol.wire.readings import up_in_body
 
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong

@@ -32,8 +32,8 @@ from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
 from estimator.parallel.executors import Threads
 from estimator.physics.base import Abilities, BackEnd, Pair, Readings, WorldSettings, sensor_count
-from protocol.system.interrupts import interrupts_deferred
 from protocol.system.missing_library import install_command
+from protocol.system.process import interrupts_deferred
 
 PACE: Final = math.radians(1.5)
 """Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,

@@ -16,7 +16,7 @@ from estimator.evaluation.score import Score
 from estimator.evaluation.truth.urdf import Urdf, read_urdf
 from estimator.evaluation.validate import Validation
 from estimator.report.result import Result
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 SCORE: Final = "score.json"
 TRUTH: Final = "truth.urdf"

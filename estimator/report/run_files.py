@@ -14,8 +14,8 @@ from estimator.report.posterior import samples_csv
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
 from estimator.storage.store import READINGS, ROBOT, RunStore
-from protocol.system.interrupts import interrupts_deferred
-from protocol.system.replace_file import replace_bytes, replace_file, replace_text
+from protocol.system.files import replace_bytes, replace_file, replace_text
+from protocol.system.process import interrupts_deferred
 
 RESULT: Final = "result.json"
 POSTERIOR: Final = "posterior.csv"

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from protocol.system.replace_file import replace_file, replace_text
+from protocol.system.files import replace_file, replace_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -41,7 +41,7 @@ from estimator.storage.store import RunStore
 from estimator.study import harness
 from estimator.study.robot_process import RobotProcess, catch_up
 from protocol.errors import RobotUnreachableError
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 _ATTEMPTS: Final = 3
 

@@ -28,7 +28,7 @@ from estimator.reproduction.plan import (
 )
 from estimator.study.harness import in_words, made_by
 from estimator.study.ledger import Session
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 REPORT: Final = "report.md"
 HEADER: Final = (

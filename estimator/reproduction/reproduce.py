@@ -22,7 +22,7 @@ from estimator.reproduction.plan import FIGURES, SEEDS, planned_runs
 from estimator.reproduction.report import reproduction_page, write_report
 from estimator.study.harness import complete
 from estimator.study.robot_process import print_body
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 
 @dataclass(frozen=True, kw_only=True)

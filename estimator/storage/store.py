@@ -55,7 +55,7 @@ from estimator.storage.records import (
 from estimator.storage.run_config import RunSettings
 from estimator.storage.search_end import SearchEnd
 from estimator.storage.validations import Validations
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOCK: Final = "run.lock"

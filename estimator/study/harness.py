@@ -35,7 +35,7 @@ from estimator.parallel.cluster import Cluster, still_wanted
 from estimator.parallel.executors import WorkerProcesses
 from estimator.study.ledger import RUNS, Ledger, Session, commits_of, note_commit
 from protocol.errors import BodyschemaError
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
 
 TURN: Final = 60.0
 """Least time of a turn that does not end the run, s. Starting a robot anew takes two or three."""

@@ -15,8 +15,8 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from estimator.errors import RunDirectoryError
 from estimator.storage.locking import lock
 from estimator.versions import commit, versions
-from protocol.system.closable import Closable
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
+from protocol.system.process import Closable
 
 RUNS: Final = "runs"
 LEDGER: Final = "study.json"

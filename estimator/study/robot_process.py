@@ -24,8 +24,8 @@ from estimator.errors import EstimatorError, InteractionError, RunDirectoryError
 from estimator.parallel.executors import die_with
 from estimator.readings.observation import Observation, by_joint_name
 from estimator.storage.store import RunStore
-from protocol.system.closable import Closable
 from protocol.system.missing_library import install_command
+from protocol.system.process import Closable
 from protocol.transport.client import RobotClient
 
 COMMAND: Final = "sim-robotd"

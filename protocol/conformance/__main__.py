@@ -14,7 +14,7 @@ from protocol.conformance.raw_connection import SuiteSettings
 from protocol.conformance.suite import NOT_CHECKED, CheckResult, CheckStatus, run
 from protocol.errors import BodyschemaError
 from protocol.security.keys import ClientKeys, KeyDirectory
-from protocol.text.printable import printable
+from protocol.text import printable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -23,10 +23,11 @@ from protocol.conformance.raw_connection import (
     said,
 )
 from protocol.security.keys import ClientKeys
-from protocol.system.closable import Closable
+from protocol.system.process import Closable
 from protocol.wire.capabilities import Capabilities
 
 LOOSE_ID: Final = 2**52
+"""The first id of requests that are not numbered; above all that are."""
 _CALM: Final = ("idle", "holding")
 _BEAT: Final = 0.5  # s between signs of life while something takes longer
 

@@ -22,7 +22,6 @@ for _module in (
     "connections",
     "frames",
     "sessions",
-    "request_ids",
     "control",
     "readings",
     "motion",

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from protocol.errors import RobotError
-from protocol.text.printable import printable
+from protocol.text import printable
 from protocol.wire.codec import encode
 from protocol.wire.messages import Request
 

@@ -22,7 +22,7 @@ from protocol.errors import (
     RobotRestartedError,
     RobotUnreachableError,
 )
-from protocol.rules.lease import HEARTBEAT
+from protocol.rules.control import HEARTBEAT
 from protocol.wire.codec import decode, encode
 from protocol.wire.declaration import Message
 from protocol.wire.messages import (

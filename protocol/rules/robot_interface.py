@@ -13,8 +13,15 @@ from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
 from protocol.wire.capabilities import Capabilities
-from protocol.wire.messages import ErrorReply, ObservationReply, Ok, RobotRequest, Status, Telemetry
-from protocol.wire.states import State
+from protocol.wire.messages import (
+    ErrorReply,
+    ObservationReply,
+    Ok,
+    RobotRequest,
+    State,
+    Status,
+    Telemetry,
+)
 
 FinalReply: TypeAlias = ObservationReply | Ok | ErrorReply
 """How a robot ends a request: ``Perform`` and ``Read`` with an observation, the others with ok."""

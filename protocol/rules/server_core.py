@@ -11,16 +11,14 @@ import itertools
 import secrets
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from protocol.errors import ERROR_CODES, RemoteProtocolError, RobotError
 from protocol.rules.at_most_once import Client, Clients, RememberedRequest
-from protocol.rules.lease import EXPIRY, Lapse, Lease
+from protocol.rules.control import EXPIRY, Lapse, Lease, Role
 from protocol.rules.robot_interface import Finished, Progressed, Snapshot
-from protocol.rules.roles import Role
-from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
-from protocol.rules.targets import check_targets
-from protocol.wire.capabilities import Capabilities
+from protocol.wire.capabilities import Capabilities, check_targets
 from protocol.wire.codec import decode, encode
 from protocol.wire.declaration import Message
 from protocol.wire.field_checks import MAX_TEXT
@@ -53,6 +51,40 @@ CONFIRMATION: Final = 0.2
 
 MAX_READS: Final = 8
 """Reads that the clients of one key may have under way without control of the robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Send:
+    """Send this frame to this peer."""
+
+    peer: bytes
+    frame: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Submit:
+    """Give this request to the robot; then call ``accept``, or ``finish`` if it refuses."""
+
+    ticket: int
+    request: RobotRequest
+
+
+@dataclass(frozen=True, slots=True)
+class Silence:
+    """Tell the robot that it has no active controller; ``reason`` says why, in a sentence."""
+
+    reason: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerChanged:
+    """Tell the robot who controls it now; ``reason``, for the log, says how that came about."""
+
+    client: str | None
+    reason: str = field(default="", compare=False)
+
+
+Action: TypeAlias = Send | Submit | Silence | ControllerChanged
 
 
 def allow_all(user: str | None, request: Request) -> None:
@@ -222,7 +254,7 @@ class ServerCore:
 
         Raises:
             KeyError: No such request is under way: a bug of the robot.
-            ValueError: The reply carries another id than its request: likewise.
+            ValueError: The reply carries another id than its request: a bug of the robot.
         """
         if event.ticket in self._unconfirmed:
             self._unconfirmed.remove(event.ticket)

@@ -13,7 +13,7 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Final
 
-from protocol.wire.states import State
+from protocol.wire.messages import State
 
 
 class Event(StrEnum):

@@ -17,7 +17,7 @@ import zmq
 from zmq.utils import z85
 
 from protocol.errors import KeysError, RobotError
-from protocol.rules.roles import MAY, Role
+from protocol.rules.control import MAY, Role
 from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer
 from protocol.wire.messages import Heartbeat, Hello, Request, Stop
 

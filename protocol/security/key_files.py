@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from protocol.errors import KeysError
-from protocol.text.toml import parse_toml
+from protocol.text import parse_toml
 
 MAX_SIZE: Final = 65_536
 """Longest file, bytes: more than 500 known clients."""

@@ -27,9 +27,9 @@ import zmq
 from zmq.utils import z85
 
 from protocol.errors import KeysError
-from protocol.rules.roles import Role
+from protocol.rules.control import Role
 from protocol.security.key_files import check_private, read_toml
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
 
 ROBOT: Final = "robot"
 """What ``known.toml`` calls the robot that a computer controls."""
@@ -134,7 +134,7 @@ class KeyDirectory:
         return pair
 
     def known(self, *, must_exist: bool = False) -> tuple[KnownPeer, ...]:
-        """Whom this computer knows; empty where there is no list yet, unless it must exist."""
+        """The peers that this computer knows; none where there is no list, unless it must exist."""
         place = self._file(_KNOWN)
         if not must_exist and not place.exists():
             return ()

@@ -21,10 +21,9 @@ import zmq
 
 from protocol.errors import EndpointError
 from protocol.security.keys import KeyPair
-from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.tcp_connection import TcpConnection
-from protocol.sockets.zmq_sockets import serving
-from protocol.system.forks import kept_from_children
+from protocol.sockets.zmq_sockets import Endpoint, serving
+from protocol.system.process import kept_from_children
 
 MOST: Final = 240
 """Connections of a server: their descriptors stay below 1024, beyond which ``select`` fails."""

@@ -18,8 +18,8 @@ from protocol.errors import (
 )
 from protocol.rules.client_core import Call, ClientCore
 from protocol.security.keys import ClientKeys, KeyDirectory
-from protocol.sockets.endpoints import Endpoint
-from protocol.system.closable import Closable
+from protocol.sockets.zmq_sockets import Endpoint
+from protocol.system.process import Closable
 from protocol.transport.client_thread import ClientThread
 from protocol.transport.connection_probe import probe
 from protocol.wire.capabilities import Capabilities

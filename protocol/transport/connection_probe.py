@@ -18,8 +18,7 @@ from typing import Final
 import zmq
 
 from protocol.security.keys import ClientKeys
-from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.zmq_sockets import unconnected
+from protocol.sockets.zmq_sockets import Endpoint, unconnected
 
 _GREETING: Final = 64  # bytes of ZMTP 3: signature 10, version 2, mechanism 20, as-server, filler
 _SIGNATURE: Final = b"\xff" + bytes(8) + b"\x7f"

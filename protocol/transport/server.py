@@ -21,14 +21,20 @@ import zmq
 
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.rules.robot_interface import Finished, Robot
-from protocol.rules.server_actions import Action, ControllerChanged, Send, Silence, Submit
-from protocol.rules.server_core import ServerCore, allow_all
+from protocol.rules.server_core import (
+    Action,
+    ControllerChanged,
+    Send,
+    ServerCore,
+    Silence,
+    Submit,
+    allow_all,
+)
 from protocol.security.access import Access, ZapHandler
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.endpoints import DEFAULT_BIND
 from protocol.sockets.tcp_listener import Arrival, TcpListener
-from protocol.sockets.zmq_sockets import Waker, permitted
-from protocol.system.closable import Closable
+from protocol.sockets.zmq_sockets import DEFAULT_BIND, Waker, permitted
+from protocol.system.process import Closable
 from protocol.transport.telemetry import Publisher
 from protocol.wire.codec import MAX_MESSAGE
 from protocol.wire.messages import ErrorReply, Request
@@ -54,7 +60,7 @@ class Server(Closable):
     Args:
         robot: What carries requests out.
         bind: ``tcp://host:port``; port 0 or ``*`` takes any free one.
-        telemetry_bind: The same for publications; default: the port after ``bind``'s.
+        telemetry_bind: Where publications are served; default: the port after ``bind``'s.
         telemetry_rate: Publications per second.
         keys: The robot's key directory: only clients that it knows can connect, and each may do
             what its role allows. Changes of the list take effect at once.
@@ -185,7 +191,7 @@ class Server(Closable):
         return max(0.0, due - self._clock())
 
     def _wait(self, patience: float) -> bool:
-        """Sleeps until something happens, and moves what bytes there are; whether there was."""
+        """Sleeps until something happens, and moves what bytes there are; returns whether any."""
         happened = self._selector.select(patience)
         for key, events in happened:
             act: Callable[[int], None] = key.data

@@ -11,14 +11,13 @@ import zmq
 
 from protocol.errors import RemoteProtocolError, RobotUnreachableError
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.tcp_listener import TcpListener
-from protocol.sockets.zmq_sockets import connected
-from protocol.system.closable import Closable
+from protocol.sockets.zmq_sockets import Endpoint, connected
+from protocol.system.process import Closable
 from protocol.wire.codec import decode
 from protocol.wire.messages import Telemetry, parse_telemetry
 
-_QUEUE: Final = 16
+_QUEUE: Final = 16  # publications that may wait for us
 
 
 class TelemetrySubscriber(Closable):

@@ -93,7 +93,7 @@ def mapping(name: str, value: Any, check: Callable[[str, Any], T]) -> dict[str, 
 
 
 def optional(check: Callable[[str, Any], T]) -> Callable[[str, Any], T | None]:
-    """The same check, with ``None`` (nil on the wire: absent) accepted."""
+    """A check that also accepts ``None`` (nil on the wire: absent)."""
 
     def checked(name: str, value: Any) -> T | None:
         return None if value is None else check(name, value)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import partial
 from typing import Any, ClassVar, Final, cast
 
@@ -17,10 +18,22 @@ from protocol.wire import field_checks
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import request_id_of
 from protocol.wire.declaration import Message, checked, checked_optional, nested
-from protocol.wire.states import State
 
 PROTOCOL_VERSION: Final = 1
 PHASES: Final = ("homing", "moving", "settling", "sampling")
+
+
+class State(StrEnum):
+    """What the robot is doing."""
+
+    IDLE = "idle"  # servos hold; nothing was asked yet
+    MOVING = "moving"  # joints slew
+    SETTLING = "settling"  # targets reached; waiting for rest, then sampling
+    HOLDING = "holding"  # holds the pose of the last request
+    RELAXED = "relaxed"  # servos limp
+    STOPPED = "stopped"  # stop latched; frozen at the last commanded counts
+    FAULT = "fault"  # a device failed; frozen until cleared
+
 
 _natural = partial(field_checks.integer, least=0)
 _positive = partial(field_checks.integer, least=1)
@@ -210,7 +223,7 @@ class Progress(Reply):
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationReply(Reply):
-    """What the robot felt, after a ``Perform`` or a ``Read``.
+    """What the robot observed, after a ``Perform`` or a ``Read``.
 
     Attributes:
         sequence: Grows by at least one from observation to observation within one daemon start.

@@ -11,19 +11,16 @@ from collections.abc import Callable, Collection, Iterator
 from functools import partial
 from typing import Any, Final, Protocol
 
-from robot.calibration.accelerometer import AccelerometerSession
-from robot.calibration.distance import DistanceSession
-from robot.calibration.joints import Mover, calibrate_joint, help_text
-from robot.calibration.oscillators import measure_oscillators
+from robot.calibration.joints import Mover, calibrate_joint, help_text, measure_oscillators
 from robot.calibration.questions import Questions, Terminal
-from robot.calibration.strain_gauges import GaugeSession
+from robot.calibration.sensors import AccelerometerSession, DistanceSession, GaugeSession
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
+    DistanceCalibration,
     GaugeCalibration,
     JointCalibration,
     Part,
-    RulerCalibration,
     check_calibration,
 )
 from robot.configuration.robot_config import RobotConfig
@@ -201,7 +198,7 @@ class GuidedSession:
             if measured is not None:
                 yield point.name, measured
 
-    def _distance(self) -> RulerCalibration | None:
+    def _distance(self) -> DistanceCalibration | None:
         belly, finder = self._config.distance, self._devices.distance
         if "distance" not in self._wanted or belly is None or finder is None:
             return None

@@ -103,7 +103,7 @@ class Questions:
 
 
 def number(text: str) -> float | None:
-    """A decimal number with point or comma, or ``None``; ``nan`` and ``inf`` are none."""
+    """Parses a finite decimal number with point or comma; ``None`` where it is none."""
     try:
         value = float(text.replace(",", "."))
     except ValueError:

@@ -1,15 +1,34 @@
-"""The subcommands of ``robotd``."""
+"""The subcommands of ``robotd``.
+
+A subcommand's module has ``HELP`` (one line), ``add_arguments(parser)`` and ``run(options)``, which
+returns the exit code and raises ``BodyschemaError`` for whatever a person should read as one
+sentence.
+"""
 
 from __future__ import annotations
 
 import argparse
 import importlib
 from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Final
 
 from protocol.errors import BodyschemaError
-from robot.cli import COMMANDS
 from robot.cli.startup import add_version
 from robot.host.logs import complain, set_up_logging
+
+COMMANDS: Final = MappingProxyType(
+    {
+        "new": "robot.cli.new",
+        "run": "robot.cli.run",
+        "doctor": "robot.cli.doctor",
+        "calibrate": "robot.cli.calibrate",
+        "try": "robot.cli.try_out",
+        "drivers": "robot.cli.drivers",
+        "keys": "robot.cli.keys",
+    }
+)
+"""Subcommand → module."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from robot.calibration.guided_session import parts
 from robot.configuration.calibration_file import read_calibration
 from robot.configuration.robot_config import RobotConfig, load_config, read_config
@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def describe_config(config: RobotConfig, path: Path) -> Finding:
-    """What is believed of the robot, and since when."""
+    """A finding that says what the configuration has, and how far it is calibrated."""
     text = f"{config.name}: {len(config.joints)} joints, {len(config.touch)} touch sensors"
     advice = f"robotd calibrate --config {path}; see docs/calibration.md"
     _, file = read_config(path)

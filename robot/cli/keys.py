@@ -10,7 +10,7 @@ import re
 import socket
 from pathlib import Path
 
-from protocol.rules.roles import Role
+from protocol.rules.control import Role
 from protocol.security.keys import ROLES, KeyDirectory, KnownPeer, read_public
 
 HELP = "make keys, and say whom this computer knows"

@@ -17,7 +17,7 @@ from robot.configuration.robot_config import load_config
 from robot.errors import ConfigError
 
 HELP = "write a commented robot.toml for a robot of your own"
-MOST_JOINTS: Final = 24
+MOST_JOINTS: Final = 24  # of a file that is written here; robot.toml may name more
 _PLACE: Final = r"^(output|channel) = (\d+)"
 
 
@@ -104,7 +104,7 @@ def robot_toml(electronics: str, *, name: str, joints: int, touch: int) -> str:
         electronics: A key of ``SETS``.
         name: The robot's.
         joints: How many, at most ``MOST_JOINTS``; on the outputs one after another.
-        touch: How many parts feel touch, likewise; they are on the inputs one after another.
+        touch: How many parts feel touch; they are on the inputs one after another.
     """
     kind = SETS[electronics]
     counts = {"joint": joints, "touch": touch}

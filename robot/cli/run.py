@@ -10,7 +10,7 @@ from importlib import metadata, resources
 from pathlib import Path
 from typing import Final
 
-from protocol.sockets.endpoints import DEFAULT_BIND
+from protocol.sockets.zmq_sockets import DEFAULT_BIND
 from protocol.transport.server import Server
 from robot.configuration.robot_config import RobotConfig, load_config
 from robot.control.controller import Controller
@@ -113,7 +113,7 @@ def _controller(
             config,
             devices,
             clock=clock,
-            attendant=None,
+            operator=None,
             housekeeping=HOUSEKEEPING,
             log=log,
             manager=manager,

@@ -9,8 +9,8 @@ import select
 import sys
 from importlib import metadata
 
-from protocol.system.interrupts import interrupts_deferred
 from protocol.system.missing_library import lacking
+from protocol.system.process import interrupts_deferred
 
 
 def start(command: str, module: str, *, extra: str = "") -> int:

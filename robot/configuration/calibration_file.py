@@ -14,16 +14,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from protocol.system.replace_file import replace_file
+from protocol.system.files import replace_file
 from robot.configuration.device_tables import (
+    read_distance_calibration,
     read_limits,
-    read_ruler,
     read_scale,
     read_thresholds,
 )
 from robot.configuration.joint_calibration import JointScale
 from robot.drivers.sensors.analogue import read_bridge
-from robot.drivers.sensors.axes import AXIS_KEYS, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, read_axes
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml, toml_section
 
@@ -68,14 +68,14 @@ class GaugeCalibration:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RulerCalibration:
-    """What the distance sensor reads with the belly on the ground, m, and metres per metre read."""
+class DistanceCalibration:
+    """Reading of the distance sensor with the belly on the ground, m; clearance per distance."""
 
     zero: float
     scale: float
 
 
-Part = JointCalibration | AxesCalibration | GaugeCalibration | RulerCalibration
+Part = JointCalibration | AxesCalibration | GaugeCalibration | DistanceCalibration
 """What is calibrated at one go."""
 
 
@@ -99,7 +99,7 @@ class Calibration:
     joints: Mapping[str, JointCalibration] = field(default_factory=dict)
     accelerometer: AxesCalibration | None = None
     gauges: Mapping[str, GaugeCalibration] = field(default_factory=dict)
-    distance: RulerCalibration | None = None
+    distance: DistanceCalibration | None = None
 
     def has(self, name: str) -> bool:
         """Whether a part was calibrated: a joint or a gauge, ``accelerometer``, ``distance``."""
@@ -119,7 +119,7 @@ class Calibration:
                 return replace(self, gauges={**self.gauges, name: part})
             case AxesCalibration():
                 return replace(self, accelerometer=part)
-            case RulerCalibration():
+            case DistanceCalibration():
                 return replace(self, distance=part)
 
 
@@ -172,7 +172,7 @@ def _calibration(root: Section, counts: range) -> Calibration:
         joints=dict(_joint(section, counts) for section in _named(root, "joint")),
         accelerometer=_axes(root.table("accelerometer")) if root.has("accelerometer") else None,
         gauges=dict(_gauge(section) for section in _named(root, "touch")),
-        distance=_ruler(root.table("distance")) if root.has("distance") else None,
+        distance=_distance(root.table("distance")) if root.has("distance") else None,
     )
     root.done()
     return calibration
@@ -209,10 +209,10 @@ def _gauge(section: Section) -> tuple[str, GaugeCalibration]:
     return section.text("name"), GaugeCalibration(tare=tare, volts_per_newton=gain, on=on, off=off)
 
 
-def _ruler(section: Section) -> RulerCalibration:
-    zero, scale = read_ruler(section)
+def _distance(section: Section) -> DistanceCalibration:
+    zero, scale = read_distance_calibration(section)
     section.done()
-    return RulerCalibration(zero=zero, scale=scale)
+    return DistanceCalibration(zero=zero, scale=scale)
 
 
 def to_toml(calibration: Calibration) -> str:

@@ -16,9 +16,8 @@ from robot.configuration.joint_calibration import DrivenJoint, JointScale, slope
 from robot.drivers.registry import SENSORS, read_settings
 from robot.drivers.sensors.contracts import BoardSettings, DistanceSettings, SensorSettings
 from robot.drivers.servos.servo_bus import ServoSettings
-from robot.sensing.sensors import BellySensor
-from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import RestCriterion
+from robot.sensing.sensors import BellySensor, TouchPoint
 from robot.toml_sections import Section
 
 
@@ -144,13 +143,13 @@ def read_thresholds(section: Section) -> tuple[float, float]:
 def read_distance(section: Section) -> DistanceConfig:
     """The ``[distance]`` table."""
     driver: DistanceSettings = read_settings(section, SENSORS, "vl6180x", kind="distance")
-    zero, scale = read_ruler(section)
+    zero, scale = read_distance_calibration(section)
     reach = section.number("range_mm", 20, driver.reach * 1000) / 1000
     section.done()
     return DistanceConfig(driver=driver, sensor=BellySensor(zero=zero, scale=scale, reach=reach))
 
 
-def read_ruler(section: Section) -> tuple[float, float]:
+def read_distance_calibration(section: Section) -> tuple[float, float]:
     """``zero_mm``, in m, and ``scale``."""
     return section.number("zero_mm", 0, 255) / 1000, section.number("scale", 0.5, 2, 1)
 

@@ -18,7 +18,7 @@ _SPANS: Final = (63.5, 508.0)
 """Degrees from a driver's first count to its last that any servo could turn."""
 
 USUAL_SPAN: Final = 178.0
-"""The same for most servos."""
+"""Degrees from a driver's first count to its last that most servos turn."""
 
 
 def slopes(counts: range) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, cast
 
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from robot.configuration.calibration_file import Calibration, read_calibration
 from robot.configuration.device_tables import (
     DistanceConfig,
@@ -28,13 +28,11 @@ from robot.configuration.device_tables import (
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.drivers.registry import SERVOS, read_settings
 from robot.drivers.sensors.analogue import StrainGauge
-from robot.drivers.sensors.axes import CalibratedAxes
-from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
+from robot.drivers.sensors.contracts import BoardSettings, CalibratedAxes, SensorSettings
 from robot.drivers.servos.servo_bus import ServoSettings
 from robot.errors import ConfigError
-from robot.sensing.plausibility import Underside
-from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import RestCriterion
+from robot.sensing.sensors import TouchPoint, Underside
 from robot.toml_sections import Section, numbered, read_toml
 
 DENSITIES: Final = (10.0, 20_000.0)
@@ -47,7 +45,7 @@ class BodyConfig:
 
     Attributes:
         size: x, y, z, m; ``hello`` makes it public.
-        mass: kg; likewise.
+        mass: Of the main body, kg.
         lies_flat: Whether it lies on the ground with all joints at 0.
     """
 
@@ -148,7 +146,7 @@ class RobotConfig:
 
     @property
     def underside(self) -> Underside:
-        """The belly, for readings that err as they are announced to."""
+        """The belly, with a margin for the noise that ``hello`` announces."""
         return Underside.of(
             self.body.size, tilt_noise=self.noise.tilt, clearance_noise=self.noise.clearance
         )
@@ -206,7 +204,7 @@ def load_config(path: Path, *, uncalibrated: bool = False) -> RobotConfig:
 
 
 def with_calibration(config: RobotConfig, file: Path | None) -> tuple[RobotConfig, Calibration]:
-    """A configuration with the values of a calibration file, which need not exist; and those alone.
+    """Applies the values of a calibration file, which need not exist, and returns them, too.
 
     Raises:
         ConfigError: Names file, key and reason.

@@ -19,25 +19,22 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
 from protocol.errors import CLEAR, RobotError
 from protocol.rules.robot_interface import FinalReply, RobotEvent, Snapshot
-from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
-from protocol.text.printable import brief, told
+from protocol.rules.transitions import TRANSITIONS, Event
+from protocol.text import brief, error_text
 from protocol.wire.capabilities import Capabilities
-from protocol.wire.messages import Ok, Perform, RobotRequest
-from protocol.wire.states import State
-from robot.control.interaction import InteractionResult, MotorProgramRunner
-from robot.control.job_queue import JobQueue
-from robot.control.jobs import ENDS, LEAVING, NEWS, OFF, STOPPED, Job, ended_by
-from robot.control.loop_watch import LATE, LoopWatch
-from robot.control.outbox import Outbox
-from robot.drivers.guard import under_way
+from protocol.wire.messages import Ok, Perform, RobotRequest, State
+from robot.control.interaction import MotorProgramRunner
+from robot.control.jobs import NEWS, OFF, STOPPED, Job, JobQueue, Outbox, ended_by, refused
+from robot.control.watched_thread import WatchedThread
 from robot.errors import DeviceError, DriverError
 from robot.host.service_manager import ServiceManager
+from robot.sensing.sensors import Reading
 
 _RARELY = 86_400.0  # s; a wait that needs no end
 _STOPPING = 2.0  # s for the control thread to hear that there is no more time
@@ -80,10 +77,13 @@ class Controller:
         self._sequence = 0
         self._jobs = JobQueue()
         self._outbox = Outbox()
-        self._watch = LoopWatch(
-            lambda: self._manager.heard, on_hang=self._give_up, on_return=self._returned
+        self._thread = WatchedThread(
+            "control",
+            self._run,
+            seen=lambda: self._manager.heard,
+            on_hang=self._give_up,
+            on_return=self._returned,
         )
-        self._thread = threading.Thread(target=self._run, name="control", daemon=True)
 
     # --- called by the server's thread ------------------------------------------------------------
 
@@ -98,7 +98,7 @@ class Controller:
             RobotError: The request is refused.
         """
         job = Job(ticket, request)
-        if job.event is Event.STOP and self._watch.hangs and not self._ended:
+        if job.event is Event.STOP and self._thread.hangs and not self._ended:
             self._stop_blindly(job)
             return
         with self._lock:
@@ -106,16 +106,15 @@ class Controller:
                 self._refuse_while_down()
             state = self._jobs.leads_to(self._state)
             if (state, job.event) not in TRANSITIONS:
-                raise self._refusal(state, job.event)
-            overtaken = self._jobs.end(
-                {event: ended_by(code) for event, code in ENDS[job.event].items()}
-            )
+                raise refused(state, job.event, self._reason if state is self._state else None)
+            overtaken = self._jobs.overtake(job.event)
             if queued := not self._ended:
                 self._jobs.put(job)
                 self._lock.notify()
         if not queued:
             self._carry_out(job)  # a stop, and nothing moves any more
-        self._tell(overtaken)  # after the control thread has heard of it: they may be very many
+        # After the control thread has heard of it, for they may be very many.
+        self._outbox.withdraw(overtaken)
 
     def controller_changed(self, client: str | None) -> None:
         """Another client takes control: the next zero pose is its reference for lying flat."""
@@ -126,18 +125,19 @@ class Controller:
         """The controlling client has fallen silent: ends a motion; the robot holds."""
         with self._lock:
             overtaken = self._jobs.end({Event.PERFORM: RobotError("aborted_silent", reason)})
-        self._tell(overtaken)
+        self._outbox.withdraw(overtaken)
 
     def snapshot(self) -> Snapshot:
         """What the robot is doing at this moment."""
-        stuck = self._watch.silence > LATE and under_way(self._thread.ident)
+        obstacle = self._thread.obstacle if self._thread.is_late else None
         with self._lock:
+            fault = self._state is State.FAULT
             return Snapshot(
                 state=self._state,
                 robot_time=self._interaction.now(),
                 sequence=self._sequence,
                 angles=self._interaction.angles(),
-                reason=self._stuck() if stuck and self._state is not State.FAULT else self._reason,
+                reason=self._reason if fault or obstacle is None else obstacle,
             )
 
     def events(self) -> list[RobotEvent]:
@@ -150,7 +150,6 @@ class Controller:
         """Starts the control thread."""
         if self._reason is not None:
             self._announce(logging.WARNING, self._reason)
-        self._watch.start()
         self._thread.start()
 
     def shut_down(self, timeout: float = 5.0) -> bool:
@@ -169,22 +168,13 @@ class Controller:
         """
         with self._lock:
             self._leaving = True
-            overtaken = self._jobs.end({event: ended_by(code) for event, code in LEAVING.items()})
+            overtaken = self._jobs.leave()
             self._lock.notify()
-        self._tell(overtaken)
-        self._join(timeout)
-        if self._thread.is_alive():
+        self._outbox.withdraw(overtaken)
+        if not self._thread.join(timeout):
             with self._lock:
                 self._late = True
-            self._join(_STOPPING)
-        return not self._thread.is_alive() and self._died is None
-
-    def _join(self, timeout: float) -> None:
-        end = time.monotonic() + timeout
-        while (left := end - time.monotonic()) > 0 and not self._watch.hangs:
-            self._thread.join(min(left, LATE))
-            if not self._thread.is_alive():
-                return
+        return self._thread.join(_STOPPING) and self._died is None
 
     # --- the control thread -----------------------------------------------------------------------
 
@@ -198,12 +188,10 @@ class Controller:
                     self._ended = not self._jobs
         except BaseException as error:  # of ours, whatever it is: nobody else would ever hear of it
             self._die(error)
-        finally:
-            self._watch.end()
 
     def _die(self, error: BaseException) -> None:
         """The end of the control thread: nothing moves any more, and everybody is answered."""
-        sentence = f"The control loop has ended: {told(error)}."
+        sentence = f"The control loop has ended: {error_text(error)}."
         with self._lock:
             self._died = RobotError("fault", sentence, advice="Start the daemon again.")
             self._ended = True
@@ -225,9 +213,9 @@ class Controller:
             patience = min(due - time.monotonic(), self._manager.period or _RARELY)
             with self._lock:
                 if not (self._jobs or self._leaving):
-                    self._watch.rest()
+                    self._thread.rest()
                     self._lock.wait(max(patience, 0.0))
-                    self._watch.work()
+                    self._thread.work()
                 if self._jobs or self._leaving:
                     return self._jobs.take()
             if self._housekeeping is not None and time.monotonic() >= due:
@@ -241,7 +229,7 @@ class Controller:
             known = isinstance(error, DeviceError)
             if not known or isinstance(error, DriverError):
                 self._log.exception("the control loop failed")
-            self._fail(str(error) if known else f"internal error: {told(error)}", job)
+            self._fail(str(error) if known else f"internal error: {error_text(error)}", job)
 
     def _carry_out(self, job: Job) -> None:
         if job.event in (Event.PERFORM, Event.READ):
@@ -249,7 +237,7 @@ class Controller:
             return
         before = self._state
         try:
-            self._command(job.event, partial(self._check, job))
+            self._interaction.command(job.event, self._state, partial(self._check, job))
         except RobotError:
             event = Event.DONE  # and its interrupt tells why
         else:
@@ -272,16 +260,8 @@ class Controller:
             job, job.error(aborted) if aborted else Ok(id=job.request.id, state=state)
         )
 
-    def _command(self, event: Event, check: Callable[[], None]) -> None:
-        if event is Event.RELAX:
-            self._interaction.relax()
-        elif event is Event.CLEAR and self._state is State.FAULT:
-            self._interaction.recover(check)
-        elif event is Event.HOLD or (event is Event.CLEAR and self._state is State.STOPPED):
-            self._interaction.hold(check)  # also when it was limp: that must not move after a stop
-
     def _measure(self, job: Job) -> FinalReply:
-        measured: InteractionResult | RobotError
+        measured: Reading | RobotError
         report = partial(self._report, job)
         try:
             if isinstance(job.request, Perform):
@@ -366,11 +346,6 @@ class Controller:
         """Changes the state as the table of transitions says."""
         self._state = TRANSITIONS.get((self._state, event), self._state)
 
-    def _tell(self, withdrawn: Sequence[Job]) -> None:
-        for job in withdrawn:
-            assert job.interrupt is not None
-            self._outbox.finish(job, job.error(job.interrupt))
-
     # --- any thread -------------------------------------------------------------------------------
 
     def _refuse_while_down(self) -> None:
@@ -379,26 +354,22 @@ class Controller:
             raise ended_by("shutting_down")
         if self._died is not None:
             raise self._died
-        if self._watch.hangs:
-            raise RobotError("fault", self._stuck())
+        if self._thread.hangs:
+            raise RobotError("fault", self._thread.obstacle)
 
     def _stop_blindly(self, job: Job) -> None:
         """Takes a stop for when the loop turns again, and answers it at once."""
-        unsure = RobotError("not_confirmed", f"The stop is not confirmed. {self._stuck()}")
+        unsure = RobotError("not_confirmed", f"The stop is not confirmed. {self._thread.obstacle}")
         self._outbox.finish(job, job.error(unsure))
         with self._lock:
             if not self._jobs.stops:  # one is enough, however many ask
                 self._jobs.put(job)
                 self._lock.notify()
 
-    def _stuck(self) -> str:
-        what = under_way(self._thread.ident) or "something does not return"
-        return f"The control loop does not turn: {what}."
-
     def _give_up(self) -> None:
         with self._lock:
             job = self._jobs.under_way
-        self._fail(self._stuck(), job)
+        self._fail(self._thread.obstacle, job)
 
     def _returned(self) -> None:
         self._log.warning("the control loop turns again; the robot stays down")
@@ -411,19 +382,15 @@ class Controller:
             self._jobs.under_way = None
             self._state = TRANSITIONS[self._state, Event.FAILED]
             self._reason = sentence
-            withdrawn = self._jobs.end(dict.fromkeys(ENDS[Event.STOP], overtaken))
+            withdrawn = self._jobs.fail(overtaken)
             if job is not None:
                 job.interrupt = failed  # the driver may return
         what_next = failed.advice if self._died else f"Once it is mended: {CLEAR}"
         self._announce(logging.ERROR, f"fault: {sentence} {what_next}")
-        self._tell(withdrawn)
+        self._outbox.withdraw(withdrawn)
         if job is not None:
             self._outbox.finish(job, job.error(failed))
 
     def _announce(self, level: int, sentence: str) -> None:
         self._log.log(level, "%s", sentence)
         self._manager.status(sentence)
-
-    def _refusal(self, state: State, event: Event) -> RobotError:
-        reason = f" ({self._reason})" if self._reason and state is self._state else ""
-        return RobotError(REFUSALS[state], f"The robot is {state}{reason}: {event} is refused.")

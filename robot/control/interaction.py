@@ -14,51 +14,46 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from typing import Final, Protocol
 
 from protocol.errors import RobotError
+from protocol.rules.transitions import Event
+from protocol.wire.messages import State
 from robot.configuration.joint_calibration import DrivenJoint
 from robot.configuration.robot_config import RobotConfig
 from robot.control.motion import Slew
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceDataError
-from robot.host.trusted_clock import MAX_GAP, SteadyClock
-from robot.sensing.sensors import OnProgress, Reading, Senses
-from robot.sensing.settling import RestDetector
+from robot.host.clock import MAX_GAP, SteadyClock
+from robot.sensing.samples import RestDetector
+from robot.sensing.sensors import OnProgress, Reading, SensorReader
 
 LATENESS: Final = 1.25  # times the line's own period: so late may an update be and lose no way
 FLAT_TILT: Final = math.radians(3)
+"""The most that a robot in its zero pose may lean, rad: ten times the usual noise of tilt."""
+
 FLAT_CLEARANCE: Final = 0.005
+"""The most that a robot in its zero pose may stand off, m: five times the usual noise."""
 
 _SAMPLE_TIME: Final = 0.25  # s for one sample of all sensors, at the very most
 
 Report = Callable[[str, float], None]
 
 
-class Attendant(Protocol):
+class Operator(Protocol):
     """A person beside the robot, or what takes their place.
 
     Attributes:
-        lays_down: Whether the attendant puts the robot back on its belly, so that nobody needs to
-            check that it lies flat.
+        lays_down: Whether the operator lays the robot on its belly at each interaction; whether it
+            lies flat is then not checked.
     """
 
     lays_down: bool
 
     def attend(self) -> None:
         """Called at each interaction, once the joints are at zero."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class InteractionResult:
-    """The result of one interaction or one reading."""
-
-    reading: Reading
-    saturated_joints: tuple[str, ...]
-    settled: bool
-    settle_time: float
 
 
 class MotorProgramRunner:
@@ -70,7 +65,7 @@ class MotorProgramRunner:
         sensing: The sensors.
         clock: The robot clock.
         revive: Makes the devices work again after a fault, or raises ``DeviceError``.
-        attendant: Who is with the robot, if anybody. Unless the attendant lays it down, the zero
+        operator: The operator, or ``None`` for none. Unless the operator lays it down, the zero
             pose is compared with the first one since a client took control, which must be flat
             unless the robot stands then; else the robot is refused with ``not_planar``.
     """
@@ -80,10 +75,10 @@ class MotorProgramRunner:
         config: RobotConfig,
         *,
         servos: ServoBus,
-        sensing: Senses,
+        sensing: SensorReader,
         clock: SteadyClock,
         revive: Callable[[], None],
-        attendant: Attendant | None,
+        operator: Operator | None,
     ):
         self._config = config
         self._joints = config.joints
@@ -92,7 +87,7 @@ class MotorProgramRunner:
         self._sensing = sensing
         self._clock = clock
         self._revive = revive
-        self._attendant = attendant
+        self._operator = operator
         self._outputs = [joint.output for joint in self._joints]
         # Where the board stands now: the motion slews from there and never jumps.
         self._counts = self._board_counts()
@@ -112,7 +107,7 @@ class MotorProgramRunner:
         """The angle that each joint is commanded to, rad; none for a joint that is limp."""
         return {joint.name: joint.scale.angle(count) for joint, count in self._commanded()}
 
-    def perform(self, targets: Mapping[str, float], report: Report) -> InteractionResult:
+    def perform(self, targets: Mapping[str, float], report: Report) -> Reading:
         """One interaction.
 
         Raises:
@@ -123,16 +118,16 @@ class MotorProgramRunner:
         self._verify(partial(report, "homing", 0.0))
         self._clock.watch()
         self._slew(dict.fromkeys(targets, 0.0), "homing", report)
-        if self._attendant is not None:
-            self._attendant.attend()
+        if self._operator is not None:
+            self._operator.attend()
         settled, _ = self._settle(report)
-        if self._attendant is None or not self._attendant.lays_down:
+        if self._operator is None or not self._operator.lays_down:
             flat = self._average(lambda _: report("settling", 1.0))
             self._check_flat(flat, settled=settled)
         self._slew(targets, "moving", report)
         return self._observe(report)
 
-    def read(self, report: Report) -> InteractionResult:
+    def read(self, report: Report) -> Reading:
         """Waits for rest in the present pose, and averages the sensors.
 
         Raises:
@@ -142,55 +137,28 @@ class MotorProgramRunner:
         self._clock.watch()
         return self._observe(report)
 
-    def hold(self, check: Callable[[], None]) -> None:
-        """Makes the board hold the last commanded counts.
-
-        A limp joint returns to them at the servo's own speed: nothing tells where it hangs. One
-        that was limp when the daemon started returns to zero.
+    def command(self, event: Event, state: State, check: Callable[[], None]) -> None:
+        """Carries out what a hold, relax or clear asks of the servos; a stop asks nothing of them.
 
         Args:
-            check: Called before each query; it may raise ``RobotError``, and then nothing is sent.
+            event: Which of them.
+            state: The robot's. A clear after a stop holds, also what was limp before it: that must
+                not move; a clear after a fault makes the devices work and tries all of them.
+            check: Called before each sample and query; it may raise ``RobotError``, and then
+                nothing is sent.
 
         Raises:
             RobotError: ``check`` ended it.
-            DeviceError: A device failed, or the board was reset: then nothing is sent, for the
-                servos would leap back from neutral.
+            DeviceError: A device failed.
         """
-        self._verify(check)
-        self._stiffen()
-
-    def relax(self) -> None:
-        """Lets every joint go limp.
-
-        Raises:
-            DeviceError: The servo board failed; joints count as driven then, as they may be.
-        """
-        self._servos.release(self._outputs)
-        self._released = True
-
-    def recover(self, check: Callable[[], None]) -> None:
-        """After a fault: makes the devices work, tries all of them, goes on from where they stand.
-
-        A board that was reset keeps the counts that it has now. Joints that are limp are held, as
-        after ``hold``.
-
-        Args:
-            check: Called before each sample and query; it may raise ``RobotError``.
-
-        Raises:
-            RobotError: ``check`` ended it.
-            DeviceError: Something still fails.
-        """
-        self._clock.watch()
-        self._servos.forget()
-        self._revive()
-        board = self._board_counts()
-        self._counts = {output: board[output] or self._counts[output] for output in board}
-        self._released = False
-        if not all(board.values()):
+        if event is Event.RELAX:
+            self._servos.release(self._outputs)  # joints count as driven where it fails
+            self._released = True
+        elif event is Event.CLEAR and state is State.FAULT:
+            self._recover(check)
+        elif event is Event.HOLD or (event is Event.CLEAR and state is State.STOPPED):
+            self._verify(check)  # after a reset the servos would leap back from neutral
             self._stiffen()
-        self._average(lambda _: check())
-        self._verify(check)
 
     def check_board(self, check: Callable[[], None]) -> None:
         """Finds out whether the board was reset behind our back.
@@ -220,14 +188,14 @@ class MotorProgramRunner:
         """Takes the next zero pose as the reference for lying flat."""
         self._flat = None
 
-    def _observe(self, report: Report) -> InteractionResult:
+    def _observe(self, report: Report) -> Reading:
         """Waits for rest, averages, and makes sure that the board had its commands all along."""
         settled, settle_time = self._settle(report)
         self._verify(partial(report, "settling", 1.0))
         reading = self._average(partial(report, "sampling"))
         self._verify(partial(report, "sampling", 1.0))
-        return InteractionResult(
-            reading=reading,
+        return replace(
+            reading,
             saturated_joints=self._saturated(),
             settled=settled,
             settle_time=settle_time,
@@ -244,7 +212,27 @@ class MotorProgramRunner:
         commanded = [(joint, counts[joint.output]) for joint in self._joints]
         return [(joint, count) for joint, count in commanded if count]
 
+    def _recover(self, check: Callable[[], None]) -> None:
+        """Makes the devices work, tries all of them, and goes on from where the joints stand.
+
+        A board that was reset keeps the counts that it has now; joints that are limp are held.
+        """
+        self._clock.watch()
+        self._servos.forget()
+        self._revive()
+        board = self._board_counts()
+        self._counts = {output: board[output] or self._counts[output] for output in board}
+        self._released = False
+        if not all(board.values()):
+            self._stiffen()
+        self._average(lambda _: check())
+        self._verify(check)
+
     def _stiffen(self) -> None:
+        """Sends the last commanded counts, to which a limp joint returns at its servo's own speed.
+
+        Nothing tells where it hangs. One that was limp when the daemon started returns to zero.
+        """
         self._counts = {
             joint.output: self._counts[joint.output] or joint.scale.count(0.0)
             for joint in self._joints
@@ -294,14 +282,7 @@ class MotorProgramRunner:
                 "not_settled",
                 f"In its zero pose the robot did not come to rest within {self._rest.timeout:g} s.",
             )
-        level = Reading(
-            tilt=(0.0, 0.0),
-            touch=None,
-            clearance=0.0,
-            clearance_saturated=False,
-            samples=1,
-            time=0.0,
-        )
+        level = Reading(tilt=(0.0, 0.0), clearance=0.0)
         reference = self._flat or (level if self._config.body.lies_flat else reading)
         tilts = zip(reading.tilt or (0.0, 0.0), reference.tilt or (0.0, 0.0), strict=True)
         lean = max(abs(a - b) for a, b in tilts)

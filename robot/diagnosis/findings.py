@@ -15,7 +15,7 @@ _MOST_REPEATS: Final = 0.02  # share of transfers; three losses running stop the
 
 
 class Severity(StrEnum):
-    """How bad it is; only ``BAD`` fails the examination."""
+    """How bad a finding is; only ``BAD`` fails the examination."""
 
     OK = "ok"
     LOOK = "look"

@@ -14,20 +14,19 @@ from robot.drivers.sensors.analogue import StrainGauge
 from robot.drivers.sensors.contracts import BoardSettings, DistanceSensor, SensorDriver
 from robot.errors import DeviceDataError, DeviceError
 from robot.host.clock import Clock
-from robot.sensing.raw_samples import spread
-from robot.sensing.sensors import PLAUSIBLE_G, BellySensor, tilt_at_rest
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import spread
+from robot.sensing.sensors import PLAUSIBLE_G, BellySensor, TouchPoint, tilt_at_rest
 
 Sample = TypeVar("Sample")
 
-FAST_SCANS: Final = 200
-SAMPLES: Final = 5 * STUCK_AFTER
-DISTANCES: Final = 20
+FAST_SCANS: Final = 200  # enough to be timed; not tuned
+SAMPLES: Final = 5 * STUCK_AFTER  # so that a stuck input is noticed
+DISTANCES: Final = 20  # not tuned
 _FLICKER: Final = 4.0  # a threshold nearer to zero than so many rms of noise is crossed by it
 _MOST_FORCE: Final = 50.0  # N; the robot weighs a few
-_LEANS: Final = math.radians(10)
-_BELOW_GROUND: Final = -0.005  # m
-_UNSTEADY: Final = 3e-3  # m rms
+_LEANS: Final = math.radians(10)  # more than any floor
+_BELOW_GROUND: Final = -0.005  # m; beyond the error of a calibrated sensor
+_UNSTEADY: Final = 3e-3  # m rms; not tuned
 
 
 class Recording(Generic[Sample]):
@@ -154,7 +153,7 @@ def check_accelerometer(
 
 
 def check_touch(point: TouchPoint, recording: Recording[float | bool]) -> Finding:
-    """One touch sensor."""
+    """Examines one touch sensor."""
     subject = f"touch {point.name}"
     if recording.failure is not None:
         return failed(subject, recording.failure)

@@ -14,12 +14,12 @@ from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.errors import DeviceError
 from robot.host.clock import Clock
 
-QUERIES: Final = 24
+QUERIES: Final = 24  # a line that damages one query in five hardly passes
 _HICCUP: Final = 1  # repeated query; a bad line has more
-MOVE: Final = math.radians(5)
+MOVE: Final = math.radians(5)  # is seen, and safe in any pose
 _REST: Final = 0.3  # s between there and back
 _BESIDE: Final = math.radians(1)  # a joint may stand this far outside its limits, by quantisation
-_USUAL: Final = (0.43, 2.14)  # times the usual size of a count
+_USUAL: Final = (0.43, 2.14)  # times the usual size of a count: 0.3° to 1.5° of 255
 
 
 def check_board(

@@ -12,10 +12,14 @@ from dataclasses import dataclass
 import serial
 
 from robot.drivers.links.analogue_inputs import AnalogueInputs
-from robot.drivers.links.gpio_line import GPIOLine, OutputLine
+from robot.drivers.links.device_files import (
+    GPIOLine,
+    OutputLine,
+    PortIO,
+    open_dev_port,
+    open_serial,
+)
 from robot.drivers.links.i2c import I2CBus, I2CLink, open_i2c
-from robot.drivers.links.portio import PortIO, open_dev_port
-from robot.drivers.links.serial_line import open_serial
 from robot.host.clock import Clock
 
 

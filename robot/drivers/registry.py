@@ -19,7 +19,7 @@ from importlib import metadata
 from types import MappingProxyType
 from typing import Any, Final
 
-from protocol.text.printable import told
+from protocol.text import error_text
 from robot.errors import ConfigError
 from robot.toml_sections import Section
 
@@ -36,12 +36,12 @@ OURS: Final = MappingProxyType(
         ),
         SENSORS: MappingProxyType(
             {
-                "daq.dmm32": "robot.drivers.daq.dmm32:DMM32Settings",
-                "daq.comedi": "robot.drivers.daq.comedi:ComediSettings",
-                "daq.ads1115": "robot.drivers.daq.ads1115:ADS1115Settings",
+                "daq.dmm32": "robot.drivers.sensors.dmm32:DMM32Settings",
+                "daq.comedi": "robot.drivers.sensors.comedi:ComediSettings",
+                "daq.ads1115": "robot.drivers.sensors.ads1115:ADS1115Settings",
                 "accelerometer.mpu6050": "robot.drivers.sensors.mpu6050:MPU6050Settings",
                 "accelerometer.analogue": "robot.drivers.sensors.analogue:AnalogueAxes",
-                "touch.switch": "robot.drivers.sensors.switch:SwitchSettings",
+                "touch.switch": "robot.drivers.sensors.analogue:SwitchSettings",
                 "touch.analogue": "robot.drivers.sensors.analogue:StrainGauge",
                 "distance.vl6180x": "robot.drivers.sensors.vl6180x:VL6180XSettings",
             }
@@ -125,7 +125,7 @@ def read_settings(table: Section, group: str, default: str, *, kind: str = "") -
         raise
     except BaseException as error:  # whatever it does with the table
         raise table.refuse(
-            "driver", f"is {point.value}, which failed on this table: {told(error)}."
+            "driver", f"is {point.value}, which failed on this table: {error_text(error)}."
         ) from error
 
 
@@ -140,4 +140,4 @@ def load(point: metadata.EntryPoint) -> Any:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise ImportError(f"cannot be imported: {told(error)}") from error
+        raise ImportError(f"cannot be imported: {error_text(error)}") from error

@@ -1,16 +1,24 @@
-"""The robot's clock, passed in wherever time matters.
+"""The robot's clock, passed in wherever time matters, and one that detects jumps of it.
 
 It drives slewing, serial pacing, settling, time stamps and conversion deadlines. On a robot it is
 the wall clock; a simulated robot brings a virtual one, which advances only when somebody sleeps
 or a device is touched. Time-outs of sockets and of the service manager belong to the wall clock
 and do not come here.
+
+The kernel's monotonic clock neither jumps nor runs backwards, but a control loop can stand still
+(a stopped process, a suspended computer), which looks the same from inside; and a virtual clock
+does what it is told. After such a jump a motion would command a leap, and an observation would
+carry a wrong time: ``SteadyClock`` detects it.
 """
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Final, Protocol
+
+from robot.errors import DeviceDataError
 
 
 class Clock(Protocol):
@@ -63,3 +71,65 @@ class WatchedClock:
         """Calls back, then lets ``seconds`` pass."""
         self._on_sleep()
         self._clock.sleep(seconds)
+
+
+MAX_GAP: Final = 2.0
+"""Seconds between two looks at the clock during a motion that are no longer ordinary delay."""
+
+
+class SteadyClock:
+    """A clock that never runs backwards, and that detects jumps of the clock below.
+
+    Args:
+        clock: The robot clock.
+    """
+
+    def __init__(self, clock: Clock):
+        self._clock = clock
+        self._lock = threading.Lock()  # the server's thread asks for the time, too
+        self._last = clock.now()
+        self._lost = 0.0
+        self._backwards = 0.0
+        self._looked = self._last
+
+    def now(self) -> float:
+        """Seconds that only grow."""
+        with self._lock:
+            time = self._clock.now()
+            back = max(0.0, self._last - time)
+            self._last = time
+            self._lost += back
+            self._backwards += back
+            return time + self._lost
+
+    def sleep(self, seconds: float) -> None:
+        """Lets ``seconds`` pass."""
+        self._clock.sleep(seconds)
+
+    def charge(self, seconds: float) -> None:
+        """Accounts for time that a blocking device call took."""
+        self._clock.charge(seconds)
+
+    def watch(self) -> None:
+        """Starts to look for jumps: something begins that a jump would spoil."""
+        self._looked = self.now()
+        self._backwards = 0.0
+
+    def check(self, at_most: float = MAX_GAP) -> None:
+        """Checks for a jump since the last call; to be called again and again meanwhile.
+
+        Args:
+            at_most: Seconds that may have passed since the last call, or since ``watch``.
+
+        Raises:
+            DeviceDataError: More time passed than that, or time ran backwards.
+        """
+        gap = self.now() - self._looked
+        backwards = self._backwards
+        self.watch()
+        jump = -backwards if backwards else gap
+        if backwards or gap > at_most:
+            raise DeviceDataError(
+                f"The robot clock jumped by {jump:+.1f} s in mid-motion.",
+                "Find out what stopped the daemon or set its clock.",
+            )

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, Final
 
-from protocol.text.printable import brief, printable
+from protocol.text import brief, printable
 
 _ERROR, _WARNING, _INFORMATION, _DEBUG = "<3>", "<4>", "<6>", "<7>"  # as in sd-daemon(3)
 _STDERR: Final = 2
@@ -65,7 +65,7 @@ class PlainFormatter(logging.Formatter):
         record.message = printable(brief(record.message, _LONGEST))
         return super().formatMessage(record)
 
-    def formatException(self, ei: Any) -> str:  # noqa: N802 - likewise
+    def formatException(self, ei: Any) -> str:  # noqa: N802 - logging's name
         """The traceback, without its middle where it is long."""
         lines = [brief(line, _LONGEST) for line in super().formatException(ei).splitlines()]
         left_out = len(lines) - 2 * _LINES

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Final
 
-from protocol.text.printable import brief
+from protocol.text import brief
 
 _PATIENCE: Final = 1.0  # s that a full queue of the manager may cost a message that must arrive
 _GLANCE: Final = 0.05  # … and one that should; a sign of life is repeated and may cost nothing

@@ -1,7 +1,9 @@
-"""What the sensors say becomes tilt, touch and clearance.
+"""From samples of the sensors to tilt, touch and clearance.
 
 A resting accelerometer measures the world's up direction in the body frame times 1 g, so a reading
-whose length is far from 1 g is no rest, or no accelerometer.
+whose length is far from 1 g is no rest, or no accelerometer. A touch sensor's load becomes one bit,
+with hysteresis against dithering and debounce against spikes. A body that leans cannot have its
+belly on the ground: a distance that contradicts the tilt is refused.
 """
 
 from __future__ import annotations
@@ -9,17 +11,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Final, Protocol, TypeAlias
 
-from protocol.wire.readings import tilt_of
-from robot.drivers.sensors.contracts import Accelerometer, DistanceSensor, TouchSensor
+from protocol.wire.readings import tilt_of, up_of
+from robot.drivers.sensors.contracts import (
+    Accelerometer,
+    DistanceSensor,
+    SensorSettings,
+    TouchSensor,
+)
 from robot.errors import DeviceDataError
 from robot.host.clock import Clock
-from robot.sensing.plausibility import Underside
-from robot.sensing.touch import TouchDetector, TouchPoint
 
 OnProgress: TypeAlias = Callable[[float], None]
-PLAUSIBLE_G = (0.9, 1.1)
+PLAUSIBLE_G: Final = (0.9, 1.1)
+"""Lengths, g, of what a calibrated accelerometer reads at rest; chosen, not tuned."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +49,29 @@ class BellySensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """One average over a resting robot; angles in rad, clearance in m; ``None``: not measured."""
+    """One average over a resting robot; its fields are named as those of ``ObservationReply``.
 
-    tilt: tuple[float, float] | None
-    touch: tuple[bool, ...] | None
-    clearance: float | None
-    clearance_saturated: bool
-    samples: int
-    time: float
+    Attributes:
+        tilt: Left/right and forward/back, rad; ``None``: not measured.
+        touch: Whether each part with a sensor touches, in the order of the configuration.
+        clearance: Belly to ground, m.
+        clearance_saturated: Whether nothing was within reach: ``clearance`` is then the reach.
+        samples: How many were averaged.
+        robot_time: When the last of them was taken, s.
+        settled: Whether the robot came to rest before the first.
+        settle_time: Seconds that was waited for.
+        saturated_joints: The joints that were commanded to an end of their range.
+    """
+
+    tilt: tuple[float, float] | None = None
+    touch: tuple[bool, ...] | None = None
+    clearance: float | None = None
+    clearance_saturated: bool = False
+    samples: int = 1
+    robot_time: float = 0.0
+    settled: bool = False
+    settle_time: float = 0.0
+    saturated_joints: tuple[str, ...] = ()
 
 
 def ignore(fraction: float) -> None:
@@ -63,8 +84,112 @@ def tilt_at_rest(acceleration: Sequence[float]) -> tuple[float, float]:
     return tilt_of([value / length for value in acceleration])
 
 
-class Senses(Protocol):
-    """The sensors, as an interaction reads them."""
+@dataclass(frozen=True, kw_only=True)
+class TouchPoint:
+    """A part with a touch sensor.
+
+    Attributes:
+        name: The part.
+        driver: Its sensor.
+        on: Load above which the part touches, N; a switch needs none.
+        off: Load below which it no longer does, N.
+        debounce: Consecutive samples that must agree before the bit changes.
+    """
+
+    name: str
+    driver: SensorSettings
+    on: float
+    off: float
+    debounce: int
+
+
+class TouchDetector:
+    """The bit of one part, sample by sample."""
+
+    def __init__(self, point: TouchPoint):
+        self._point = point
+        self.reset()
+
+    def reset(self) -> None:
+        """Forgets: what a foot felt in an earlier pose says nothing about this one."""
+        self.touching = False
+        self._against = 0
+
+    def feed(self, load: float | bool) -> bool:
+        """Takes one sample of a ``TouchSensor`` and returns the bit."""
+        if isinstance(load, bool):
+            wanted = load
+        else:
+            wanted = load > (self._point.off if self.touching else self._point.on)
+        self._against = self._against + 1 if wanted != self.touching else 0
+        if self._against >= self._point.debounce:
+            self.touching = wanted
+            self._against = 0
+        return self.touching
+
+
+LEAST_MARGIN: Final = 0.010
+"""Metres by which distance and tilt may contradict each other in any case."""
+
+_DISTANCE_SIGMAS: Final = 10.0  # rms errors; wide, for such a sensor errs by placement, too
+_TILT_SIGMAS: Final = 5.0  # rms errors; not tuned
+_STEEPEST: Final = math.cos(math.radians(60))  # beyond it, 1° of tilt is worth too many metres
+
+
+@dataclass(frozen=True, kw_only=True)
+class Underside:
+    """The belly, against which distance and tilt are held.
+
+    Attributes:
+        length: Along x, m.
+        width: Along y, m.
+        margin: Metres by which distance and tilt may contradict each other.
+    """
+
+    length: float
+    width: float
+    margin: float = LEAST_MARGIN
+
+    @classmethod
+    def of(cls, size: Sequence[float], *, tilt_noise: float, clearance_noise: float) -> Underside:
+        """The belly of a body, with a margin for the noise that its sensors announce.
+
+        Args:
+            size: Main body along x, y, z, m.
+            tilt_noise: Root mean square error of one observation of tilt, rad.
+            clearance_noise: Root mean square error of one observation of clearance, m.
+        """
+        length, width = size[:2]
+        lifted = _TILT_SIGMAS * tilt_noise * (length + width) / 2
+        margin = max(LEAST_MARGIN, _DISTANCE_SIGMAS * clearance_noise + lifted)
+        return cls(length=length, width=width, margin=margin)
+
+    def check(self, clearance: float, tilt: tuple[float, float], *, sensor: str) -> None:
+        """Whether a clearance can go with a tilt: no corner of the belly is below the ground.
+
+        Args:
+            clearance: Belly to ground, m.
+            tilt: Left/right and forward/back, rad.
+            sensor: What the distance sensor is called.
+
+        Raises:
+            DeviceDataError: It cannot.
+        """
+        along, across, upright = map(abs, up_of(tilt))
+        if upright < _STEEPEST:
+            return
+        least = (self.length * along + self.width * across) / 2 / upright
+        if clearance < least - self.margin:
+            lean = math.degrees(math.acos(upright))
+            raise DeviceDataError(
+                f"The distance sensor ({sensor}) says {clearance * 1000:.0f} mm, but the belly of "
+                f"a body that leans by {lean:.0f}° is at least {least * 1000:.0f} mm up.",
+                "One of the two is wrong: check the distance sensor, then the accelerometer.",
+            )
+
+
+class SensorReader(Protocol):
+    """What an interaction reads: the robot's sensors, or none."""
 
     def tilt(self) -> tuple[float, float]:
         """One sample of both tilt angles, rad, while the robot may still move."""
@@ -77,7 +202,7 @@ class Senses(Protocol):
         """
 
 
-class Sensing:
+class RobotSensors:
     """All sensors of the robot.
 
     Args:
@@ -161,7 +286,7 @@ class Sensing:
             clearance=clearance,
             clearance_saturated=saturated,
             samples=samples,
-            time=self._clock.now(),
+            robot_time=self._clock.now(),
         )
 
 

@@ -16,13 +16,12 @@ from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
-from robot.control.interaction import Attendant, MotorProgramRunner
+from robot.control.interaction import MotorProgramRunner, Operator
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.errors import DeviceTimeoutError
-from robot.host.clock import Clock
+from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
-from robot.host.trusted_clock import SteadyClock
-from robot.sensing.sensors import Senses, Sensing
+from robot.sensing.sensors import RobotSensors, SensorReader
 from robot.service.devices import Devices, revive
 
 HOUSEKEEPING = 3.0  # s between checks that the servo board was not reset
@@ -34,7 +33,7 @@ def build_controller(
     devices: Devices,
     *,
     clock: Clock,
-    attendant: Attendant | None,
+    operator: Operator | None,
     housekeeping: float | None,
     log: logging.Logger,
     manager: ServiceManager | None = None,
@@ -45,7 +44,7 @@ def build_controller(
         config: What is connected where.
         devices: The drivers.
         clock: The robot clock.
-        attendant: Who puts the robot back on its belly, or ``None``.
+        operator: Who puts the robot back on its belly, or ``None``.
         housekeeping: Seconds between checks of the idle board, or ``None`` for none.
         log: Where to write what a person may want to know.
         manager: Who is told that the control loop turns.
@@ -54,7 +53,7 @@ def build_controller(
     belly = None
     if config.distance is not None and devices.distance is not None:
         belly = (devices.distance, config.distance.sensor)
-    sensing = Sensing(
+    sensing = RobotSensors(
         accelerometer=devices.accelerometer,
         touch=list(zip(config.touch, devices.touch, strict=True)),
         belly=belly,
@@ -69,7 +68,7 @@ def build_controller(
         capabilities=describe(config),
         clock=steady,
         revive=partial(revive, config, devices),
-        attendant=attendant,
+        operator=operator,
         housekeeping=housekeeping,
         log=log,
         manager=manager,
@@ -80,10 +79,10 @@ def assemble(
     config: RobotConfig,
     *,
     servos: ServoBus,
-    sensing: Senses,
+    sensing: SensorReader,
     capabilities: Capabilities,
     clock: SteadyClock,
-    attendant: Attendant | None,
+    operator: Operator | None,
     housekeeping: float | None,
     log: logging.Logger,
     manager: ServiceManager | None,
@@ -99,7 +98,7 @@ def assemble(
         sensing=sensing,
         clock=clock,
         revive=revive,
-        attendant=attendant,
+        operator=operator,
     )
     return Controller(
         interaction,

@@ -12,17 +12,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Final
 
+from protocol.wire.field_checks import MAX_NAME
 from robot.configuration.robot_config import RobotConfig
 from robot.control.controller import Controller
-from robot.host.clock import Clock
+from robot.host.clock import Clock, SteadyClock
 from robot.host.service_manager import ServiceManager
-from robot.host.trusted_clock import SteadyClock
 from robot.sensing.sensors import OnProgress, Reading, ignore
 from robot.service.daemon import HOUSEKEEPING, assemble, describe
 
 SUFFIX: Final = " (dry run)"
-_LONGEST_NAME: Final = 64
-_SECONDS_PER_SERVO: Final = 0.01
+_SECONDS_PER_SERVO: Final = 0.01  # s; an SV-203B's at 9600 baud
 _NO_WAIT: Final = 1e-3  # s; there is nothing that could settle
 
 
@@ -76,24 +75,17 @@ class NoSensors:
         return 0.0, 0.0
 
     def average(self, samples: int, report: OnProgress = ignore) -> Reading:
-        """An empty reading of one sample, the least that a message may say."""
+        """An empty reading."""
         del samples
         report(1.0)
-        return Reading(
-            tilt=None,
-            touch=None,
-            clearance=None,
-            clearance_saturated=False,
-            samples=1,
-            time=self._clock.now(),
-        )
+        return Reading(robot_time=self._clock.now())
 
 
 def dry_config(config: RobotConfig) -> RobotConfig:
     """The configuration, under a name that says what it is."""
     return replace(
         config,
-        name=config.name[: _LONGEST_NAME - len(SUFFIX)] + SUFFIX,
+        name=config.name[: MAX_NAME - len(SUFFIX)] + SUFFIX,
         settling=replace(config.settling, timeout=_NO_WAIT),
     )
 
@@ -115,7 +107,7 @@ def dry_controller(
         sensing=NoSensors(clock),
         capabilities=replace(describe(config), sensors=()),
         clock=SteadyClock(clock),
-        attendant=None,
+        operator=None,
         housekeeping=HOUSEKEEPING,
         log=log,
         manager=manager,

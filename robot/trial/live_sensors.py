@@ -20,8 +20,7 @@ from robot.drivers.sensors.contracts import (
     attach_board,
 )
 from robot.errors import DeviceError
-from robot.sensing.sensors import BellySensor, tilt_at_rest
-from robot.sensing.touch import TouchDetector, TouchPoint
+from robot.sensing.sensors import BellySensor, TouchDetector, TouchPoint, tilt_at_rest
 
 
 class LiveSensor:

@@ -27,10 +27,8 @@ from contextlib import suppress
 from typing import Any, Final
 
 from protocol.errors import BodyschemaError
-from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.zmq_sockets import Waker
-from protocol.system.closable import Closable
-from protocol.system.forks import kept_from_children
+from protocol.sockets.zmq_sockets import Endpoint, Waker
+from protocol.system.process import Closable, kept_from_children
 from robot.errors import CommandError
 from sim_robot.errors import FaultError
 from sim_robot.faults.fault_panel import FaultPanel, FaultSpec

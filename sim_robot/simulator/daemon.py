@@ -64,7 +64,7 @@ class Emulation:
     electronics: ElectronicsSet
 
 
-class SimulatedAttendant:
+class SimulatedOperator:
     """Numbers interactions, for the noise, and lays the body down before each.
 
     One that is made again after it was broken off reads what it would have read.
@@ -170,28 +170,28 @@ def switch_on(parts: Emulation, log: logging.Logger) -> None:
     if off:
         servos.set_counts(off)
         parts.world.lay_down()
-        log.info("the servos were off; the attendant put every joint at 0° and switched them on")
+        log.info("the servos were off; the operator put every joint at 0° and switched them on")
 
 
-def robot_on(parts: Emulation, log: logging.Logger, *, attendant: bool) -> Controller:
+def robot_on(parts: Emulation, log: logging.Logger, *, operator: bool) -> Controller:
     """The control loop of a robot on emulated electronics; it is not yet started.
 
     Args:
         parts: The electronics.
         log: Where to write what a person may want to know.
-        attendant: Whether somebody switches servos that are off on in the zero pose, and puts the
-            body back on its belly before each interaction.
+        operator: Whether there is an operator, who switches servos that are off on in the zero pose
+            and lays the body on its belly at each interaction.
     """
-    if attendant:
+    if operator:
         switch_on(parts, log)
     controller = build_controller(
         parts.config,
         parts.devices,
         clock=parts.clock,
-        attendant=SimulatedAttendant(
+        operator=SimulatedOperator(
             parts,
             observed=lambda: controller.snapshot().sequence,
-            lays_down=attendant,
+            lays_down=operator,
         ),
         housekeeping=HOUSEKEEPING if parts.real_time else None,
         log=log,

@@ -16,9 +16,8 @@ from robot.drivers.sensors.contracts import BoardSettings, SensorSettings
 from robot.drivers.sensors.vl6180x import VL6180XSettings
 from robot.drivers.servos.servo_bus import ServoBus, ServoSettings
 from robot.host.clock import Clock
-from robot.sensing.sensors import BellySensor
-from robot.sensing.settling import RestCriterion
-from robot.sensing.touch import TouchPoint
+from robot.sensing.samples import RestCriterion
+from robot.sensing.sensors import BellySensor, TouchPoint
 from sim_robot.electronics.fault_switch import FaultSwitch
 from sim_robot.simulator.wiring import Wiring
 from sim_robot.world.body import Body

@@ -8,8 +8,8 @@ from typing import Final, cast
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
-from robot.drivers.daq.dmm32 import DMM32Settings
 from robot.drivers.sensors.analogue import AnalogueAxes
+from robot.drivers.sensors.dmm32 import DMM32Settings
 from robot.drivers.servos.servo_bus import ServoBus
 from robot.drivers.servos.sv203 import SERVOS, SV203, SV203Settings
 from robot.host.clock import Clock

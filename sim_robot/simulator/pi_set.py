@@ -8,7 +8,7 @@ from typing import Final
 
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.buses import Buses
-from robot.drivers.daq.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
+from robot.drivers.sensors.ads1115 import INPUTS_PER_CHIP, ADS1115Settings
 from robot.drivers.sensors.mpu6050 import MPU6050Settings
 from robot.drivers.servos.pca9685 import OSCILLATOR_MHZ, PCA9685Settings
 from robot.drivers.servos.pca9685_board import OUTPUTS, TICKS

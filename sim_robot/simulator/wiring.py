@@ -19,7 +19,7 @@ from robot.configuration.joint_calibration import DrivenJoint, JointScale
 from robot.configuration.robot_config import RobotConfig
 from robot.drivers.sensors.analogue import AnalogueAxes, StrainGauge
 from robot.drivers.sensors.contracts import SensorSettings
-from robot.sensing.touch import TouchPoint
+from robot.sensing.sensors import TouchPoint
 from sim_robot.world.sensor_noise import Noise
 from sim_robot.world.simulation import World
 

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from protocol.system.presence import may_exist
+from protocol.system.files import may_exist
 from sim_robot.errors import BodyError
 from sim_robot.world.urdf.checks import root_of
 from sim_robot.world.urdf.declarations import Box, Cylinder, Joint, Robot, Sphere, vector

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-from protocol.system.native_output import native_output_discarded
+from protocol.system.process import native_output_discarded
 from sim_robot.world.body import Body
 from sim_robot.world.simulation import FRICTION, GRAVITY, MAX_GAP, SERVO_SPEED, STEP, Pose, World
 

@@ -17,8 +17,8 @@ from importlib.util import find_spec
 from types import MappingProxyType
 from typing import Final, NamedTuple, TypeAlias
 
-from protocol.system.closable import Closable
 from protocol.system.missing_library import install_command
+from protocol.system.process import Closable
 from protocol.wire.readings import belly_ray, up_in_body
 from sim_robot.errors import EngineError
 from sim_robot.world.body import Body

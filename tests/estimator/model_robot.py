@@ -27,8 +27,7 @@ from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, RobotEvent, Snapshot
 from protocol.transport.server import Server
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
-from protocol.wire.messages import ErrorReply, ObservationReply, Ok, Perform, RobotRequest
-from protocol.wire.states import State
+from protocol.wire.messages import ErrorReply, ObservationReply, Ok, Perform, RobotRequest, State
 
 JOINTS = ("left", "front", "right", "back")
 TRUE_LENGTHS = (0.17, 0.15, 0.18, 0.16)

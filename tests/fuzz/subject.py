@@ -18,8 +18,7 @@ from typing import Any, Final
 
 from protocol.errors import RobotError
 from protocol.rules.robot_interface import Finished, Progressed, Snapshot
-from protocol.rules.server_actions import Action, Send, Silence, Submit
-from protocol.rules.server_core import ServerCore
+from protocol.rules.server_core import Action, Send, ServerCore, Silence, Submit
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from protocol.wire.codec import decode, encode
@@ -31,10 +30,10 @@ from protocol.wire.messages import (
     Read,
     RobotRequest,
     SessionRequest,
+    State,
     parse_reply,
     parse_telemetry,
 )
-from protocol.wire.states import State
 from tests.fuzz import reference
 
 JOINTS: Final = ("a", "b")

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 from protocol.errors import RemoteProtocolError
 from protocol.rules import server_core
 from protocol.rules.at_most_once import Client
-from protocol.rules.lease import Lease
-from protocol.rules.server_actions import Send
-from protocol.rules.server_core import ServerCore
+from protocol.rules.control import Lease
+from protocol.rules.server_core import Send, ServerCore
 from protocol.wire import codec
 from protocol.wire.codec import decode
 from tests.fuzz import reference

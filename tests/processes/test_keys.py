@@ -14,7 +14,7 @@ from estimator.robot_link import open_robot
 from protocol.__main__ import main as protocol_main
 from protocol.errors import RobotUnreachableError
 from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer, read_public
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 
 

@@ -13,7 +13,7 @@ from sim_robot.faults.control_socket import FaultClient
 def test_outputs_stay_off_until_a_hold_and_the_daemon_says_so() -> None:
     with (
         simulator(
-            "--electronics", "pi", "--no-attendant", "--control", "tcp://127.0.0.1:*"
+            "--electronics", "pi", "--no-operator", "--control", "tcp://127.0.0.1:*"
         ) as robot,
         RobotClient(robot.uri) as client,
     ):

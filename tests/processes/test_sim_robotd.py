@@ -189,8 +189,8 @@ def test_sigterm_parks_and_leaves() -> None:
     assert output == ""  # PyBullet's chatter stays out
 
 
-def test_a_body_that_fell_stays_down_without_an_attendant() -> None:
-    with simulator("--no-attendant", "--noise", "none") as robot, RobotClient(robot.uri) as client:
+def test_a_body_that_fell_stays_down_without_an_operator() -> None:
+    with simulator("--no-operator", "--noise", "none") as robot, RobotClient(robot.uri) as client:
         client.acquire()
         client.perform(program(client, hip_left=-30))
         flat = client.perform(program(client))

@@ -26,9 +26,9 @@ from protocol.wire.messages import (
     Perform,
     Read,
     RobotRequest,
+    State,
     Stop,
 )
-from protocol.wire.states import State
 from robot.control.controller import Controller
 from tests.protocol.rules.core_bench import ServerCoreBench
 from tests.robot.stepped import SteppedClock

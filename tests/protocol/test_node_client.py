@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from protocol.wire.messages import Perform, RobotRequest
-from protocol.wire.states import State
+from protocol.wire.messages import Perform, RobotRequest, State
 from tests.protocol.conftest import FakeRobot
 
 if TYPE_CHECKING:

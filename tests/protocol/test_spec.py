@@ -11,14 +11,12 @@ from typing import Any
 import pytest
 
 from protocol.errors import ERROR_CODES
-from protocol.rules.lease import EXPIRY, SILENCE
-from protocol.rules.roles import MAY
+from protocol.rules.control import EXPIRY, MAY, SILENCE
 from protocol.rules.server_core import MAX_READS
 from protocol.rules.transitions import REFUSALS, TRANSITIONS, Event
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
-from protocol.wire.messages import REPLIES, REQUESTS, Request, Telemetry
-from protocol.wire.states import State
+from protocol.wire.messages import REPLIES, REQUESTS, Request, State, Telemetry
 
 SPEC = resources.files("protocol").joinpath("SPEC.md").read_text("utf-8")
 VECTORS: list[dict[str, Any]] = json.loads(

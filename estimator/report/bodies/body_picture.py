@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from estimator.report.bodies.camera import reach, take_picture
 from estimator.report.bodies.shown_bodies import ShownBody
 from estimator.report.plots.canvas import leg_patches, new_figure
-from protocol.text.printable import printable
+from protocol.text import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -16,7 +16,7 @@ from typing import Any, Final
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from protocol.text.printable import printable
+from protocol.text import printable
 
 _FILES: Final = resources.files("estimator.report.page")
 

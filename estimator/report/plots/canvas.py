@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from estimator.report.plots.leg_styles import leg_colour, leg_label
-from protocol.system.interrupts import interrupts_deferred
+from protocol.system.process import interrupts_deferred
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

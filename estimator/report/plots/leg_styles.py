@@ -6,7 +6,7 @@ import colorsys
 from collections.abc import Sequence
 from typing import Final
 
-from protocol.text.printable import printable
+from protocol.text import printable
 
 MARKERS: Final = {"left": "<", "front": "^", "right": ">", "back": "v"}
 """The paper's arrows: left, forward, right and back leg."""

@@ -22,7 +22,7 @@ from protocol.conformance.raw_connection import (
 )
 from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
-from protocol.rules.roles import MAY, Role
+from protocol.rules.control import MAY, Role
 from protocol.security.keys import ClientKeys, KeyPair
 from protocol.wire.codec import MAX_FRAME, MAX_LENGTH, MAX_MESSAGE, MAX_NESTING
 
@@ -204,8 +204,8 @@ def a_borrowed_id(robot: RobotUnderTest) -> None:
 MOST: Final = 64
 """Requests that a client may have under way."""
 
-_MOST_OF_A_KEY: Final = 8
-_FLOOD: Final = 200
+_MOST_OF_A_KEY: Final = 8  # reads, without control
+_FLOOD: Final = 200  # reads: three times what may be under way
 _TOO_QUICK: Final = "It reads too quickly for that."
 
 

@@ -17,7 +17,7 @@ from protocol.conformance.raw_connection import (
 )
 from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest, TrialClient
-from protocol.rules.lease import EXPIRY, SILENCE
+from protocol.rules.control import EXPIRY, SILENCE
 
 HARMLESS = ("release", "clear", "perform")  # what cannot make a robot at rest move or go limp
 

@@ -13,8 +13,7 @@ from protocol.conformance.raw_connection import Failed, Map, Skipped, expect, sa
 from protocol.conformance.registry import Need, check
 from protocol.conformance.robot_under_test import RobotUnderTest
 from protocol.errors import BodyschemaError, RemoteProtocolError
-from protocol.sockets.endpoints import Endpoint
-from protocol.sockets.zmq_sockets import connected
+from protocol.sockets.zmq_sockets import Endpoint, connected
 from protocol.transport.telemetry import TOPIC
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode

@@ -1,13 +1,20 @@
-"""Sensors on the analogue inputs of the ``[daq]`` board, with their calibration in volts."""
+"""Sensors on the analogue inputs of the ``[daq]`` board, with their calibration in volts.
+
+An accelerometer gives a voltage for each axis, a strain gauge one for its load. A switch gives two:
+a resistor to the supply, or to ground, makes one voltage while it is open and another while it is
+closed. With a second resistor across the switch neither of them is that of a wire that has come
+off, which is then noticed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.analogue_inputs import AnalogueInputs
-from robot.drivers.sensors.axes import CalibratedAxes, read_axes
+from robot.drivers.sensors.contracts import CalibratedAxes, read_axes
+from robot.errors import DeviceDataError
 from robot.toml_sections import Section
 
 
@@ -55,12 +62,12 @@ class AnalogueAxes(CalibratedAxes):
         return AnalogueAccelerometer(self, buses.analogue)
 
     def axis(self, index: int) -> str:
-        """Its input."""
+        """The input of an axis, for a sentence."""
         return f"channel {self.channels[index]}"
 
     @property
     def key(self) -> str:
-        """The inputs."""
+        """The key with the inputs."""
         return "accelerometer.channels"
 
     def __str__(self) -> str:
@@ -145,3 +152,93 @@ def read_bridge(table: Section) -> tuple[float, float]:
     """``tare_v`` and ``volts_per_newton``."""
     gain = table.magnitude("volts_per_newton", 1e-4, 50)
     return table.number("tare_v", -10, 10), gain
+
+
+LEAST_CHANGE: Final = 0.3
+"""Volts between free and pressed, at least: well above the noise of any input."""
+
+# Shares of the way from free to pressed.
+_ON: Final = 0.6
+_OFF: Final = 0.4
+_BEYOND: Final = 0.3  # before free or after pressed: a wire has come off
+
+
+@dataclass(frozen=True, kw_only=True)
+class SwitchSettings:
+    """The input, and its volts with the foot pressed and free."""
+
+    name: ClassVar[str] = "switch"
+    channel: int
+    pressed: float
+    free: float
+
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """Its one input."""
+        return (self.channel,)
+
+    @classmethod
+    def read(cls, table: Section) -> SwitchSettings:
+        """``channel``, ``pressed_v`` and ``free_v``."""
+        pressed, free = table.number("pressed_v", -10, 10), table.number("free_v", -10, 10)
+        if abs(pressed - free) < LEAST_CHANGE:
+            raise table.refuse(
+                "pressed_v",
+                f"must differ from free_v, {free:g}, by {LEAST_CHANGE:g} volts at least, "
+                f"not be {pressed:g}.",
+            )
+        return cls(channel=table.integer("channel", 0, 31), pressed=pressed, free=free)
+
+    def open(self, buses: Buses, called: str) -> Switch:
+        """Connects the switch to the board's input."""
+        assert buses.analogue is not None
+        buses.analogue.connect({self.channel: f"the switch of {called}"})
+        return Switch(self, buses.analogue, called)
+
+    def __str__(self) -> str:
+        return f"analogue input {self.channel}"
+
+
+class Switch(OnInputs):
+    """One switch.
+
+    Args:
+        settings: Its input and volts.
+        inputs: The board's.
+        called: The part that it is on.
+    """
+
+    name = SwitchSettings.name
+
+    def __init__(self, settings: SwitchSettings, inputs: AnalogueInputs, called: str):
+        super().__init__(inputs, settings.channels)
+        self._settings = settings
+        self._inputs = inputs
+        self._called = called
+        self._volts = settings.free
+        self._pressed = False
+
+    def load(self) -> bool:
+        """Whether it is pressed, at the moment at which the other analogue sensors were read."""
+        self._volts = self._inputs.same_moment()[self._settings.channel]
+        share = self._share()
+        self._pressed = share > (_OFF if self._pressed else _ON)
+        return self._pressed
+
+    def check(self) -> None:
+        """Whether the latest reading is one of a switch.
+
+        Raises:
+            DeviceDataError: It is far from both voltages, stuck, or at an end of the range.
+        """
+        super().check()
+        if not -_BEYOND <= self._share() <= 1 + _BEYOND:
+            raise DeviceDataError(
+                f"The switch of {self._called} has {self._volts:.2f} V, and pressed "
+                f"{self._settings.pressed:g} V, free {self._settings.free:g} V.",
+                "Look for a wire that has come off, and at its resistors.",
+            )
+
+    def _share(self) -> float:
+        free, pressed = self._settings.free, self._settings.pressed
+        return (self._volts - free) / (pressed - free)

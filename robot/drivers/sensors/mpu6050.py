@@ -22,7 +22,7 @@ from typing import ClassVar, Final
 
 from robot.drivers.buses import Buses
 from robot.drivers.links.i2c import I2CBus, I2CLink, I2CRegisters
-from robot.drivers.sensors.axes import AXIS_KEYS, CalibratedAxes, read_axes
+from robot.drivers.sensors.contracts import AXIS_KEYS, CalibratedAxes, read_axes
 from robot.errors import DeviceDataError, DeviceMissingError
 from robot.host.clock import Clock
 from robot.toml_sections import Section
@@ -66,13 +66,13 @@ _ALL_AXES_TESTED: Final = 0xE0
 
 _RESETTING: Final = 0.1  # s
 _SETTLING: Final = 0.05  # s; ten times the filter's delay
-_TEST_SAMPLES: Final = 10
-_SAMPLE_PERIOD: Final = 2e-3
+_TEST_SAMPLES: Final = 10  # not tuned
+_SAMPLE_PERIOD: Final = 2e-3  # s; the chip takes a sample every millisecond
 _TOLERANCE: Final = 0.14  # of the factory trim
 _FULL_SCALE: Final = 32767
 _CODES_PER_G: Final = 16384
 _FROZEN_AFTER: Final = 20  # samples with exactly the same code; its noise is some 40 codes
-_TEMPERATURES: Final = (-40.0, 85.0)
+_TEMPERATURES: Final = (-40.0, 85.0)  # °C in which it may be used
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,7 +121,7 @@ class MPU6050Settings(CalibratedAxes):
         return MPU6050(buses.i2c(self.bus), settings=self, clock=buses.clock)
 
     def axis(self, index: int) -> str:
-        """What an axis is called: of the chip."""
+        """The chip's axis that serves as x, y or z, for a sentence."""
         return f"the chip's {self.mounting[index].strip('-')}"
 
     @property
@@ -184,7 +184,7 @@ class MPU6050:
         self._last, self._repeats = (0, 0, 0), [0, 0, 0]
 
     def raw(self) -> tuple[float, float, float]:
-        """One sample along the robot's axes, g as the chip has it.
+        """One uncalibrated sample along the robot's axes, g.
 
         Raises:
             DeviceError: The chip is gone, sleeps, was reset, or is at an end of its range.

@@ -33,7 +33,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final, TypeVar
 
 from robot.drivers.buses import Buses
-from robot.drivers.links.gpio_line import GPIOLine, OutputLine
+from robot.drivers.links.device_files import GPIOLine, OutputLine
 from robot.drivers.links.i2c import I2CLink
 from robot.drivers.servos.pca9685_board import (
     ALL_CALL,
@@ -74,7 +74,7 @@ class PCA9685Settings:
         boards: Addresses, in the order of the outputs.
         prescale: Of the chips' oscillators, for the update rate at 25 MHz.
         widths_us: The narrowest and the widest pulse, µs.
-        oscillators_mhz: That of each board as it was measured, or ``None``: taken as 25.
+        oscillators_mhz: Measured frequency of each board, MHz, or ``None``: taken as 25.
         enable: Device file of the GPIO chip, and the line to the boards' pin OE; or ``None``.
     """
 
@@ -129,7 +129,7 @@ class PCA9685Settings:
 
     @property
     def outputs(self) -> range:
-        """Those of all boards."""
+        """The outputs of all boards."""
         return range(OUTPUTS * len(self.boards))
 
     @property
@@ -140,14 +140,14 @@ class PCA9685Settings:
 
     @property
     def counts(self) -> range:
-        """Those between the narrowest and the widest pulse, on every board."""
+        """The counts between the narrowest and the widest pulse, on every board."""
         low, high = self.widths_us
         ticks = self.ticks_us
         return range(-int(-low / min(ticks) // 1), int(high / max(ticks)) + 1)
 
     @property
     def per_update(self) -> int:
-        """All of them."""
+        """All outputs."""
         return len(self.outputs)
 
     @property

@@ -166,7 +166,7 @@ class PCA9685Board:
         return b"".join(self._registers.read(number) for number in registers)
 
     def _differences(self, found: bytes) -> str:
-        """What is otherwise than it was set up, in words; nothing where nothing is."""
+        """The registers that differ from how they were set up, in words; empty: none."""
         rows = zip(_NAMES, found, self._settings, strict=True)
         return ", ".join(
             f"{name} is 0x{now:02x} instead of 0x{once:02x}"

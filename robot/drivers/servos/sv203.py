@@ -46,7 +46,7 @@ MAX_BOARDS: Final = 8
 
 _SERVOS_PER_LINE: Final = 2
 _FIRST_POSITION: Final = 51  # RAM cell of servo 1's commanded count
-_ATTEMPTS: Final = 3
+_ATTEMPTS: Final = 3  # of a query; a sound line needs one, and the doctor counts the others
 _RESET: Final = "Check the servos' supply: it drops under load."
 
 

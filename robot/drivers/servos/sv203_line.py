@@ -18,14 +18,14 @@ from typing import Final
 
 import serial
 
-from robot.drivers.links.serial_line import readers
+from robot.drivers.links.device_files import readers
 from robot.errors import DeviceDataError, DeviceMissingError, DeviceTimeoutError
 from robot.host.clock import Clock
 
 LONGEST_REPLY: Final = len("255\r")
 
 _BITS_PER_BYTE: Final = 10  # 8N1
-_MAX_REPLY: Final = 16
+_MAX_REPLY: Final = 16  # bytes; whatever is longer is no count, and not waited for
 _PLUG: Final = "Check that the adapter is plugged in and the board has power."
 
 

@@ -22,7 +22,7 @@ from estimator.export.mjcf import mjcf
 from estimator.export.urdf import urdf
 from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
-from protocol.system.native_output import native_output_discarded
+from protocol.system.process import native_output_discarded
 from protocol.wire.capabilities import Joint
 from sim_robot.world.body import load_body
 from sim_robot.world.simulation import open_world

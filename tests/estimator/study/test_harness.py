@@ -20,7 +20,7 @@ from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.study.harness import Completed, Progress, complete, directory, in_words, made_by
 from estimator.versions import commit
-from protocol.system.replace_file import replace_text
+from protocol.system.files import replace_text
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,9 @@ import pytest
 from protocol.errors import RemoteProtocolError, RobotError
 from protocol.rules import server_core
 from protocol.rules.at_most_once import Client, Clients, RememberedRequest
-from protocol.rules.lease import Lease
+from protocol.rules.control import Lease
 from protocol.rules.robot_interface import Robot
-from protocol.rules.server_actions import Action, Send
-from protocol.rules.server_core import ServerCore
+from protocol.rules.server_core import Action, Send, ServerCore
 from protocol.sockets.tcp_listener import Arrival
 from protocol.transport.server import Server
 from protocol.wire.codec import decode

@@ -59,7 +59,7 @@ def test_a_silence_that_is_too_short_or_too_long(
     serve: Serve, robot: FakeRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for expiry, sentence in ((10.0, "was gone after 2"), (60.0, "was kept for 32 s")):
-        monkeypatch.setattr("protocol.rules.lease.EXPIRY", expiry)
+        monkeypatch.setattr("protocol.rules.control.EXPIRY", expiry)
         server = serve(robot, clock=quick_clock)
         settings = SuiteSettings(uri=server.endpoint, slow=True, clock=quick_clock)
         (complaint,) = failures(run(settings, only=["5.7"]))

@@ -6,12 +6,10 @@ from collections.abc import Iterable
 from typing import Any, TypeVar
 
 from protocol.rules.robot_interface import Snapshot
-from protocol.rules.server_actions import Action, Send, Submit
-from protocol.rules.server_core import ServerCore
+from protocol.rules.server_core import Action, Send, ServerCore, Submit
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode, encode
-from protocol.wire.messages import ObservationReply
-from protocol.wire.states import State
+from protocol.wire.messages import ObservationReply, State
 
 A = TypeVar("A")
 TARGETS = {"a": 0.1, "b": -0.1}

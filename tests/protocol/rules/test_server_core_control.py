@@ -8,7 +8,7 @@ import re
 import pytest
 
 from protocol.rules.robot_interface import Finished
-from protocol.rules.server_actions import ControllerChanged, Send, Silence, Submit
+from protocol.rules.server_core import ControllerChanged, Send, Silence, Submit
 from protocol.wire.messages import Ok
 from tests.protocol.rules.core_bench import TARGETS, ServerCoreBench, observation, one
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from protocol.errors import RobotError
 from protocol.rules.at_most_once import MAX_OUTCOMES
 from protocol.rules.robot_interface import Finished, Progressed
-from protocol.rules.server_actions import Send, Submit
+from protocol.rules.server_core import Send, Submit
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode
 from protocol.wire.messages import ErrorReply, Perform

@@ -8,10 +8,9 @@ import pytest
 
 from protocol.errors import RobotError
 from protocol.rules.at_most_once import MAX_CLIENTS
+from protocol.rules.control import Role
 from protocol.rules.robot_interface import Finished, Progressed
-from protocol.rules.roles import Role
-from protocol.rules.server_actions import ControllerChanged, Silence, Submit
-from protocol.rules.server_core import MAX_READS, ServerCore
+from protocol.rules.server_core import MAX_READS, ControllerChanged, ServerCore, Silence, Submit
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import encode
 from protocol.wire.messages import Request

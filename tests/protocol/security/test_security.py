@@ -13,7 +13,7 @@ import pytest
 
 from protocol.errors import EndpointError, RobotError, RobotUnreachableError
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber

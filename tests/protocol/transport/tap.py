@@ -6,7 +6,7 @@ import socket
 import threading
 from contextlib import suppress
 
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 
 
 class Tap:

@@ -15,8 +15,8 @@ import zmq
 from bench.attackers import GREETING, MORE, RawPeer, frame, guessed_identities
 from bench.daemons import simulator
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.endpoints import Endpoint
 from protocol.sockets.tcp_connection import FrameCounter
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.transport.telemetry import MAX_SUBSCRIBED, TelemetrySubscriber
 from protocol.wire.codec import MAX_FRAME, MAX_MESSAGE, decode, encode

@@ -18,7 +18,7 @@ import pytest
 import zmq
 
 from protocol.security.keys import KeyDirectory
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.wire.codec import encode
 from tests.protocol.transport.tap import Tap

@@ -15,7 +15,7 @@ import zmq
 
 from protocol.errors import EndpointError, RobotError, RobotUnreachableError
 from protocol.rules.robot_interface import Finished, Progressed
-from protocol.sockets.endpoints import Endpoint
+from protocol.sockets.zmq_sockets import Endpoint
 from protocol.transport.client import RobotClient
 from protocol.transport.server import LogLimiter, Server
 from protocol.transport.telemetry import TOPIC, TelemetrySubscriber

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from protocol.errors import LocalProtocolError, RemoteProtocolError
-from protocol.rules.roles import MAY, Role
+from protocol.rules.control import MAY, Role
 from protocol.wire.capabilities import Capabilities, Joint
 from protocol.wire.messages import REQUESTS, Welcome, parse_reply, parse_request
 from tests.protocol.conftest import make_capabilities

@@ -11,21 +11,20 @@ import pytest
 
 from protocol.errors import ERROR_CODES
 from protocol.rules.robot_interface import Finished, Progressed, Snapshot
-from protocol.rules.server_actions import Send, Submit
-from protocol.rules.server_core import ServerCore
+from protocol.rules.server_core import Send, ServerCore, Submit
 from protocol.wire.capabilities import Capabilities
 from protocol.wire.codec import decode, encode
 from protocol.wire.messages import (
     REPLIES,
     REQUESTS,
     ObservationReply,
+    State,
     Telemetry,
     parse_reply,
     parse_request,
     parse_telemetry,
 )
 from protocol.wire.readings import belly_ray, clearance_of, tilt_of, touches, up_in_body
-from protocol.wire.states import State
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

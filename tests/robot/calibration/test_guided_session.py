@@ -16,7 +16,7 @@ from robot.calibration.questions import Terminal
 from robot.cli.calibrate import calibrate
 from robot.configuration.calibration_file import (
     Calibration,
-    RulerCalibration,
+    DistanceCalibration,
     read_calibration,
     save_calibration,
 )
@@ -88,7 +88,7 @@ def desk() -> Iterator[Desk]:
 
 
 def test_it_measures_what_is_asked_for_and_keeps_the_rest(desk: Desk) -> None:
-    before = Calibration(robot="quadruped", distance=RulerCalibration(zero=0.02, scale=1.1))
+    before = Calibration(robot="quadruped", distance=DistanceCalibration(zero=0.02, scale=1.1))
     script = Script(*desk.answers())
     calibration = desk.measured(before, script, *ONLY)
     assert script.left == 0

@@ -12,9 +12,9 @@ from robot.cli.doctor import describe_config, print_findings
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
+    DistanceCalibration,
     GaugeCalibration,
     JointCalibration,
-    RulerCalibration,
     save_calibration,
 )
 from robot.configuration.robot_config import load_config
@@ -66,7 +66,7 @@ def test_the_configuration_says_how_old_its_calibration_is(tmp_path: Path) -> No
             name: GaugeCalibration(tare=0.2, volts_per_newton=0.2, on=0.1, off=0.05)
             for name in config.gauges
         },
-        distance=RulerCalibration(zero=0.01, scale=1.0),
+        distance=DistanceCalibration(zero=0.01, scale=1.0),
     )
     save_calibration(tmp_path / "calibration.toml", whole)
     assert describe_config(load_config(file), file).verdict is Severity.OK

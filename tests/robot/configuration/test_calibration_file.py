@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from robot.configuration.calibration_file import (
     AxesCalibration,
     Calibration,
+    DistanceCalibration,
     GaugeCalibration,
     JointCalibration,
-    RulerCalibration,
     read_calibration,
     save_calibration,
     to_toml,
@@ -44,7 +44,7 @@ WHOLE = Calibration(
     gauges={
         "lower_left": GaugeCalibration(tare=-0.1, volts_per_newton=-0.3, on=0.12, off=0.06),
     },
-    distance=RulerCalibration(zero=0.0125, scale=0.98),
+    distance=DistanceCalibration(zero=0.0125, scale=0.98),
 )
 
 
@@ -123,7 +123,7 @@ calibrations = st.builds(
         max_size=3,
     ),
     distance=st.none()
-    | st.builds(RulerCalibration, zero=st.just(0.012), scale=st.floats(0.7, 1.4)),
+    | st.builds(DistanceCalibration, zero=st.just(0.012), scale=st.floats(0.7, 1.4)),
 )
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from robot.configuration import device_tables
 from robot.drivers.sensors.analogue import read_bridge
-from robot.drivers.sensors.axes import read_axes
+from robot.drivers.sensors.contracts import read_axes
 from robot.drivers.servos.sv203 import COUNTS
 from robot.errors import ConfigError
 from robot.toml_sections import Section, read_toml
@@ -26,7 +26,7 @@ def section(folder: Path, text: str) -> Section:
 def test_degrees_and_millimetres_become_radians_and_metres(tmp_path: Path) -> None:
     table = section(tmp_path, "limits_deg = [-90, 45]\nzero_mm = 12\nscale = 0.9")
     assert device_tables.read_limits(table) == pytest.approx((-math.pi / 2, math.pi / 4))
-    assert device_tables.read_ruler(table) == (0.012, 0.9)
+    assert device_tables.read_distance_calibration(table) == (0.012, 0.9)
 
 
 def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> None:
@@ -48,7 +48,7 @@ def test_a_distance_sensor_reads_true_unless_said_otherwise(tmp_path: Path) -> N
         (read_bridge, "tare_v = 0\nvolts_per_newton = 0", "to 50 volts, not 0"),
         (device_tables.read_thresholds, "on_n = 0.1\noff_n = 0.2", "part.off_n: must not exceed"),
         (
-            device_tables.read_ruler,
+            device_tables.read_distance_calibration,
             "zero_mm = 10\nscale = 3",
             "part.scale: must be a number from 0.5",
         ),

@@ -12,9 +12,9 @@ import serial
 from bench.still_robot import still_pi
 from robot.diagnosis.doctor import Doctor
 from robot.diagnosis.findings import Severity
-from robot.drivers.daq.dmm32 import DMM32Settings
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.drivers.sensors.analogue import AnalogueAccelerometer, AnalogueGauge
+from robot.drivers.sensors.dmm32 import DMM32Settings
 from robot.drivers.sensors.vl6180x import VL6180X
 from robot.drivers.servos.sv203 import SV203
 from sim_robot.faults.fault_panel import FaultSpec

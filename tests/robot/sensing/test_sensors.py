@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from protocol.wire.readings import clearance_of, tilt_of
+from robot.drivers.sensors.analogue import StrainGauge
 from robot.errors import DeviceDataError
-from robot.sensing.plausibility import Underside
-from robot.sensing.sensors import BellySensor, Sensing
+from robot.sensing.sensors import (
+    LEAST_MARGIN,
+    BellySensor,
+    RobotSensors,
+    TouchDetector,
+    TouchPoint,
+    Underside,
+)
 from tests.robot.clocks import InstantClock
 from tests.robot.sensing.resting import Leaning, Ruler
 
 WIDE = Underside(length=1.0, width=1.0)  # its middle is 0.18 m up when it leans by 20°
 
 
-def sensing(metres: float | None) -> Sensing:
-    return Sensing(
+def sensing(metres: float | None) -> RobotSensors:
+    return RobotSensors(
         accelerometer=Leaning(),
         touch=(),
         belly=(Ruler(metres), BellySensor(zero=0.0, reach=0.15)),
@@ -59,7 +67,7 @@ def test_the_robot_reads_what_the_protocol_defines(
     length = math.hypot(*components)
     x, y, z = (part / length for part in components)
     sensor = BellySensor(zero=0.0, reach=0.15)
-    reading = Sensing(
+    reading = RobotSensors(
         accelerometer=Leaning((x, y, z)),
         touch=(),
         belly=(Ruler(millimetres / 1000), sensor),
@@ -70,3 +78,92 @@ def test_the_robot_reads_what_the_protocol_defines(
     assert (reading.clearance, reading.clearance_saturated) == clearance_of(
         sensor.clearance(millimetres / 1000), sensor.reach
     )
+
+
+GAUGE = StrainGauge(channel=0, tare=0.5, volts_per_newton=0.2)
+
+
+def detector() -> TouchDetector:
+    return TouchDetector(TouchPoint(name="foot", driver=GAUGE, on=0.1, off=0.05, debounce=3))
+
+
+def feed(touch: TouchDetector, load: float | bool, times: int) -> bool:
+    return [touch.feed(load) for _ in range(times)][-1]
+
+
+def test_the_bit_needs_three_samples_in_a_row() -> None:
+    touch = detector()
+    assert not feed(touch, 1.0, 2)
+    assert not feed(touch, 0.0, 1)
+    assert not feed(touch, 1.0, 2)
+    assert feed(touch, 1.0, 1)
+
+
+def test_between_the_thresholds_the_bit_stays() -> None:
+    touch = detector()
+    assert not feed(touch, 0.07, 10)
+    assert feed(touch, 0.2, 3)
+    assert feed(touch, 0.07, 10)
+    assert not feed(touch, 0.04, 3)
+
+
+def test_a_gauge_that_is_mounted_the_other_way_round() -> None:
+    gauge = replace(GAUGE, volts_per_newton=-0.2)
+    assert gauge.force(0.3) == pytest.approx(1.0)
+
+
+def test_a_switch_needs_no_threshold_and_is_debounced() -> None:
+    touch = detector()
+    assert not feed(touch, True, 2)
+    assert feed(touch, True, 1)
+    assert feed(touch, False, 2)
+    assert not feed(touch, False, 1)
+
+
+def test_a_belly_that_leans_is_not_on_the_ground() -> None:
+    lean = math.radians(20)
+    least = 0.14 / 2 * math.tan(lean)  # the lower edge on the ground, the middle above it
+    belly = Underside(length=0.2, width=0.14)
+    belly.check(least, (lean, 0.0), sensor="ruler")
+    with pytest.raises(DeviceDataError, match=r"leans by 20° is at least 25 mm up"):
+        belly.check(least - LEAST_MARGIN - 1e-6, (lean, 0.0), sensor="ruler")
+
+
+@pytest.mark.parametrize(
+    ("size", "tilt_deg", "clearance", "margin"),
+    [
+        ((0.14, 0.14, 0.085), 0.0, 0.0, LEAST_MARGIN),
+        ((0.14, 0.14, 0.085), 0.3, 0.001, 0.01 + 5 * math.radians(0.3) * 0.14),
+        ((1.0, 0.5, 0.1), 0.3, 0.001, 0.01 + 5 * math.radians(0.3) * 0.75),
+        ((0.14, 0.14, 0.085), 0.0, 0.006, 0.06),
+    ],
+)
+def test_sensors_that_err_as_announced_may_contradict_each_other(
+    size: tuple[float, ...], tilt_deg: float, clearance: float, margin: float
+) -> None:
+    belly = Underside.of(size, tilt_noise=math.radians(tilt_deg), clearance_noise=clearance)
+    lean = math.radians(20)
+    least = size[1] / 2 * math.tan(lean)
+    belly.check(least - margin + 1e-6, (lean, 0.0), sensor="ruler")
+    with pytest.raises(DeviceDataError):
+        belly.check(least - margin - 1e-6, (lean, 0.0), sensor="ruler")
+
+
+@given(
+    st.floats(-1.0, 1.0),
+    st.floats(-1.0, 1.0),
+    st.floats(0, 0.1),
+    st.tuples(st.floats(0.01, 0.5), st.floats(0.01, 0.5)),
+)
+def test_no_body_above_the_ground_is_refused(
+    roll: float, pitch: float, height: float, footprint: tuple[float, float]
+) -> None:
+    x, y = -math.sin(pitch), math.cos(pitch) * math.sin(roll)
+    z = math.cos(pitch) * math.cos(roll)
+    assume(z > 0.1)
+    corners = [
+        a * footprint[0] / 2 * x + b * footprint[1] / 2 * y for a in (-1, 1) for b in (-1, 1)
+    ]
+    middle = height - min(corners)  # the lowest corner is `height` above the ground
+    belly = Underside(length=footprint[0], width=footprint[1])
+    belly.check(middle / z, (math.asin(y), math.asin(x)), sensor="ruler")

@@ -18,8 +18,8 @@ from protocol.transport.client import RobotClient
 from protocol.transport.server import Server
 from protocol.transport.telemetry import TelemetrySubscriber
 from protocol.wire.messages import Ok
-from robot.control import loop_watch
-from robot.control.job_queue import JobQueue
+from robot.control import watched_thread
+from robot.control.jobs import JobQueue
 from robot.errors import DeviceTimeoutError, DriverError
 from robot.host.clock import WallClock
 
@@ -131,7 +131,7 @@ def ward(serving: Ward) -> Iterator[Ward]:
     serving.entered.clear()
     yield serving
     serving.free.set()
-    wait_until(lambda: serving.robot.controller._watch.silence == 0)
+    wait_until(lambda: serving.robot.controller._thread.rests)
     if serving.client.status().state in ("stopped", "fault"):
         serving.client.clear()
     serving.client.hold()
@@ -222,7 +222,7 @@ def test_a_clear_or_a_look_at_the_idle_board_that_dies_is_a_fault(ward: Ward) ->
 def test_a_driver_that_hangs_for_long_takes_the_robot_down_for_everybody(
     ward: Ward, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(loop_watch, "PATIENCE", 0.5)
+    monkeypatch.setattr(watched_thread, "PATIENCE", 0.5)
     sick = ward.make("servos.set_counts", ward.hang)
     asking = ward.begin("servos.set_counts")
     assert ward.entered.wait(60)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from robot.cli import COMMANDS
+from robot.cli.command_line import COMMANDS
 from robot.cli.run import add_arguments
 
 UNIT = resources.files("robot").joinpath("systemd/robotd.service").read_text(encoding="utf-8")

@@ -186,7 +186,7 @@ def test_the_robot_lies_flat_with_its_calibration_and_not_without(file: Path) ->
             wrong=SEEDS[0],
             calibration=calibration,
         ) as parts:
-            controller = robot_on(parts, LOG, attendant=True)
+            controller = robot_on(parts, LOG, operator=True)
             controller.start()
             controller.shut_down()  # parks at what it believes is zero
             parts.clock.sleep(1.0)

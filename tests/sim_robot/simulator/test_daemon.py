@@ -67,7 +67,7 @@ def measured(
     with emulation(
         BODY, seed=8, levels=NoiseLevels(), real_time=False, log=log, electronics=electronics
     ) as parts:
-        controller = robot_on(parts, log, attendant=True)
+        controller = robot_on(parts, log, operator=True)
         requests = Requests(controller)
         waits: Iterator[int] = iter(())
         sleep = parts.clock.sleep

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.drivers.servos.sv203 import SV203
 from sim_robot.electronics.sv203 import SV203Emulator
 from tests.robot.clocks import InstantClock

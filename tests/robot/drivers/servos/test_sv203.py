@@ -10,7 +10,7 @@ import serial
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.drivers.servos.sv203 import SV203
 from robot.errors import CommandError, DeviceDataError
 from sim_robot.electronics.sv203 import SV203Emulator

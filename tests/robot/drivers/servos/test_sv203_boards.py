@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 import serial
 
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.drivers.servos.sv203 import SV203
 from robot.errors import CommandError, DeviceDataError, DeviceTimeoutError
 from sim_robot.electronics.sv203 import SV203Emulator

@@ -15,7 +15,7 @@ import serial
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot.drivers.links.serial_line import open_serial
+from robot.drivers.links.device_files import open_serial
 from robot.drivers.servos.sv203 import SV203
 from robot.errors import DeviceDataError, DeviceError, DeviceMissingError, DeviceTimeoutError
 from sim_robot.electronics.sv203 import SV203Emulator

@@ -1,0 +1,93 @@
+"""Files: whether there is one, and replacing one in one step."""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+_UNSUPPORTED = (errno.EINVAL, errno.ENOTSUP)  # some network file systems cannot sync a folder
+
+
+def replace_file(
+    path: Path,
+    write: Callable[[Path], object],
+    *,
+    mode: int | None = None,
+    owner: tuple[int, int] | None = None,
+) -> None:
+    """Replaces a file in one step: whoever looks, also after a crash, sees the old or the new one.
+
+    The new file is written beside its place and moved there once it is on disk. Missing folders
+    are made.
+
+    Args:
+        path: The file; it need not exist. A symbolic link is replaced, not followed.
+        write: Writes the content to the path that it is given: an empty file with the same suffix.
+        mode: Permission bits of the file, set before anything is written; ``None``: those that the
+            umask leaves.
+        owner: User and group of the file; ``None``: those of the process.
+
+    Raises:
+        OSError: It cannot be written. Unless only the folder could not be synchronised, the old
+            file, if any, still stands. Whatever else ``write`` raises passes through.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.name}.{secrets.token_hex(4)}{path.suffix}")
+    try:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+        handle = os.open(fresh, flags, 0o666 if mode is None else 0o600)
+        try:
+            if mode is not None:
+                os.fchmod(handle, mode)
+            if owner is not None:
+                os.fchown(handle, *owner)
+            write(fresh)
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        os.replace(fresh, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(fresh)
+        raise
+    _sync_folder(path.parent)
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Replaces a text file, written in UTF-8, in one step; raises what ``replace_file`` does."""
+    replace_file(path, lambda fresh: fresh.write_text(text, encoding="utf-8"))
+
+
+def replace_bytes(path: Path, content: bytes) -> None:
+    """Replaces a file in one step; raises what ``replace_file`` does."""
+    replace_file(path, lambda fresh: fresh.write_bytes(content))
+
+
+def _sync_folder(folder: Path) -> None:
+    """Puts names on disk: a rename could be lost with the power."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in _UNSUPPORTED:
+            raise
+    finally:
+        os.close(handle)
+
+
+def may_exist(path: Path) -> bool:
+    """Whether a file is there, or may be: of one that nobody lets us see, opening it says why.
+
+    ``Path.exists`` raises there, or says no, by the version of Python.
+    """
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,368 @@
+"""Sensors: an accelerometer by gravity, a strain gauge by a load, a distance sensor by a height.
+
+With an axis straight up and straight down an accelerometer reads +1 g and −1 g, which gives its
+zero and its gain; a placement that leans by a few degrees hardly matters, because gravity along an
+axis changes with the cosine. Level only finds the zeros, believing the gains, and a lean matters in
+full: so the robot is turned a quarter at a time.
+
+A distance sensor differs by more from one placement to the next than within one, so samples of one
+placement are not enough: the robot is put down again and again, as often as its announced noise
+makes it worth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, Protocol
+
+from robot.calibration.questions import Questions, number
+from robot.configuration.calibration_file import (
+    AxesCalibration,
+    DistanceCalibration,
+    GaugeCalibration,
+)
+from robot.drivers.links.analogue_inputs import AnalogueInputs
+from robot.drivers.sensors.contracts import CalibratedAxes, DistanceSensor
+from robot.errors import DeviceDataError
+from robot.host.clock import Clock
+from robot.sensing.samples import Spread, sample_channel, sample_distance, spread
+from robot.sensing.sensors import BellySensor, TouchPoint
+
+POSITIONS: Final = (
+    ("nose up", 0, 1),
+    ("nose down", 0, -1),
+    ("left side up", 1, 1),
+    ("left side down", 1, -1),
+    ("upright", 2, 1),
+    ("upside down", 2, -1),
+)
+QUARTERS: Final = 4
+SAMPLES: Final = 100  # their mean has a tenth of the noise
+_MOVING: Final = 0.02  # V or g rms: far above the noise of any such sensor
+_LEAN: Final = math.sin(math.radians(8))  # a placement that leans by more costs 1 % of the gain
+_MIN_GAIN: Final = 0.05  # V or g per g: far below any sensor's, so the axis did not turn over
+
+Axes = tuple[float, ...]
+
+
+class RawAxes(Protocol):
+    """A driver of three axes that are to be calibrated."""
+
+    def raw(self) -> Sequence[float]:
+        """One sample of the axes, in their unit.
+
+        Raises:
+            DeviceError: The device failed.
+        """
+
+    def check(self) -> None:
+        """As ``SensorDriver.check``."""
+
+
+class AccelerometerSession:
+    """Leads through the accelerometer.
+
+    Args:
+        sensor: Its axes and what was believed of them so far.
+        driver: Reads them.
+        rate: Samples per second.
+        clock: The robot clock.
+        dialogue: With whom.
+    """
+
+    def __init__(
+        self,
+        sensor: CalibratedAxes,
+        driver: RawAxes,
+        *,
+        rate: float,
+        clock: Clock,
+        dialogue: Questions,
+    ):
+        self._sensor = sensor
+        self._driver = driver
+        self._rate = rate
+        self._clock = clock
+        self._dialogue = dialogue
+
+    def run(self) -> AxesCalibration | None:
+        """The calibration, or ``None`` if it was skipped.
+
+        Raises:
+            AbandonedError: Somebody left.
+        """
+        self._dialogue.say(
+            "\nAccelerometer\n"
+            "  six    hold the robot still in six positions, each axis up and down: zero and gain\n"
+            "  level  put it on a level surface: the zeros alone, with the gains that are set"
+        )
+        while True:
+            choice = self._dialogue.choose(
+                "accelerometer: six, level or skip", "six", "level", "skip"
+            )
+            if choice == "skip":
+                return None
+            calibration = self._six() if choice == "six" else self._level()
+            if calibration is not None:
+                return calibration
+
+    def _six(self) -> AxesCalibration | None:
+        seen = {name: self._measure(name) for name, _, _ in POSITIONS}
+        while True:
+            pairs = [
+                tuple(seen[name] for name, axis, _ in POSITIONS if axis == wanted)
+                for wanted in range(3)
+            ]
+            swings = [
+                tuple((up - down) / 2 for up, down in zip(*pair, strict=True)) for pair in pairs
+            ]
+            if not self._sound(swings):
+                return None
+            zero = tuple((pair[0][axis] + pair[1][axis]) / 2 for axis, pair in enumerate(pairs))
+            gains = tuple(swing[axis] for axis, swing in enumerate(swings))
+            leaning = self._leaning(seen, zero, gains)
+            if leaning is None:
+                return AxesCalibration(unit=self._sensor.unit, zero=zero, per_g=gains)
+            self._dialogue.say(f"It leaned too much in the position '{leaning}': that once more.")
+            seen[leaning] = self._measure(leaning)
+
+    def _sound(self, swings: Sequence[Axes]) -> bool:
+        """Whether each axis answers on its own channel."""
+        for axis, swing in enumerate(swings):
+            sizes = [abs(value) for value in swing]
+            best = sizes.index(max(sizes))
+            if sizes[best] < _MIN_GAIN:
+                self._dialogue.say(
+                    f"Nothing saw the {'xyz'[axis]} axis turn over ({sizes[best] * 1000:.0f} "
+                    f"m{self._sensor.unit} a g). Check the sensor's supply and wires, and that you "
+                    "did turn the robot."
+                )
+                return False
+            if best != axis:
+                self._dialogue.say(
+                    f"The {'xyz'[axis]} axis answers on {self._sensor.axis(best)}, and "
+                    f"{self._sensor.key} in robot.toml says {self._sensor.axis(axis)}. Correct it "
+                    "there, or take the six positions in the order that is asked for."
+                )
+                return False
+        return True
+
+    @staticmethod
+    def _leaning(seen: dict[str, Axes], zero: Axes, gains: Axes) -> str | None:
+        """The position that leaned most, if it leaned too much."""
+        leans = {
+            name: max(
+                abs((seen[name][other] - zero[other]) / gains[other])
+                for other in range(3)
+                if other != axis
+            )
+            for name, axis, _ in POSITIONS
+        }
+        worst = max(leans, key=lambda name: leans[name])
+        return worst if leans[worst] > _LEAN else None
+
+    def _level(self) -> AxesCalibration | None:
+        quarters = [
+            self._measure(f"level, {quarter} of {QUARTERS}, a quarter turn after each")
+            for quarter in range(1, QUARTERS + 1)
+        ]
+        gains = self._sensor.per_g
+        mean = [sum(axis) / QUARTERS for axis in zip(*quarters, strict=True)]
+        zero = (mean[0], mean[1], mean[2] - gains[2])
+        shifts = zip(zero, self._sensor.zero, gains, strict=True)
+        if any(abs((new - old) / gain) > 0.5 for new, old, gain in shifts):
+            self._dialogue.say(
+                "That would shift a zero by more than 0.5 g: the robot is not level, or an axis "
+                "points the other way. Take the six positions."
+            )
+            return None
+        return AxesCalibration(unit=self._sensor.unit, zero=zero, per_g=gains)
+
+    def _measure(self, position: str) -> Axes:
+        """What the three axes read, once the robot is still."""
+        self._dialogue.choose(f"{position}, hold it still, then Enter", "")
+        return self._dialogue.attempt(self._rest)
+
+    def _rest(self) -> Axes:
+        samples = []
+        for _ in range(SAMPLES):
+            samples.append(self._driver.raw())
+            self._driver.check()
+            self._clock.sleep(1.0 / self._rate)
+        axes = [spread(axis) for axis in zip(*samples, strict=True)]
+        if max(one.deviation for one in axes) > _MOVING:
+            raise DeviceDataError("The robot was not still.", "Put it against something solid.")
+        return tuple(one.mean for one in axes)
+
+
+GRAVITY: Final = 9.81
+LOADS: Final = (0.05, 200.0)  # N: 5 g to 20 kg; beyond, somebody typed another unit
+_CLEAR_OF_NOISE: Final = 10.0  # a load must stand out of the noise by this
+_QUIET: Final = 6.0  # so many times the noise below the threshold, a free foot never seems to touch
+_MIN_CHANGE: Final = 2e-3  # V; six codes of 16 bits at ±10 V
+
+
+class GaugeSession:
+    """Leads through one gauge.
+
+    Args:
+        point: The part that carries it, and its thresholds so far.
+        channel: Its analogue input.
+        inputs: Those of its board.
+        rate: Samples per second.
+        clock: The robot clock.
+        dialogue: With whom.
+    """
+
+    def __init__(
+        self,
+        point: TouchPoint,
+        channel: int,
+        inputs: AnalogueInputs,
+        *,
+        rate: float,
+        clock: Clock,
+        dialogue: Questions,
+    ):
+        self._point = point
+        self._channel = channel
+        self._inputs = inputs
+        self._rate = rate
+        self._clock = clock
+        self._dialogue = dialogue
+
+    def run(self) -> GaugeCalibration | None:
+        """The calibration, or ``None`` if it was skipped.
+
+        Raises:
+            AbandonedError: Somebody left.
+        """
+        name = self._point.name
+        if self._dialogue.choose(f"{name} free of any load: Enter or skip", "", "skip"):
+            return None
+        free = self._dialogue.attempt(self._sample)
+        while True:
+            load, loaded = self._dialogue.attempt(self._loaded)
+            change = loaded.mean - free.mean
+            if abs(change) > max(_MIN_CHANGE, _CLEAR_OF_NOISE * free.deviation):
+                break
+            self._dialogue.say(
+                f"{load:g} N changed it by {change * 1000:.1f} mV only, with "
+                f"{free.deviation * 1000:.1f} mV of noise. Is the load on this foot, and is "
+                f"channel {self._channel} this gauge's? Load it again, or leave with q."
+            )
+        gain = change / load
+        return self._thresholds(free, gain)
+
+    def _thresholds(self, free: Spread, gain: float) -> GaugeCalibration:
+        """Keeps the thresholds that are set, unless the noise would cross them."""
+        noise = free.deviation / abs(gain)
+        on = self._point.on
+        if on < _QUIET * noise:
+            on = math.ceil(_QUIET * noise * 100) / 100
+            self._dialogue.say(
+                f"The free foot reads {noise:.3f} N of noise, so it touches above {on:g} N "
+                f"instead of {self._point.on:g} N."
+            )
+        share = self._point.off / self._point.on if self._point.on else 0.5
+        return GaugeCalibration(tare=free.mean, volts_per_newton=gain, on=on, off=on * share)
+
+    def _load(self) -> float:
+        prompt = f"{self._point.name} with a known load: newtons, or grams as in '100 g'"
+        while True:
+            answer = self._dialogue.ask(prompt)
+            value = number(answer.removesuffix("g"))
+            if value is not None:
+                load = value * GRAVITY / 1000 if answer.endswith("g") else value
+                if LOADS[0] <= load <= LOADS[1]:
+                    return load
+            self._dialogue.say(f"Answer a load from {LOADS[0]:g} to {LOADS[1]:g} N, or q to leave.")
+
+    def _loaded(self) -> tuple[float, Spread]:
+        return self._load(), self._sample()
+
+    def _sample(self) -> Spread:
+        return sample_channel(
+            self._inputs, self._channel, count=SAMPLES, rate=self._rate, clock=self._clock
+        )
+
+
+DISTANCE_SAMPLES: Final = 10  # of one placement
+AIM: Final = 0.25e-3  # m: how well the mean of all placements shall be known
+PLACEMENTS: Final = (3, 25)  # at least, and at most
+SCALES: Final = (0.7, 1.4)  # beyond these somebody erred
+
+
+class DistanceSession:
+    """Leads through the distance sensor.
+
+    Args:
+        sensor: What was believed so far.
+        finder: The sensor.
+        noise: Its error from one placement to the next, m rms.
+        dialogue: With whom.
+    """
+
+    def __init__(
+        self, sensor: BellySensor, finder: DistanceSensor, *, noise: float, dialogue: Questions
+    ):
+        self._sensor = sensor
+        self._finder = finder
+        self._dialogue = dialogue
+        self.placements = min(max(math.ceil((noise / AIM) ** 2), PLACEMENTS[0]), PLACEMENTS[1])
+
+    def run(self) -> DistanceCalibration | None:
+        """The calibration, or ``None`` if it was skipped.
+
+        Raises:
+            AbandonedError: Somebody left.
+        """
+        self._dialogue.say(
+            "\nDistance sensor\n"
+            f"  First its zero, then one known height, {self.placements} placements each: lift "
+            "the robot, or\n  the plate, and put it back every time. 'done' after three is enough "
+            "if they agree."
+        )
+        if self._dialogue.choose("distance: Enter or skip", "", "skip"):
+            return None
+        ground = self._placements("belly flat on the ground")
+        while True:
+            height = self._dialogue.number(
+                "height of a plate below the belly, mm; best the highest that you expect",
+                10,
+                1000 * self._sensor.reach,
+            )
+            raised = self._placements(f"plate at {height:g} mm")
+            rise = 1000 * (raised.mean - ground.mean)
+            if rise > 0 and SCALES[0] <= height / rise <= SCALES[1]:
+                break
+            self._dialogue.say(
+                f"The plate is {height:g} mm away, and the sensor reads {rise:.1f} mm more than "
+                "on the ground. Measure from the belly, not from the sensor, and try again."
+            )
+        for what, means in (("ground", ground), ("plate", raised)):
+            deviation = 1000 * means.deviation
+            self._dialogue.say(
+                f"{what}: {1000 * means.mean:.1f} mm, {deviation:.1f} mm rms from placement to "
+                f"placement, known to {deviation / math.sqrt(means.count):.2f} mm"
+            )
+        return DistanceCalibration(zero=ground.mean, scale=height / rise)
+
+    def _placements(self, what: str) -> Spread:
+        means: list[float] = []
+        while len(means) < self.placements:
+            prompt = f"{what}, {len(means) + 1} of {self.placements}: Enter"
+            if self._dialogue.choose(prompt, "", "done") and len(means) >= PLACEMENTS[0]:
+                break
+            means.append(self._dialogue.attempt(self._measure))
+        return spread(means)
+
+    def _measure(self) -> float:
+        distances = sample_distance(self._finder, count=DISTANCE_SAMPLES)
+        if distances is None:
+            raise DeviceDataError(
+                "The distance sensor sees no target.",
+                "Use a light, dull surface, and look that nothing covers the sensor.",
+            )
+        return distances.mean
