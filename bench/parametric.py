@@ -15,10 +15,16 @@ from bench.study_command import add_options, complete_by_command
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, PredictionErrors, Validation
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.evaluation_files import TRUTH
-from estimator.reproduction.paper_run import Budget, PlannedRun, Summary
-from estimator.reproduction.plan import ALL_MODALITIES, PREDICTIONS, SEEDS
-from estimator.study.harness import made_by
-from estimator.study.robot_process import print_body
+from estimator.reproduction.harness import made_by
+from estimator.reproduction.paper_runs import (
+    ALL_MODALITIES,
+    PREDICTIONS,
+    SEEDS,
+    Budget,
+    PlannedRun,
+    Summary,
+)
+from estimator.reproduction.robot_process import print_body
 
 PAGE = Path(__file__).parents[1] / "docs" / "parametric.md"
 

@@ -15,9 +15,10 @@ from typing import TypeVar
 import numpy as np
 
 from bench.prior_bodies import on_default_robot
+from estimator.executors import WorkerProcesses
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
-from estimator.parallel.executors import WorkerProcesses
+from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.backends import REFERENCE, foresight_of
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool
@@ -25,7 +26,6 @@ from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
-from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
 
 Result = TypeVar("Result")

@@ -31,10 +31,10 @@ from bench.prior_bodies import drawn_genes, on_default_robot
 from bench.study_command import add_options, complete_by_command
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
+from estimator.executors import ThisProcess
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.identification.doubting import SURE
-from estimator.parallel.executors import ThisProcess
 from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
@@ -51,7 +51,7 @@ from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
-from estimator.study.harness import BriefRun, made_by
+from estimator.reproduction.harness import BriefRun, made_by
 from protocol.system.replace_file import replace_text
 
 BEYOND: Final = 0.1

@@ -27,11 +27,11 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
+from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
-from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
 
 KINDS: Final = (("quadruped", "parametric"), ("8-part trees", "topological-24"))

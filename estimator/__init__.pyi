@@ -17,6 +17,9 @@ from .identification.order import Order as Order
 from .identification.paper.objectives import OBJECTIVES as OBJECTIVES
 from .identification.paper.objectives import LargestError as LargestError
 from .identification.paper.objectives import RobustMeanError as RobustMeanError
+from .identification.paper.search import SEARCHES as SEARCHES
+from .identification.paper.search import DeterministicCrowding as DeterministicCrowding
+from .identification.paper.search import Search as Search
 from .physics.backends import BACKENDS as BACKENDS
 from .physics.base import Abilities as Abilities
 from .physics.base import ArrayMarginPhysics as ArrayMarginPhysics
@@ -31,13 +34,10 @@ from .plugins import Registry as Registry
 from .posterior.fitted import Attachment as Attachment
 from .posterior.fitted import FittedPosterior as FittedPosterior
 from .problem.genome import Genome as Genome
+from .problem.operators import Operators as Operators
 from .problem.problem import Problem as Problem
 from .readings.observation import Observation as Observation
 from .readings.observation import ObservedReadings as ObservedReadings
 from .report.result import Result as Result
-from .search.deterministic_crowding import DeterministicCrowding as DeterministicCrowding
-from .search.operators import Operators as Operators
-from .search.searches import SEARCHES as SEARCHES
-from .search.searches import Search as Search
 
 __all__: list[str]

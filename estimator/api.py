@@ -14,6 +14,7 @@ from estimator.exploration.situation import Objective
 from estimator.identification.listener import Listener
 from estimator.identification.order import MethodName, Order
 from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.identification.paper.search import SEARCHES, Search
 from estimator.identification.run import identify as identify_run
 from estimator.identification.run import resume as resume_run
 from estimator.physics.backends import BACKENDS, on_this_computer
@@ -23,7 +24,6 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
-from estimator.search.searches import SEARCHES, Search
 from estimator.storage.store import RunStore
 
 T = TypeVar("T")

@@ -15,7 +15,7 @@ import numpy as np
 from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
 from estimator.physics.base import Pair, Readings
-from estimator.study.harness import BriefRun
+from estimator.reproduction.harness import BriefRun
 from protocol.system.native_output import native_output_discarded
 from protocol.system.replace_file import replace_file
 

@@ -27,9 +27,9 @@ from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.reproduction.harness import BriefRun
+from estimator.reproduction.robot_process import RobotProcess
 from estimator.storage.store import RunStore
-from estimator.study.harness import BriefRun
-from estimator.study.robot_process import RobotProcess
 from protocol.errors import BodyschemaError
 from protocol.system.replace_file import replace_text
 from sim_robot.world.body import DEFAULT

@@ -21,12 +21,12 @@ from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot
 from estimator.exploration.rules import RULES
 from estimator.identification.order import METHODS, MethodName, Order
 from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify
 from estimator.physics.backends import BACKENDS
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.run_files import write_report
 from estimator.report.tables.terminal import print_result
-from estimator.search.searches import SEARCHES
 
 
 def command(

@@ -10,7 +10,7 @@ from typing import Annotated, Final, TypeAlias
 
 import typer
 
-from estimator.parallel.cluster import Cluster
+from estimator.cluster import Cluster
 from estimator.physics.backends import Computers, on_cluster, on_this_computer
 
 CORES: Final = len(os.sched_getaffinity(0))

@@ -23,8 +23,8 @@ from estimator.identification.paper.objectives import LargestError
 from estimator.physics.base import ArrayMarginPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.fitted import FittedPosterior
+from estimator.randomness import Stream, generator
 from estimator.readings.observation import Observation, touched
-from estimator.search.randomness import Stream, generator
 from estimator.storage.store import RunStore
 
 

@@ -19,12 +19,12 @@ from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, InteractionError
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
+from estimator.identification.robot_link import RobotLink
 from estimator.physics.base import Physics, Readings
 from estimator.posterior.fitted import FittedPosterior
+from estimator.randomness import Stream, generator
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation, Program
-from estimator.robot_link.base import RobotLink
-from estimator.search.randomness import Stream, generator
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 

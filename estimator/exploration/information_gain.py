@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
+from estimator.executors import Threads
 from estimator.exploration.gain_kernel import gains
-from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
 from estimator.posterior.model import noise_family
 from estimator.posterior.model.densities import DENSITIES, Known

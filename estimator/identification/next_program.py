@@ -11,7 +11,7 @@ from estimator.exploration.situation import Choice, Situation
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.physics.base import ArrayMarginPhysics
 from estimator.posterior.fitted import FittedPosterior
-from estimator.search.randomness import Stream, generator
+from estimator.randomness import Stream, generator
 from estimator.storage.store import RunStore
 
 _ROUNDING: Final = 1e-9  # rad

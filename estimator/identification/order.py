@@ -10,9 +10,9 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES
 from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.identification.paper.search import SEARCHES
 from estimator.physics.backends import REFERENCE, abilities_of
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.search.searches import SEARCHES
 
 MethodName: TypeAlias = Literal["posterior", "paper"]
 

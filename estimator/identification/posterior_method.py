@@ -28,8 +28,8 @@ from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
-from estimator.search.randomness import Stream, generator, seeds
 from estimator.storage.beliefs import RIVAL, Belief, NextMovement, NotKnown
 from estimator.storage.records import Counters
 from estimator.storage.store import RunStore

@@ -20,7 +20,9 @@ from estimator.identification.next_program import ChoiceResources
 from estimator.identification.order import Choices, Order, choices_of
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.identification.paper.search import SEARCHES
 from estimator.identification.posterior_method import PosteriorMethod
+from estimator.identification.robot_link import RobotLink, open_robot
 from estimator.physics.backends import (
     BACKENDS,
     REFERENCE,
@@ -35,9 +37,6 @@ from estimator.posterior.checks.recheck import fine
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
 from estimator.readings.modalities.registry import check_modalities
-from estimator.robot_link import open_robot
-from estimator.robot_link.base import RobotLink
-from estimator.search.searches import SEARCHES
 from estimator.storage.records import RunSettings, first_id
 from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities

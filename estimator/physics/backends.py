@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import Any, Final, TypeAlias
 
 from estimator.errors import EstimatorError
-from estimator.parallel.executors import ThisProcess, WorkerProcesses
+from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.physics.base import Abilities, ArrayPhysics, Physics, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.statics import StaticsPhysics

@@ -30,7 +30,7 @@ import numpy as np
 from estimator.body.arrays import Bodies, Integers
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
-from estimator.parallel.executors import Threads
+from estimator.executors import Threads
 from estimator.physics.base import Abilities, BackEnd, Pair, Readings, WorldSettings, sensor_count
 from protocol.system.interrupts import interrupts_deferred
 from protocol.system.missing_library import install_command

@@ -8,6 +8,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from estimator.body.morphology import PartShape
 from estimator.physics.base import WorldSettings
+from estimator.problem.operators import (
+    BlendCrossover,
+    Crossover,
+    GaussianMutation,
+    Mutation,
+    Operators,
+)
 from estimator.problem.values import (
     Angles,
     Axis,
@@ -26,13 +33,6 @@ from estimator.problem.values import (
     Positive,
     Radius,
     Yaw,
-)
-from estimator.search.operators import (
-    BlendCrossover,
-    Crossover,
-    GaussianMutation,
-    Mutation,
-    Operators,
 )
 
 

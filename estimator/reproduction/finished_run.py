@@ -20,7 +20,7 @@ from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.result import Result
-from estimator.reproduction.paper_run import PlannedRun, Summary
+from estimator.reproduction.paper_runs import PlannedRun, Summary
 from estimator.storage.records import Generation, InteractionRecord, Prediction
 from estimator.storage.store import RunStore
 

@@ -16,13 +16,13 @@ from estimator.identification.listener import Listener
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
+from estimator.identification.paper.search import SEARCHES, Search
 from estimator.physics.base import ArrayMarginPhysics, ArrayPhysics, Physics
 from estimator.posterior.checks.verdict import judge_body
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.posterior import Posterior
+from estimator.randomness import Stream, generator
 from estimator.readings.observation import Observation
-from estimator.search.randomness import Stream, generator
-from estimator.search.searches import SEARCHES, Search
 from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.store import RunStore
 

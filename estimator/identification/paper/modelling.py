@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Objective
 from estimator.identification.paper.fit import fit_genes
+from estimator.identification.paper.search import Search
 from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
-from estimator.search.searches import Search
 from estimator.storage.records import Counters
 
 

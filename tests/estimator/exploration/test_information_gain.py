@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
+from estimator.executors import Threads
 from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.parallel.executors import Threads
 from estimator.physics.base import Readings
 from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import Likelihood, Noise

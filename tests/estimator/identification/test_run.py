@@ -13,10 +13,10 @@ import pytest
 from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
+from estimator.executors import ThisProcess
 from estimator.identification.listener import Listener
 from estimator.identification.order import Order
 from estimator.identification.run import identify, resume
-from estimator.parallel.executors import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
 from estimator.physics.backends import REFERENCE, Computers, in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
@@ -304,7 +304,7 @@ def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
 def test_nothing_is_left_behind_where_no_robot_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estimator.robot_link.wire.PATIENCE", 0.5)
+    monkeypatch.setattr("estimator.identification.robot_link.PATIENCE", 0.5)
     with serving(ModelRobot()) as uri:
         pass
     order = make_order(tmp_path, uri)

@@ -15,7 +15,7 @@ import pytest
 
 from estimator.body.morphology import Morphology
 from estimator.errors import PhysicsError
-from estimator.parallel.executors import WorkerProcesses
+from estimator.executors import WorkerProcesses
 from estimator.physics.base import Pair, Readings, WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
@@ -72,7 +72,7 @@ import os
 from functools import partial
 import numpy as np
 from estimator.body.morphology import Base, Morphology
-from estimator.parallel.executors import WorkerProcesses
+from estimator.executors import WorkerProcesses
 from estimator.physics.base import WorldSettings
 from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics

@@ -6,13 +6,13 @@ import pytest
 from estimator.body.morphology import Array
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
+from estimator.identification.paper.search import DeterministicCrowding
 from estimator.identification.paper.subjective_error import interaction_errors
 from estimator.physics.base import BackEnd, Pair, Readings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.readings.observation import Observation
-from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
 from tests.estimator.model_robot import make_capabilities, make_problem
 

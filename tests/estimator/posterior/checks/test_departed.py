@@ -10,7 +10,7 @@ import pytest
 
 from estimator.body.arrays import ACCELEROMETER, TOO_HIGH
 from estimator.body.morphology import Array, Base
-from estimator.parallel.executors import ThisProcess
+from estimator.executors import ThisProcess
 from estimator.physics.base import Pair, Readings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
