@@ -19,9 +19,8 @@ from estimator.executors import WorkerProcesses
 from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
-from estimator.physics.backends import REFERENCE, foresight_of
+from estimator.physics.backends import REFERENCE, PhysicsPool, foresight_of
 from estimator.physics.base import Pair, Physics, WorldSettings
-from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

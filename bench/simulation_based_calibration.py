@@ -35,7 +35,6 @@ from estimator.executors import ThisProcess
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.identification.doubting import SURE
-from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.alike import feel_alike
@@ -49,8 +48,8 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
 from estimator.reproduction.harness import BriefRun, made_by
 from protocol.system.replace_file import replace_text
 
@@ -106,7 +105,7 @@ class StaticsRobot:
             clearance_saturated=bool(beyond),
         )
 
-    def _where_it_falls(self, program: Array) -> Readings:
+    def _where_it_falls(self, program: Array) -> PredictedReadings:
         """One reading: of the plumb fall, or of another side of a fork, as likely as that is."""
         body = np.repeat(self.body[None], len(LEANS), axis=0)
         readings = self.predictor.read_all(body, program[None], LEANS)

@@ -17,9 +17,10 @@ Name                    What it is
 ``load``                what a run knows of the body: ``FittedPosterior``, with ``Attachment``
 ``best_programs``       the motor programs that are best by a score of your own
 ``METHODS``             the methods by name, ``posterior`` and ``paper``, and their defaults
-``BACKENDS``            what a body feels at rest: ``Physics``, of which ``StaticsPhysics`` and
-                        ``PyBulletPhysics`` are two, ``BackEnd`` is the base class, ``Readings``
-                        the answer, and ``Abilities`` what it can do beyond
+``BACKENDS``            what a body's sensors read at rest: ``Physics`` is the base class of
+                        back-ends, ``ArrayPhysics`` of those that take whole populations,
+                        ``PredictedReadings`` the answer; ``StaticsPhysics`` and
+                        ``PyBulletPhysics`` are two
 ``RULES``               which motor program is next: ``Rule``, from ``Situation`` to ``Choice``
 ``OBJECTIVES``          how badly a model fits: ``Objective``; ``LargestError``, ``RobustMeanError``
 ``SEARCHES``            what optimises the paper's population: ``Search``;
@@ -27,7 +28,7 @@ Name                    What it is
 ``Registry``            what the four above are
 ``Problem``             what is known and what is to be found, a TOML file
 ``Genome``              the code between genes and bodies
-``Observation``         what a robot felt in one interaction
+``Observation``         what a robot observed in one interaction
 ``EstimatorError``      what can go wrong; the other errors derive from it
 ======================= =========================================================================
 

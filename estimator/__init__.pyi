@@ -21,12 +21,9 @@ from .identification.paper.search import SEARCHES as SEARCHES
 from .identification.paper.search import DeterministicCrowding as DeterministicCrowding
 from .identification.paper.search import Search as Search
 from .physics.backends import BACKENDS as BACKENDS
-from .physics.base import Abilities as Abilities
-from .physics.base import ArrayMarginPhysics as ArrayMarginPhysics
-from .physics.base import BackEnd as BackEnd
+from .physics.base import ArrayPhysics as ArrayPhysics
 from .physics.base import Pair as Pair
 from .physics.base import Physics as Physics
-from .physics.base import Readings as Readings
 from .physics.base import WorldSettings as WorldSettings
 from .physics.pybullet import PyBulletPhysics as PyBulletPhysics
 from .physics.statics import StaticsPhysics as StaticsPhysics
@@ -37,7 +34,7 @@ from .problem.genome import Genome as Genome
 from .problem.operators import Operators as Operators
 from .problem.problem import Problem as Problem
 from .readings.observation import Observation as Observation
-from .readings.observation import ObservedReadings as ObservedReadings
+from .readings.observation import PredictedReadings as PredictedReadings
 from .report.result import Result as Result
 
 __all__: list[str]

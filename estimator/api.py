@@ -21,7 +21,7 @@ from estimator.physics.backends import BACKENDS, on_this_computer
 from estimator.physics.base import Physics
 from estimator.plugins import Registry
 from estimator.posterior.fitted import FittedPosterior
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
 from estimator.storage.store import RunStore

@@ -17,9 +17,10 @@ import numpy as np
 from bench.engines.bodies import draw
 from bench.engines.figures import CLOSE, Compared, differences
 from bench.engines.runs import KNOWN, TRIALS
-from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.readings.observation import PredictedReadings
 from protocol.system.replace_file import replace_text
 
 OWN: Final = f"statics itself: joint steps of {np.degrees(PACE):g}°"
@@ -27,7 +28,9 @@ UNEXPLAINED: Final = "unexplained"
 _FINER: Final = PACE / 30
 
 
-def cause(pair: Pair, computed: Readings, trials: Mapping[str, WorldSettings] = TRIALS) -> str:
+def cause(
+    pair: Pair, computed: PredictedReadings, trials: Mapping[str, WorldSettings] = TRIALS
+) -> str:
     """The first trial in which PyBullet agrees with statics, or ``UNEXPLAINED``.
 
     Args:

@@ -13,7 +13,7 @@ from bench.engines.runs import CEILINGS, RIVALS
 from bench.engines.simulate import Simulated
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
+from estimator.readings.observation import PredictedReadings
 
 CLOSE: Final = 0.5
 """Poses whose tilts differ by less are the same, degrees."""
@@ -35,7 +35,7 @@ class Compared:
     """
 
     problem: str
-    statics: Readings
+    statics: PredictedReadings
     margins: Array
     simulated: Simulated
 
@@ -69,7 +69,7 @@ class Compared:
         return [row for row in self.disagreements() if agreed[row]]
 
 
-def differences(one: Readings, other: Readings) -> Array:
+def differences(one: PredictedReadings, other: PredictedReadings) -> Array:
     """The larger difference of the two tilts, degrees, shape (n,)."""
     angles: Array = np.degrees(np.max(np.abs(one.tilt - other.tilt), axis=1, initial=0.0))
     return angles
@@ -142,7 +142,7 @@ def _against(compared: Compared, run: str) -> dict[str, Any]:
     }
 
 
-def _pair(one: Readings, two: Readings) -> dict[str, Any]:
+def _pair(one: PredictedReadings, two: PredictedReadings) -> dict[str, Any]:
     counted = one.valid & two.valid
     apart = differences(one, two)[counted]
     return {
@@ -152,7 +152,7 @@ def _pair(one: Readings, two: Readings) -> dict[str, Any]:
     }
 
 
-def _touch(one: Readings, two: Readings, counted: Flags) -> float:
+def _touch(one: PredictedReadings, two: PredictedReadings, counted: Flags) -> float:
     """Share of touch bits that are alike."""
     alike = (one.touch == two.touch)[counted]
     return float(np.mean(alike)) if alike.size else math.nan

@@ -11,9 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from estimator.physics.base import Pair, Physics, Readings, WorldSettings
+from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.readings.observation import PredictedReadings
 
 _COARSE: Final = WorldSettings()
 _FINE: Final = WorldSettings(step=1 / 240, steps=1200, full_steps=True)
@@ -42,7 +43,7 @@ class Run:
     label: str
     nudged: bool = False
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         """Simulates one interaction per pair."""
         physics = _ENGINES[self.engine](self.settings)
         try:

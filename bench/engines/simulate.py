@@ -14,7 +14,8 @@ import numpy as np
 
 from bench.engines.bodies import draw
 from bench.engines.runs import RUNS
-from estimator.physics.base import Pair, Readings
+from estimator.physics.base import Pair
+from estimator.readings.observation import PredictedReadings
 from estimator.reproduction.harness import BriefRun
 from protocol.system.native_output import native_output_discarded
 from protocol.system.replace_file import replace_file
@@ -22,7 +23,7 @@ from protocol.system.replace_file import replace_file
 PIECE: Final = 20
 """Bodies simulated at a time, in all runs: some seconds of work."""
 
-Simulated: TypeAlias = dict[str, Readings]
+Simulated: TypeAlias = dict[str, PredictedReadings]
 """Readings of the same bodies in each run."""
 
 
@@ -51,7 +52,7 @@ class Piece(BriefRun):
         arrays: dict[str, Any] = {
             f"{run}:{item.name}": getattr(readings, item.name)
             for run, readings in simulated.items()
-            for item in fields(Readings)
+            for item in fields(PredictedReadings)
         }
         replace_file(place / self.leaves, lambda fresh: np.savez_compressed(fresh, **arrays))
 
@@ -73,16 +74,20 @@ def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
 
 def load(finished: Sequence[Piece], root: Path, bodies: int) -> Simulated:
     """Loads the simulated readings of the first bodies; ``root`` is the study's directory."""
-    parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
+    parts: dict[str, list[PredictedReadings]] = {name: [] for name in RUNS}
     for piece in finished:
         with np.load(piece.file(root)) as arrays:
             for name in RUNS:
                 parts[name].append(_unpacked(arrays, name))
-    return {name: Readings.concatenate(readings)[:bodies] for name, readings in parts.items()}
+    return {
+        name: PredictedReadings.concatenate(readings)[:bodies] for name, readings in parts.items()
+    }
 
 
-def _unpacked(arrays: Mapping[str, Any], run: str) -> Readings:
-    return Readings(**{item.name: arrays[f"{run}:{item.name}"] for item in fields(Readings)})
+def _unpacked(arrays: Mapping[str, Any], run: str) -> PredictedReadings:
+    return PredictedReadings(
+        **{item.name: arrays[f"{run}:{item.name}"] for item in fields(PredictedReadings)}
+    )
 
 
 @cache

@@ -24,7 +24,7 @@ from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify
 from estimator.physics.backends import BACKENDS
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.run_files import write_report
 from estimator.report.tables.terminal import print_result
 

@@ -11,8 +11,9 @@ from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.search import SEARCHES
-from estimator.physics.backends import REFERENCE, abilities_of
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.physics.backends import REFERENCE, physics_class
+from estimator.physics.base import ArrayPhysics
+from estimator.readings.modalities import MODALITIES
 
 MethodName: TypeAlias = Literal["posterior", "paper"]
 
@@ -75,7 +76,7 @@ def choices_of(order: Order) -> Choices:
         explore=order.explore or defaults.explore,
         search=order.search or next(iter(SEARCHES.own)),
     )
-    abilities = abilities_of(chosen.physics)
+    kind = physics_class(chosen.physics)
     RULES.check(chosen.explore)
     SEARCHES.check(chosen.search)
     OBJECTIVES.check(order.objective)
@@ -90,7 +91,7 @@ def choices_of(order: Order) -> Choices:
             "search, population, generations and full steps belong to the method paper: leave them "
             "out, or add --method paper"
         )
-    if order.method == "posterior" and not (abilities.arrays and abilities.path_margins):
+    if order.method == "posterior" and not issubclass(kind, ArrayPhysics):
         raise EstimatorError(
             f"the method posterior needs a physics that takes arrays of bodies and knows path "
             f"margins, and {chosen.physics} does not: leave --physics out (then it is "

@@ -15,7 +15,7 @@ import numpy as np
 from estimator.identification.doubting import SURE, Doubting, attachments_known
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import ChoiceResources, next_program
-from estimator.physics.base import ArrayMarginPhysics, Physics
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.alike import Alike, feel_alike, probability_of
 from estimator.posterior.belief import believe
@@ -55,8 +55,8 @@ class PosteriorMethod:
         store: RunStore,
         listener: Listener,
         *,
-        make_physics: Callable[[], ArrayMarginPhysics],
-        physics: ArrayMarginPhysics,
+        make_physics: Callable[[], ArrayPhysics],
+        physics: ArrayPhysics,
         workers: Executor,
         make_reference: Callable[[], Physics],
     ) -> None:

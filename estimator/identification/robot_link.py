@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from estimator.errors import EstimatorError, ReadingsError, RunDirectoryError
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation, Program, by_joint_name
 from estimator.readings.plausibility import AnswerChecks, implausible_body, impossible_reading
 from estimator.readings.readings_csv import ANGLE, Table, read

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import ExitStack, closing
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias, TypeVar, cast
+from typing import TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
@@ -29,14 +29,14 @@ from estimator.physics.backends import (
     Computers,
     foresight_of,
     in_workers,
-    maker,
+    open_arrays,
 )
-from estimator.physics.base import ArrayMarginPhysics, WorldSettings
+from estimator.physics.base import ArrayPhysics, WorldSettings
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.recheck import fine
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
-from estimator.readings.modalities.registry import check_modalities
+from estimator.readings.modalities import check_modalities
 from estimator.storage.records import RunSettings, first_id
 from estimator.storage.store import RunStore
 from protocol.wire.capabilities import Capabilities
@@ -237,9 +237,9 @@ def _work(
     world, settings = store.world, store.settings
     with ExitStack() as stack:
         method: Method
-        choosing: ArrayMarginPhysics
+        choosing: ArrayPhysics
         if settings.method == "posterior":
-            make_physics = cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world))
+            make_physics = partial(open_arrays, settings.physics, world)
             choosing, physics = (
                 stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
                 for _ in range(2)
@@ -277,10 +277,10 @@ def _work(
     return report(store)
 
 
-def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayMarginPhysics:
+def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayPhysics:
     """A back-end for arrays of bodies: on all cores here, on one where a cluster does the work."""
     opened = computers.open_physics(name, world)
-    if opened.abilities.arrays:
-        return cast(ArrayMarginPhysics, opened)
+    if isinstance(opened, ArrayPhysics):
+        return opened
     opened.close()
-    return cast(ArrayMarginPhysics, maker(name, world)())
+    return open_arrays(name, world)

@@ -26,8 +26,9 @@ from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import BASE, Array, Morphology, Part, direction, rotation
 from estimator.body.mounts import Mount
 from estimator.errors import MorphologyError
-from estimator.physics.base import ArrayMarginPhysics, Readings
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.physics.base import ArrayPhysics
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import PredictedReadings
 
 PROGRAMS: Final = 500
 AGREEMENT: Final = 0.99
@@ -65,7 +66,7 @@ class Reference:
         self,
         body: Morphology,
         programs: Array,
-        physics: ArrayMarginPhysics,
+        physics: ArrayPhysics,
         modalities: Sequence[str],
     ):
         self._programs = programs
@@ -111,7 +112,7 @@ class Reference:
         differences[~theirs.valid] = _UNLIKE
         return differences.reshape(len(bodies), len(programs), -1)
 
-    def _read(self, body: Morphology, programs: Indices) -> Readings:
+    def _read(self, body: Morphology, programs: Indices) -> PredictedReadings:
         return self._physics.read([(body, program) for program in self._programs[programs]])
 
 
@@ -188,7 +189,7 @@ def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:
     return int(np.argmin(away))
 
 
-def agree(one: Readings, other: Readings, modalities: Sequence[str]) -> Flags:
+def agree(one: PredictedReadings, other: PredictedReadings, modalities: Sequence[str]) -> Flags:
     """Programs in which two bodies feel the same; those that neither can perform count as such."""
     same = one.valid & other.valid
     for name in modalities:

@@ -34,7 +34,7 @@ from estimator.problem.sections import (
 )
 from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robots, write_out
 from estimator.problem.values import Density, Name, complaint
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from protocol.text.toml import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 

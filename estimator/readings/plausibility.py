@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from estimator.readings.modalities.base import ROUNDING, Value
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES, ROUNDING, Value
 from estimator.readings.observation import Observation, Program
 from protocol.wire.capabilities import Capabilities
 

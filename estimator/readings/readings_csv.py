@@ -24,8 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.errors import ReadingsError
-from estimator.readings.modalities.base import parse_number
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES, parse_number
 from estimator.readings.observation import Observation
 from protocol.wire.field_checks import MAX_ITEMS
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.plots.canvas import new_figure
 from estimator.reproduction.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.finished_run import FinishedRun, read_finished

@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from estimator.errors import RunDirectoryError
 from estimator.physics.backends import REFERENCE
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.page.templates import picture, render
 from estimator.report.tables.terminal import number
 from estimator.reproduction.claims_table import ClaimsTable

@@ -9,7 +9,7 @@ from pathlib import Path
 from estimator.cluster import Cluster
 from estimator.errors import EstimatorError
 from estimator.identification.listener import Listener
-from estimator.physics.backends import abilities_of
+from estimator.physics.backends import physics_class
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.run_files import PAGE
 from estimator.reproduction import figure2, figure3, figure4, figure5, figure6
@@ -79,7 +79,7 @@ def reproduce(
             are listed in the outcome.
     """
     budget = budget or Budget()
-    abilities_of(budget.physics)
+    physics_class(budget.physics)
     if runs is not None and not 1 <= runs <= len(SEEDS):
         raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {runs}")
     if (budget.population or 2) % 2:

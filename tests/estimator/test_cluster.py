@@ -24,10 +24,11 @@ from estimator.body.morphology import Morphology
 from estimator.cli.command_line import app
 from estimator.cluster import Cluster
 from estimator.errors import ClusterError, PhysicsError
-from estimator.physics.base import Pair, Readings, WorldSettings
-from estimator.physics.pool import PhysicsPool
+from estimator.physics.backends import PhysicsPool
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.posterior.model.unknowns import Predictor
+from estimator.readings.observation import PredictedReadings
 from estimator.storage.store import RunStore
 from protocol.system.missing_library import install_command
 from tests.estimator.dask_cluster import (
@@ -55,7 +56,7 @@ def pairs(random_tree: MakeBody) -> list[Pair]:
 
 
 @pytest.fixture(scope="module")
-def expected(pairs: list[Pair]) -> tuple[Readings, int]:
+def expected(pairs: list[Pair]) -> tuple[PredictedReadings, int]:
     with PyBulletPhysics(SETTINGS) as here:
         return here.read(pairs), here.steps
 
@@ -64,7 +65,7 @@ def expected(pairs: list[Pair]) -> tuple[Readings, int]:
 
 
 def test_a_cluster_reads_what_this_process_reads(
-    connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+    connected: Cluster, pairs: list[Pair], expected: tuple[PredictedReadings, int]
 ) -> None:
     assert connected.workers == 2
     with PhysicsPool(partial(PyBulletPhysics, SETTINGS), connected) as physics:
@@ -96,7 +97,7 @@ def test_a_cluster_moves_chains_as_this_process_does(
 
 
 def test_an_interrupt_cancels_what_is_outstanding(
-    connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+    connected: Cluster, pairs: list[Pair], expected: tuple[PredictedReadings, int]
 ) -> None:
     begun: list[int] = []
     released = threading.Event()
@@ -237,7 +238,7 @@ def test_who_is_not_like_us_does_not_work_for_us(
 
 
 def test_a_worker_killed_in_its_work_costs_time_not_results(
-    cluster: Dask, connected: Cluster, pairs: list[Pair], expected: tuple[Readings, int]
+    cluster: Dask, connected: Cluster, pairs: list[Pair], expected: tuple[PredictedReadings, int]
 ) -> None:
     victims: list[int] = []
 

@@ -14,9 +14,9 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
 from estimator.exploration.situation import Objective
-from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
-from estimator.readings.observation import Observation, ObservedReadings
+from estimator.readings.observation import Observation, PredictedReadings
 
 Rows: TypeAlias = NDArray[np.intp]
 
@@ -100,7 +100,7 @@ def fit_genes(
         guesser = _ArrayReader(genome.bodies(genes), foresight, targets.programs)
         order = targets.worst_first(guesser, len(genes))
     reader: _Reader
-    if takes_arrays(physics):
+    if isinstance(physics, ArrayPhysics):
         reader = _ArrayReader(genome.bodies(genes), physics, targets.programs)
     else:
         reader = _BodyReader(genome.decode_all(genes), physics, targets.programs)
@@ -108,7 +108,7 @@ def fit_genes(
 
 
 class _Reader(Protocol):
-    def __call__(self, models: Rows, interactions: Rows) -> Readings:
+    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
         """What some models feel, each in one of the interactions."""
 
 
@@ -120,7 +120,7 @@ class _BodyReader:
     physics: Physics
     programs: Array
 
-    def __call__(self, models: Rows, interactions: Rows) -> Readings:
+    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
         pairs = zip(models, interactions, strict=True)
         return self.physics.read([(self.bodies[row], self.programs[turn]) for row, turn in pairs])
 
@@ -133,7 +133,7 @@ class _ArrayReader:
     physics: ArrayPhysics
     programs: Array
 
-    def __call__(self, models: Rows, interactions: Rows) -> Readings:
+    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
         return self.physics.read_bodies(self.bodies[models], self.programs[interactions])
 
 
@@ -148,7 +148,7 @@ class _Targets:
         objective: What the errors add up to.
     """
 
-    observed: Sequence[ObservedReadings]
+    observed: Sequence[Observation]
     programs: Array
     modalities: Sequence[str]
     objective: Objective
@@ -157,9 +157,8 @@ class _Targets:
     def of(
         cls, observations: Sequence[Observation], modalities: Sequence[str], objective: Objective
     ) -> _Targets:
-        observed = [item.as_arrays() for item in observations]
-        programs = np.array([item.angles for item in observed])
-        return cls(observed, programs, modalities, objective)
+        programs = np.array([item.angles for item in observations], dtype=float)
+        return cls(observations, programs, modalities, objective)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:
         """The interactions of each model, the one that it fits worst first, shape (n, k)."""
@@ -192,7 +191,7 @@ class _Targets:
             errors=self.objective.total(errors, undecided), invalid=invalid, undecided=counted
         )
 
-    def _errors(self, readings: Readings, turns: Rows) -> Array:
+    def _errors(self, readings: PredictedReadings, turns: Rows) -> Array:
         errors = np.zeros(len(turns))
         for turn in np.unique(turns):
             rows = np.flatnonzero(turns == turn)

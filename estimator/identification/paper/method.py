@@ -17,7 +17,7 @@ from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
 from estimator.identification.paper.search import SEARCHES, Search
-from estimator.physics.base import ArrayMarginPhysics, ArrayPhysics, Physics
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.posterior.checks.verdict import judge_body
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.posterior import Posterior
@@ -46,7 +46,7 @@ class PaperMethod:
         listener: Listener,
         *,
         foresight: ArrayPhysics | None,
-        judge: ArrayMarginPhysics,
+        judge: ArrayPhysics,
         open_reference: Callable[[], Physics] | None,
     ) -> None:
         self._store = store

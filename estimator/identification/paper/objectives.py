@@ -17,11 +17,10 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Objective
 from estimator.identification.paper.subjective_error import interaction_errors, largest
-from estimator.physics.base import Readings
 from estimator.plugins import Registry
 from estimator.posterior.model.likelihood import Noise
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import ObservedReadings
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
 from protocol.wire.capabilities import Capabilities
 
 
@@ -36,7 +35,7 @@ class LargestError:
         del capabilities
 
     def terms(
-        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
         """The paper's subjective error."""
         return interaction_errors(readings, observed, modalities)
@@ -68,7 +67,7 @@ class RobustMeanError:
         }
 
     def terms(
-        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
         """Shape (n,)."""
         total: Array = np.zeros(len(readings))

@@ -18,9 +18,8 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import ObservedReadings
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
 
 EXCUSED: Final = 1
 """Interactions in which a body may be undecided: one in five hundred is by chance, so a body that
@@ -29,7 +28,9 @@ otherwise: docs/statics.md tells how often."""
 
 
 def interaction_errors(
-    readings: Readings, observed: ObservedReadings, modalities: Collection[str] = tuple(MODALITIES)
+    readings: PredictedReadings,
+    observed: Observation,
+    modalities: Collection[str] = tuple(MODALITIES),
 ) -> Array:
     """Error of each model in one interaction.
 

@@ -8,29 +8,26 @@ from estimator.identification.paper.modelling import Modeller
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
 from estimator.identification.paper.subjective_error import interaction_errors
-from estimator.physics.base import BackEnd, Pair, Readings
+from estimator.physics.base import Pair, Physics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from estimator.storage.records import Counters
 from tests.estimator.model_robot import make_capabilities, make_problem
 
 MODALITIES = ("touch", "tilt", "clearance")
 
 
-class ToyPhysics(BackEnd):
+class ToyPhysics(Physics):
     """Tilt grows with the first length and the angle; counts what it is asked."""
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         self.simulations += len(pairs)
-        readings = Readings.empty(len(pairs), 4)
+        readings = PredictedReadings.empty(len(pairs), 4)
         readings.valid[:] = True
         readings.tilt[:, 0] = [body.parts[0].length * program[0] for body, program in pairs]
         return readings
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 def make_observations(count: int) -> list[Observation]:
@@ -52,9 +49,9 @@ def in_full(
 ) -> Array:
     columns = []
     for observation in observations:
-        target = observation.as_arrays()
-        pairs = [(body, target.angles) for body in genome.decode_all(genes)]
-        columns.append(interaction_errors(physics.read(pairs), target, MODALITIES))
+        program = np.array(observation.angles)
+        pairs = [(body, program) for body in genome.decode_all(genes)]
+        columns.append(interaction_errors(physics.read(pairs), observation, MODALITIES))
     found: Array = np.max(columns, axis=0)
     return found
 

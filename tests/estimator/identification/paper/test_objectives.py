@@ -7,17 +7,16 @@ from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Objective
 from estimator.identification.paper.objectives import OBJECTIVES, LargestError, RobustMeanError
-from estimator.physics.base import Readings
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from tests.estimator.model_robot import make_capabilities
 
 MODALITIES = ("touch", "tilt", "clearance")
 SEEN = Observation(angles=(0.0,) * 4, touch=(True, False), tilt=(0.1, 0.0), clearance=0.05)
 
 
-def readings(count: int = 3) -> Readings:
+def readings(count: int = 3) -> PredictedReadings:
     """Models that feel what the robot felt."""
-    made = Readings.empty(count, 2)
+    made = PredictedReadings.empty(count, 2)
     made.valid[:] = True
     made.touch[:, 0] = True
     made.tilt[:, 0] = 0.1
@@ -46,7 +45,7 @@ def test_a_perfect_model_has_no_error_and_an_invalid_one_an_infinite_one(
     made = readings()
     made.valid[1] = False
     made.tilt[2, 1] = 0.2
-    terms = objective.terms(made, SEEN.as_arrays(), MODALITIES)
+    terms = objective.terms(made, SEEN, MODALITIES)
     assert terms[0] == 0
     assert terms[1] == np.inf
     assert 0 < terms[2] < np.inf
@@ -72,7 +71,7 @@ def test_one_pose_cannot_veto_a_model_by_the_robust_mean() -> None:
     robust = RobustMeanError(make_capabilities())
     wild = readings(2)
     wild.tilt[0] = 1.4, -1.4
-    terms = robust.terms(wild, SEEN.as_arrays(), MODALITIES)
+    terms = robust.terms(wild, SEEN, MODALITIES)
     assert terms[0] <= 3 * np.log1p(20.0)
 
 
@@ -80,5 +79,5 @@ def test_an_undecided_pose_earns_nothing_by_the_robust_mean() -> None:
     made = readings()
     made.undecided[0] = True
     robust = RobustMeanError(make_capabilities())
-    terms = robust.terms(made, SEEN.as_arrays(), MODALITIES)
+    terms = robust.terms(made, SEEN, MODALITIES)
     assert terms[0] == pytest.approx(3 * np.log1p(20.0))

@@ -7,16 +7,15 @@ import pytest
 
 from estimator.errors import EstimatorError
 from estimator.identification.paper.subjective_error import interaction_errors, largest
-from estimator.physics.base import Readings
-from estimator.readings.modalities.registry import check_modalities
-from estimator.readings.observation import ObservedReadings
+from estimator.readings.modalities import check_modalities
+from estimator.readings.observation import Observation, PredictedReadings
 
 NAN = math.nan
 
 
-def readings() -> Readings:
+def readings() -> PredictedReadings:
     """Two models; the second one's simulation cannot be believed."""
-    found = Readings.empty(2, 4)
+    found = PredictedReadings.empty(2, 4)
     found.touch[0] = [True, True, False, False]
     found.tilt[0] = np.radians([3.0, -1.0])
     found.clearance[0] = 0.050
@@ -26,16 +25,11 @@ def readings() -> Readings:
 
 
 def observed(
-    touch: tuple[float, ...] = (1, 0, 0, 1),
-    tilt: tuple[float, float] = (5.0, 1.5),
-    clearance: float = 0.042,
-) -> ObservedReadings:
-    return ObservedReadings(
-        angles=np.zeros(8),
-        touch=np.array(touch, dtype=float),
-        tilt=np.radians(tilt),
-        clearance=clearance,
-    )
+    touch: tuple[bool | None, ...] = (True, False, False, True),
+    tilt: tuple[float | None, float] = (math.radians(5.0), math.radians(1.5)),
+    clearance: float | None = 0.042,
+) -> Observation:
+    return Observation(angles=(0.0,) * 8, touch=touch, tilt=tilt, clearance=clearance)
 
 
 TOUCH, TILT, CLEARANCE, SPEED = 2.0, 2.0 + 2.5, 10 * 0.008, 0.02
@@ -58,13 +52,17 @@ def test_the_seven_variants_of_the_paper(modalities: tuple[str, ...], expected: 
 
 
 def test_missing_readings_add_nothing() -> None:
-    def error(found: ObservedReadings) -> float:
+    def error(found: Observation) -> float:
         return float(interaction_errors(readings(), found)[0])
 
-    assert error(observed(touch=(1, NAN, 0, 1))) == pytest.approx(1 + TILT + CLEARANCE + SPEED)
-    assert error(observed(tilt=(NAN, 1.5))) == pytest.approx(TOUCH + 2.5 + CLEARANCE + SPEED)
-    assert error(observed(clearance=NAN)) == pytest.approx(TOUCH + TILT + SPEED)
-    nothing = observed(touch=(NAN,) * 4, tilt=(NAN, NAN), clearance=NAN)
+    assert error(observed(touch=(True, None, False, True))) == pytest.approx(
+        1 + TILT + CLEARANCE + SPEED
+    )
+    assert error(observed(tilt=(None, math.radians(1.5)))) == pytest.approx(
+        TOUCH + 2.5 + CLEARANCE + SPEED
+    )
+    assert error(observed(clearance=None)) == pytest.approx(TOUCH + TILT + SPEED)
+    nothing = Observation(angles=(0.0,) * 8, touch=(None,) * 4)
     assert error(nothing) == pytest.approx(SPEED)
 
 
@@ -107,7 +105,7 @@ def test_a_body_that_is_undecided_twice_fits_nothing(
 
 def test_touch_sensors_must_be_equally_many() -> None:
     with pytest.raises(EstimatorError, match="the robot has 2 touch sensors"):
-        interaction_errors(readings(), observed(touch=(1, 0)))
+        interaction_errors(readings(), observed(touch=(True, False)))
     assert np.isfinite(interaction_errors(readings(), observed(touch=()), ("tilt",))[0])
 
 

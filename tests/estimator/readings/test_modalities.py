@@ -7,26 +7,20 @@ import math
 import numpy as np
 import pytest
 
-from estimator.physics.base import Readings
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation, ObservedReadings
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
 from protocol.wire import capabilities
 
 NAN = math.nan
-NOTHING = ObservedReadings(
-    angles=np.zeros(2), touch=np.full(2, NAN), tilt=np.full(2, NAN), clearance=NAN
-)
-FELT = ObservedReadings(
-    angles=np.zeros(2),
-    touch=np.array([1.0, 0.0]),
-    tilt=np.radians([10.0, NAN]),
-    clearance=0.05,
+NOTHING = Observation(angles=(0.0, 0.0), touch=(None, None))
+SEEN = Observation(
+    angles=(0.0, 0.0), touch=(True, False), tilt=(math.radians(10.0), None), clearance=0.05
 )
 
 
-def readings() -> Readings:
+def readings() -> PredictedReadings:
     """Two bodies; the second one is doubtful about a bit, and tilts and lifts a trifle more."""
-    both = Readings.empty(2, 2)
+    both = PredictedReadings.empty(2, 2)
     both.touch[:] = [[True, True], [True, False]]
     both.touch_doubtful[1, 1] = True
     both.tilt[:] = np.radians([[12.0, 3.0], [12.4, 3.0]])
@@ -38,11 +32,18 @@ def test_they_are_those_of_the_wire() -> None:
     assert tuple(MODALITIES) == capabilities.MODALITIES
 
 
+def test_a_missing_reading_is_nan_among_numbers() -> None:
+    numbers = {name: one.observed(SEEN).tolist() for name, one in MODALITIES.items()}
+    assert numbers["touch"] == [1.0, 0.0]
+    assert numbers["tilt"] == pytest.approx([math.radians(10.0), NAN], nan_ok=True)
+    assert numbers["clearance"] == [0.05]
+
+
 @pytest.mark.parametrize(
     ("name", "error"), [("touch", [1, 0]), ("tilt", [2.0, 2.4]), ("clearance", [0.02, 0.035])]
 )
 def test_the_papers_terms(name: str, error: list[float]) -> None:
-    assert MODALITIES[name].error(readings(), FELT) == pytest.approx(error)
+    assert MODALITIES[name].error(readings(), SEEN) == pytest.approx(error)
     assert MODALITIES[name].error(readings(), NOTHING).tolist() == [0.0, 0.0]
 
 
@@ -57,7 +58,7 @@ def test_the_papers_terms(name: str, error: list[float]) -> None:
 def test_prediction_errors(name: str, error: list[list[float]], shown: float, said: str) -> None:
     modality = MODALITIES[name]
     predicted = np.array(modality.predicted(readings()), dtype=float)
-    errors = modality.prediction_errors(predicted, FELT)
+    errors = modality.prediction_errors(predicted, SEEN)
     assert errors == pytest.approx(np.array(error), nan_ok=True)
     mean = float(np.nanmean(errors[0]))
     assert modality.shown(mean) == pytest.approx(shown)
