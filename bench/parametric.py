@@ -36,7 +36,7 @@ paper's budget
 models simulated in PyBullet), one simulated quadruped with default noise per seed. Seeds
 {first}–{last} were fixed before the first run; every run is listed. Truth: four legs of 220 mm.
 
-A leg that never touched the ground in any of the four poses cannot be felt, so its length is little
+A leg that never touched the ground in any of the four poses shows in no sensor, so its length is little
 better than chance; the user is warned about it, and it stands apart here. *Signed* is the mean of
 estimated − true over the four legs: it would show a bias from radius, length definition or joints
 that miss their targets.
@@ -102,8 +102,10 @@ def _table(runs: Mapping[int, Summary]) -> list[str]:
         assert run.score is not None
         assert run.result is not None
         errors = [1000 * error for error in run.score.leg_errors_m]
-        felt = list(zip(errors, run.score.touched, strict=True))
-        mine, others = ([error for error, bit in felt if bool(bit) == own] for own in (True, False))
+        by_touch = list(zip(errors, run.score.touched, strict=True))
+        mine, others = (
+            [error for error, bit in by_touch if bool(bit) == own] for own in (True, False)
+        )
         touched += mine
         never += others
         signed.append(1000 * run.score.mean_signed_leg_error_m)

@@ -8,7 +8,7 @@ what they were expected to tell. A study that was interrupted goes on where it s
 told by how many lie in the lowest and in the highest tenth: true lengths are evener than draws one
 by one, for which a test of uniformity would be right.
 
-Of many legs nothing is felt, and of 66 bodies drawn one by one 13 % of the lengths lay in the
+Of many legs nothing is observed, and of 66 bodies drawn one by one 13 % of the lengths lay in the
 lowest tenth of the prior, so that good intervals seemed to fail. So lengths are points of a
 scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
 """
@@ -186,12 +186,12 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
     alike = partial(feel_alike, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
     posterior, told = sampler.prior(), []
-    felt: list[Observation] = []
+    observed: list[Observation] = []
     for _ in range(interactions):
         samples = posterior.sample(SAMPLES, rng)
-        chosen = Chooser(predictor, gain, ends).choose(samples, (), len(felt), rng)
-        felt.append(robot.perform(chosen.program))
-        data, before = SensorData.of(felt, tuple(MODALITIES), cap), posterior
+        chosen = Chooser(predictor, gain, ends).choose(samples, (), len(observed), rng)
+        observed.append(robot.perform(chosen.program))
+        data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)
         belief = believe(posterior, predictor, data, noise, alike, before=before)
         leader = posterior.modes[0].point.copy()

@@ -93,7 +93,7 @@ def _reversed_tilt(axis: int) -> Robot:
     gains = [VOLTS_PER_G] * 3
     gains[axis] = -VOLTS_PER_G
     opposite = ("hip_front", "hip_back") if axis == 0 else ("hip_left", "hip_right")
-    return believing(_felt_by(gains), partial(exchanged, *opposite))
+    return believing(_measured_with(gains), partial(exchanged, *opposite))
 
 
 def _along_the_diagonal(urdf: str) -> str:
@@ -101,7 +101,7 @@ def _along_the_diagonal(urdf: str) -> str:
     return exchanged("hip_left", "hip_front", exchanged("hip_right", "hip_back", urdf))
 
 
-def _felt_by(volts_per_g: Sequence[float]) -> Calibration:
+def _measured_with(volts_per_g: Sequence[float]) -> Calibration:
     axes = AxesCalibration(unit="V", zero=(ZERO_VOLTS,) * 3, per_g=tuple(volts_per_g))
     return Calibration(robot=DEFAULT, revision=1, accelerometer=axes)
 
@@ -158,7 +158,7 @@ FAULTS: Final = {
     "servos turning 1.2 times as far": _turning(1.2, servos=8),
     "one servo turning 1.3 times as far": _turning(1.3, servos=1),
     "accelerometer that feels a fifth less": believing(
-        _felt_by((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
+        _measured_with((1.25 * VOLTS_PER_G, 1.25 * VOLTS_PER_G, VOLTS_PER_G))
     ),
     "distance sensor that reads 7 mm too much": believing(
         Calibration(

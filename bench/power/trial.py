@@ -94,7 +94,7 @@ class Figures(BaseModel):
         cpu_seconds: Of the estimator.
         simulations: That it ran.
         explained: Whether it says that some body of the problem explains the readings.
-        verdict: The same as a sentence, and the first warning; or why there was no run.
+        verdict: Whether it does, as a sentence, and the first warning; or why there was no run.
         cells: How many configurations there are.
         steps: One per interaction.
     """
@@ -243,7 +243,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
 
 @dataclass(frozen=True)
 class _Belief:
-    """What a run holds for its best body, and how sure it is."""
+    """What a run holds for its best body, and how probable that is."""
 
     best: Array
     probability: float | None = None

@@ -7,11 +7,11 @@ import math
 from protocol.wire.readings import Direction
 
 
-def up_as_felt(up: Direction, across: float, along: float) -> tuple[float, float, float]:
+def up_as_measured(up: Direction, across: float, along: float) -> tuple[float, float, float]:
     """The world's up in the frame of the accelerometer.
 
     Args:
-        up: The same in the body's frame.
+        up: World up in the body's frame.
         across: How far the accelerometer is turned about the body's x axis, rad.
         along: How far it is then turned about its own y axis, rad.
     """

@@ -326,7 +326,7 @@ def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tup
 
 
 def _frames(morphology: Morphology, angles: Sequence[float]) -> tuple[Array, Array]:
-    """The same where each part's hinge has an angle, rad."""
+    """Frames of the parts where each part's hinge has an angle, rad."""
     origins = np.empty((len(angles), 3))
     rotations = np.empty((len(angles), 3, 3))
     for index, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):

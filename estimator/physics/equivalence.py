@@ -1,6 +1,6 @@
-"""Whether two bodies can be told apart by what they feel.
+"""Whether two bodies are indistinguishable by their sensors.
 
-Some differences cannot be felt: the hinge of a part that is locked, a roll with nothing off its
+Some differences show in no sensor: the hinge of a part that is locked, a roll with nothing off its
 axis, where a locked leg is divided into upper and lower part, and, without tilt, the symmetries of
 a square main body.
 
@@ -55,8 +55,8 @@ class Reference:
     Args:
         body: The body.
         programs: Motor programs, rad, shape (programs, motors).
-        physics: Computes what bodies feel.
-        modalities: Sensors that may tell bodies apart.
+        physics: Predicts readings.
+        modalities: Sensors that may discriminate between bodies.
 
     Attributes:
         telling: Numbers of the programs that say anything and that the body can perform.
@@ -72,10 +72,10 @@ class Reference:
         self._programs = programs
         self._physics = physics
         self._modalities = tuple(modalities)
-        self._felt = self._read(body, np.arange(len(programs)))
+        self._readings = self._read(body, np.arange(len(programs)))
         margins = physics.path_margins([(body, program) for program in programs])
         self._tells: Flags = margins > MARGIN
-        self.telling: Indices = np.flatnonzero(self._tells & self._felt.valid)
+        self.telling: Indices = np.flatnonzero(self._tells & self._readings.valid)
 
     def is_like(self, body: Morphology) -> bool:
         """Whether a body reads like this one in (nearly) all programs that say anything.
@@ -83,14 +83,14 @@ class Reference:
         Args:
             body: A body with the reference's motors and sensors.
         """
-        told = np.flatnonzero(self._tells)
+        telling = np.flatnonzero(self._tells)
         differing = 0
-        for programs in filter(len, np.split(told, [_FIRST])):
-            same = agree(self._felt[programs], self._read(body, programs), self._modalities)
+        for programs in filter(len, np.split(telling, [_FIRST])):
+            same = agree(self._readings[programs], self._read(body, programs), self._modalities)
             differing += int(np.count_nonzero(~same))
-            if told.size - differing < AGREEMENT * told.size:
+            if telling.size - differing < AGREEMENT * telling.size:
                 return False
-        return bool(told.size)
+        return bool(telling.size)
 
     def residuals(self, bodies: Bodies, programs: Indices) -> Array:
         """Differences of many bodies' readings from this one's.
@@ -100,14 +100,17 @@ class Reference:
             programs: Numbers of m programs among ``telling``.
 
         Returns:
-            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly told apart; a
+            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly discriminated; a
             program that a body cannot perform differs by far.
         """
         rows = np.repeat(np.arange(len(bodies)), len(programs))
-        turns = np.tile(programs, len(bodies))
-        theirs = self._physics.read_bodies(bodies[rows], self._programs[turns])
+        performed = np.tile(programs, len(bodies))
+        theirs = self._physics.read_bodies(bodies[rows], self._programs[performed])
         differences = np.hstack(
-            [MODALITIES[name].differences(theirs, self._felt[turns]) for name in self._modalities]
+            [
+                MODALITIES[name].differences(theirs, self._readings[performed])
+                for name in self._modalities
+            ]
         )
         differences[~theirs.valid] = _UNLIKE
         return differences.reshape(len(bodies), len(programs), -1)
@@ -190,7 +193,7 @@ def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:
 
 
 def agree(one: PredictedReadings, other: PredictedReadings, modalities: Sequence[str]) -> Flags:
-    """Programs in which two bodies feel the same; those that neither can perform count as such."""
+    """Programs in which two bodies' sensors read alike, or that neither can perform."""
     same = one.valid & other.valid
     for name in modalities:
         same &= MODALITIES[name].alike(one, other)

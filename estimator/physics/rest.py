@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
-from estimator.body.accelerometer import up_as_felt
+from estimator.body.accelerometer import up_as_measured
 from estimator.body.morphology import Morphology
 from estimator.physics.base import WorldSettings
 from estimator.readings.observation import PredictedReadings
@@ -106,7 +106,7 @@ def fill_row(
         up: The world's up in the body's frame.
         gaps: Distance of each part from the ground, m; negative where it sinks in.
     """
-    readings.tilt[row] = tilt_of(up_as_felt(up, *body.base.accelerometer))
+    readings.tilt[row] = tilt_of(up_as_measured(up, *body.base.accelerometer))
     ray = belly_ray(height - up[2] * body.base.size[2] / 2, up)
     readings.clearance[row], readings.saturated[row] = clearance_of(ray, settings.clearance_cap)
     for sensor in range(body.sensors):

@@ -184,7 +184,7 @@ class Genome:
         )
 
     def bodies(self, genes: Array) -> Bodies:
-        """Returns the same bodies as arrays, without making an object per body.
+        """Bodies of genomes as arrays, without an object per body.
 
         Args:
             genes: Shape (n, size), each in [0, 1].

@@ -240,7 +240,7 @@ class Quantity(Modality):
     tolerance: ClassVar[float]
 
     def columns(self, count: int) -> tuple[str, ...]:
-        """The same however many values there are."""
+        """``column_names``, however many values there are."""
         return self.column_names
 
     def count(self, header: Sequence[str]) -> int:

@@ -45,7 +45,7 @@ def implausible_body(robot: Capabilities) -> str | None:
 
 
 def impossible_reading(observation: Observation, robot: Capabilities) -> str | None:
-    """What in an observation this robot cannot have taken or felt."""
+    """What in an observation this robot cannot have taken or measured."""
     for joint, angle in zip(robot.joints, observation.angles, strict=True):
         slack = joint.resolution + ROUNDING
         if not joint.lower - slack <= angle <= joint.upper + slack:

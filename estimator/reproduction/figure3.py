@@ -1,4 +1,4 @@
-"""Figure 3: how good the best models are, by what they were told, after each iteration."""
+"""Figure 3: how good the best models are, by what they were fitted to, after each iteration."""
 
 from __future__ import annotations
 

@@ -43,11 +43,11 @@ ROWS: Final = ("first motor program", "fresh motor program")
 
 @dataclass(frozen=True, kw_only=True)
 class _Subject:
-    """One picture: a body in a pose, and what it felt there."""
+    """One picture: a body in a pose, and the observation made there."""
 
     name: str
     solids: list[Solid]
-    felt: Observation
+    observation: Observation
 
 
 def make(root: Path, budget: Budget, runs: int | None) -> DrawnFigure:
@@ -111,13 +111,17 @@ def _models(run: FinishedRun, pose: Observation) -> list[_Subject]:
     ]
 
 
-def _subject(name: str, links: Sequence[Link], felt: Observation) -> _Subject:
-    return _Subject(name=name, solids=at_rest(solids_of(links, felt.angles), felt), felt=felt)
+def _subject(name: str, links: Sequence[Link], observation: Observation) -> _Subject:
+    return _Subject(
+        name=name,
+        solids=at_rest(solids_of(links, observation.angles), observation),
+        observation=observation,
+    )
 
 
 def _tilt(item: _Subject) -> tuple[float, float]:
     """Degrees; 0 where it was not read."""
-    left, ahead = (math.degrees(angle or 0.0) for angle in item.felt.tilt)
+    left, ahead = (math.degrees(angle or 0.0) for angle in item.observation.tilt)
     return left, ahead
 
 
@@ -127,19 +131,19 @@ def _angles(run: FinishedRun, pose: Observation) -> str:
 
 
 def _touched(item: _Subject) -> str:
-    return "".join("?" if bit is None else str(int(bit)) for bit in item.felt.touch)
+    return "".join("?" if bit is None else str(int(bit)) for bit in item.observation.touch)
 
 
 def _reading(item: _Subject) -> str:
     left, ahead = (round(angle, 1) + 0.0 for angle in _tilt(item))
-    height = item.felt.clearance
+    height = item.observation.clearance
     clear = "?" if height is None else f"{height * 1000:.0f} mm"
     return f"touch {_touched(item)}, tilt {left:+.1f}°, {ahead:+.1f}°, clearance {clear}"
 
 
 def _row(name: str, panel: str, item: _Subject, angles: str) -> Row:
     left, ahead = (round(angle, 3) for angle in _tilt(item))
-    height = item.felt.clearance
+    height = item.observation.clearance
     clear = None if height is None else round(height * 1000, 2)
     return name, panel, item.name, angles, _touched(item), left, ahead, clear
 

@@ -37,7 +37,7 @@ class FinishedRun:
         truth: The robot's body, which the search never saw.
         generations: The population after each generation. The best model of the last one is the
             run's, in whose choice the reference back-end has the last word.
-        interactions: What was performed and felt.
+        interactions: What was performed and observed.
         predictions: Fresh motor programs, predicted and then performed; empty where none were.
         result: The run in numbers.
         score: Its final best model against the truth.

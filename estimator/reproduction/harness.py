@@ -58,7 +58,7 @@ class Run(Protocol):
         """Begins or resumes it, and leaves it finished.
 
         What says that it is finished is written last. The listener ends a turn by an exception when
-        it is told of work that is safe on disk.
+        it hears of work that is safe on disk.
 
         Args:
             root: The study's directory.
@@ -218,7 +218,7 @@ class Progress:
     """Progress over all runs, by work rather than by number: runs differ a hundredfold.
 
     Args:
-        listener: Is told.
+        listener: Hears what happens.
         works: The work of each run, by name.
         done: How much of it was done before.
         clock: Wall clock, s.

@@ -66,7 +66,7 @@ def smaller(differences: Sequence[float]) -> float:
 
 
 def different(differences: Sequence[float]) -> float:
-    """Two-sided p of the same test."""
+    """Two-sided p of Wilcoxon's signed-rank test."""
     return _signed_rank(differences, "two-sided")
 
 
@@ -199,7 +199,7 @@ class VariantComparison:
         difference: The first minus the second, m; below 0 the first is better. ``None`` without a
             pair.
         p: That the first is better, one-sided, not corrected; ``None`` without a pair.
-        corrected: The same after Holm's correction.
+        corrected: p after Holm's correction.
         corrected_opposite: That the first is worse, after Holm's correction.
         verdict: What follows.
     """

@@ -3,7 +3,7 @@
 Which runs there are (seeds, variants, budgets) was fixed here before any run. Reported results use
 the seeds 1000 to 1029, on which nothing was ever tuned. A seed decides a run's motor programs, its
 search and the simulated robot's noise. Every variant meets the same seeds, and so the same motor
-programs: variants differ in what they are told about the same movements.
+programs: variants differ in which readings of those movements they are given.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A ``sim-robotd`` process for one run, started by its command as a person would start it.
 
 Its noise comes from its seed and the number of the interaction, so a robot that was started anew
-feels what its predecessor felt, once it has performed what its predecessor had performed.
+reads what its predecessor read, once it has performed what its predecessor had performed.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def catch_up(store: RunStore, uri: str) -> None:
         uri: A robot that was started with the same seed and has not moved yet.
 
     Raises:
-        RunDirectoryError: It does not feel what the other felt.
+        RunDirectoryError: Its readings are not the other's.
         BodyschemaError: It cannot be reached, or did not perform.
     """
     validations = itertools.chain.from_iterable(store.validations.all())
@@ -141,15 +141,15 @@ def catch_up(store: RunStore, uri: str) -> None:
         for program, before in performed:
             reply = client.perform(by_joint_name(program, client.capabilities))
             now = Observation.from_wire(reply, client.capabilities)
-            if _felt(now) != _felt(before):
+            if _readings(now) != _readings(before):
                 raise RunDirectoryError(
                     f"The simulated robot does not feel again what it felt in {store.directory}, "
                     f"so it was another version's: delete {store.directory}, and it is run anew."
                 )
 
 
-def _felt(seen: Observation) -> tuple[object, ...]:
-    return seen.angles, seen.touch, seen.tilt, seen.clearance
+def _readings(observation: Observation) -> tuple[object, ...]:
+    return observation.angles, observation.touch, observation.tilt, observation.clearance
 
 
 def _command() -> str:

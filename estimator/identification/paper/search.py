@@ -210,14 +210,14 @@ class DeterministicCrowding:
         """
         if not self._asked:
             raise SearchOrderError("tell(errors) answers ask(): call ask() first")
-        told = _checked_errors(errors, len(self._population))
+        checked = _checked_errors(errors, len(self._population))
         if self._children is None or self._errors is None:
-            self._errors = told
+            self._errors = checked
         else:
-            better = told < self._errors[self._rivals]
+            better = checked < self._errors[self._rivals]
             winners = self._rivals[better]
             self._population[winners] = self._children[better]
-            self._errors[winners] = told[better]
+            self._errors[winners] = checked[better]
             self._generation += 1
         self._asked = False
         self._children = None
