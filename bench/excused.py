@@ -21,7 +21,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.identification.paper.subjective_error import interaction_errors
+from estimator.identification.paper.objectives import interaction_errors
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 

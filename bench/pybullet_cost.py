@@ -16,7 +16,7 @@ import numpy as np
 
 from bench.prior_bodies import on_default_robot
 from estimator.executors import WorkerProcesses
-from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.backends import REFERENCE, PhysicsPool, foresight_of

@@ -25,7 +25,7 @@ from bench.engines.bodies import draw
 from bench.pybullet_cost import workload as topological_workload
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
-from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.base import Pair, Physics, WorldSettings

@@ -24,6 +24,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.geometry import ends, volume
 from estimator.body.mounts import (
     HINGES,
     PART_SIDES,
@@ -34,7 +35,6 @@ from estimator.body.mounts import (
     Vector,
     four_sides,
 )
-from estimator.body.part_shapes import ends, volume
 from estimator.errors import MorphologyError
 
 Array: TypeAlias = NDArray[np.float64]

@@ -100,8 +100,8 @@ class Reference:
             programs: Numbers of m programs among ``telling``.
 
         Returns:
-            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly discriminated; a
-            program that a body cannot perform differs by far.
+            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly
+            discriminated; a program that a body cannot perform differs by far.
         """
         rows = np.repeat(np.arange(len(bodies)), len(programs))
         performed = np.tile(programs, len(bodies))

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
-from estimator.body.accelerometer import up_as_measured
+from estimator.body.geometry import up_as_measured
 from estimator.body.morphology import Morphology
 from estimator.physics.base import WorldSettings
 from estimator.readings.observation import PredictedReadings

@@ -18,7 +18,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from estimator.body import accelerometer, part_shapes
+from estimator.body import geometry
 from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from estimator.body.mounts import Vector
@@ -59,11 +59,10 @@ from protocol.wire import readings as definitions
 _SOURCES: Final = stamp(
     Path(__file__).parent,
     Path(definitions.__file__),
-    Path(accelerometer.__file__),
-    Path(part_shapes.__file__),
+    Path(geometry.__file__),
 )
 
-_up_as_measured: Final = compiled(accelerometer.up_as_measured)
+_up_as_measured: Final = compiled(geometry.up_as_measured)
 _tilt_of: Final = compiled(definitions.tilt_of)
 _belly_ray: Final = compiled(definitions.belly_ray)
 _clearance_of: Final = compiled(definitions.clearance_of)

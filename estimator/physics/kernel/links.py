@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimator.body import part_shapes
+from estimator.body import geometry
 from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import allocating, compiled
@@ -73,8 +73,8 @@ TOGETHER: Final = 16
 """Inclinations of gravity under which one body is followed at once."""
 
 
-_ends: Final = compiled(part_shapes.ends)
-_volume: Final = compiled(part_shapes.volume)
+_ends: Final = compiled(geometry.ends)
+_volume: Final = compiled(geometry.volume)
 
 
 class Trees(NamedTuple):

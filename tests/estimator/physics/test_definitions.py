@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from estimator.body.morphology import Base, Morphology
 from estimator.physics.base import WorldSettings
-from estimator.physics.rest import fill_row
 from estimator.physics.kernel import batch
+from estimator.physics.rest import fill_row
 from estimator.readings.observation import PredictedReadings
 from protocol.wire.readings import belly_ray, clearance_of, tilt_of, touch_is_doubtful, touches
 

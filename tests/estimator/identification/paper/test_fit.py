@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
-from estimator.identification.paper.modelling import Modeller
-from estimator.identification.paper.objectives import LargestError
+from estimator.identification.paper.fit import Modeller
+from estimator.identification.paper.objectives import LargestError, interaction_errors
 from estimator.identification.paper.search import DeterministicCrowding
-from estimator.identification.paper.subjective_error import interaction_errors
 from estimator.physics.base import Pair, Physics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
