@@ -36,7 +36,7 @@ paper's budget
 models simulated in PyBullet), one simulated quadruped with default noise per seed. Seeds
 {first}–{last} were fixed before the first run; every run is listed. Truth: four legs of 220 mm.
 
-A leg that never touched the ground in any of the four poses is not measured, so its length is little
+A leg that never touched the ground in any of the four poses is unmeasured, so its length is little
 better than chance; the user is warned about it, and it stands apart here. *Signed* is the mean of
 estimated − true over the four legs: it would show a bias from radius, length definition or joints
 that miss their targets.

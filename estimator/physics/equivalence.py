@@ -14,7 +14,7 @@ of a leg too short to reach the ground.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final, TypeAlias
@@ -49,6 +49,47 @@ _COINCIDENT: Final = 1e-6  # m, and unit vectors
 Indices: TypeAlias = NDArray[np.intp]
 
 
+Read: TypeAlias = Callable[[Indices, Indices], PredictedReadings]
+"""Readings of bodies, by their numbers, after motor programs, by theirs; a row for each pair."""
+
+
+def indistinguishable(
+    one: Read,
+    other: Read,
+    margins: Callable[[Indices, Indices], Array],
+    shape: tuple[int, int],
+    modalities: Sequence[str],
+) -> Flags:
+    """Whether bodies read alike, pair by pair, in (nearly) all programs that say anything.
+
+    Args:
+        one: Predicts readings of the first body of each pair.
+        other: Predicts readings of the second.
+        margins: Path margins of the first, rad; those above ``MARGIN`` need not be exact.
+        shape: How many pairs there are, and how many programs.
+        modalities: Sensors that may discriminate between bodies.
+
+    Returns:
+        Shape (pairs,).
+    """
+    pairs, programs = shape
+    allowed = int((1 - AGREEMENT) * programs)
+    differing = np.zeros(pairs, dtype=np.int64)
+    for some in np.split(np.arange(programs), [_FIRST]):
+        left = np.flatnonzero(differing <= allowed)
+        rows, performed = np.repeat(left, len(some)), np.tile(some, len(left))
+        if not rows.size:
+            break
+        readings = one(rows, performed), other(rows, performed)
+        differ = ~agree(*readings, modalities).reshape(len(left), len(some))
+        # Margins cost as much as many readings; twice as many as are allowed will do.
+        asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
+        tells = np.zeros(differ.size, dtype=bool)
+        tells[asked] = margins(rows[asked], performed[asked]) > MARGIN
+        differing[left] += tells.reshape(differ.shape).sum(axis=1)
+    return np.asarray(differing <= allowed)
+
+
 class Reference:
     """A body that others are compared with.
 
@@ -73,8 +114,8 @@ class Reference:
         self._physics = physics
         self._modalities = tuple(modalities)
         self._readings = self._read(body, np.arange(len(programs)))
-        margins = physics.path_margins([(body, program) for program in programs])
-        self._tells: Flags = margins > MARGIN
+        self._margins = physics.path_margins([(body, program) for program in programs])
+        self._tells: Flags = self._margins > MARGIN
         self.telling: Indices = np.flatnonzero(self._tells & self._readings.valid)
 
     def is_like(self, body: Morphology) -> bool:
@@ -84,13 +125,14 @@ class Reference:
             body: A body with the reference's motors and sensors.
         """
         telling = np.flatnonzero(self._tells)
-        differing = 0
-        for programs in filter(len, np.split(telling, [_FIRST])):
-            same = agree(self._readings[programs], self._read(body, programs), self._modalities)
-            differing += int(np.count_nonzero(~same))
-            if telling.size - differing < AGREEMENT * telling.size:
-                return False
-        return bool(telling.size)
+        (like,) = indistinguishable(
+            lambda _, programs: self._readings[telling[programs]],
+            lambda _, programs: self._read(body, telling[programs]),
+            lambda _, programs: self._margins[telling[programs]],
+            (1, len(telling)),
+            self._modalities,
+        )
+        return bool(like) and bool(telling.size)
 
     def residuals(self, bodies: Bodies, programs: Indices) -> Array:
         """Differences of many bodies' readings from this one's.

@@ -311,7 +311,7 @@ def with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
 
 
 def outermost_sensors(parent: Integers, sensors: int) -> Integers:
-    """Touch sensor of each part of n bodies, on the parts that carry no other; −1: none; (n, parts).
+    """Touch sensor of each part of n bodies, on those that carry no other; −1: none; (n, parts).
 
     Args:
         parent: Of each part, shape (n, parts).
