@@ -19,7 +19,7 @@ from estimator.executors import WorkerProcesses
 from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import LargestError
 from estimator.identification.paper.search import DeterministicCrowding
-from estimator.physics.backends import REFERENCE, PhysicsPool, foresight_of
+from estimator.physics.backends import REFERENCE, PhysicsPool, approximation_of
 from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.problem.genome import Genome
@@ -89,7 +89,7 @@ def search(physics: Physics, population: int, generations: int) -> tuple[int, in
         ("touch", "tilt", "clearance"),
         Counters(),
         objective=LargestError(),
-        foresight=foresight_of(REFERENCE, WorldSettings()),
+        approximation=approximation_of(REFERENCE, WorldSettings()),
     )
     rng = np.random.default_rng(2)
     crowd = DeterministicCrowding(

@@ -77,7 +77,7 @@ class StaticsRobot:
     rng: np.random.Generator
 
     def perform(self, program: Array) -> Observation:
-        """What it feels after a motor program, rad, shape (motors,)."""
+        """Its observation after a motor program, rad, shape (motors,)."""
         noise, cap, rng = self.noise, self.cap, self.rng
         readings = self._where_it_falls(program)
         wide = np.exp(self.scales) * [noise.tilt, noise.clearance]

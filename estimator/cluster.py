@@ -33,8 +33,8 @@ Result = TypeVar("Result")
 
 _Versions: TypeAlias = Mapping[str, str | None]
 
-_ANSWER: Final = 3.0  # s
-_LOOK: Final = 1.0  # s
+_ANSWER: Final = 3.0  # s that a scheduler may take to answer; not tuned
+_LOOK: Final = 1.0  # s between two looks at the workers; not tuned
 _COMPUTING: Final = ("bodyschema", "numpy", "numba", "pybullet", "mujoco")
 _COMPARED: Final = ("python", "dask", "distributed", *_COMPUTING)
 _CODE: Final = "code of bodyschema"

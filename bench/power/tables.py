@@ -65,7 +65,7 @@ def page(done: Mapping[str, Runs], made: str) -> str:
 
 
 def success_table(runs: Runs) -> str:
-    """After each interaction: how many are right, how sure they are, and how good the lengths."""
+    """After each interaction: how many are right, their probabilities, and how good the lengths."""
     lines = [
         "| | after interaction | all right | 95 % interval | stated ≥ 0.95 | of these right | "
         "mean leg error (mm) | median (mm) | legs in their 90 % interval | CPU (s) |",

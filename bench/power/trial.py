@@ -259,7 +259,7 @@ def held_against(
 
     Args:
         store: The run.
-        truth: URDF of the body that its robot feels like.
+        truth: URDF of the body that its robot's sensors are those of.
         cpu_seconds: Spent by the end of each interaction.
     """
     problem, genome = store.problem, store.genome

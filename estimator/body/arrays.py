@@ -57,7 +57,7 @@ class Bodies:
         box: Whether the part is one; else it is a capsule.
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
-            sensor feels the ground in every pose, whatever a back-end says.
+            sensor reads contact in every pose, whatever a back-end says.
         travel: How far the motor turns the hinge, as a factor on the command; a back-end is given
             the angle that it turns.
         base: Shape (n, 12): extent of the main body along x, y and z, m, its mass, kg, the density

@@ -278,7 +278,7 @@ class Morphology:
         """For each part, the first part of the rigid group that it belongs to.
 
         Parts joined by locked hinges form one group. The main body joins nothing: a gauge in a
-        leg does not feel what the main body stands on.
+        leg does not measure what the main body stands on.
         """
         groups: list[int] = []
         for index, part in enumerate(self.parts):
@@ -287,7 +287,7 @@ class Morphology:
         return tuple(groups)
 
     def sensor_parts(self, sensor: int) -> tuple[int, ...]:
-        """Indices of the parts whose contact with the ground a touch sensor feels."""
+        """Indices of the parts whose contact with the ground a touch sensor measures."""
         for index, part in enumerate(self.parts):
             if part.sensor == sensor:
                 group = self.rigid_groups[index]

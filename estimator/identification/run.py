@@ -27,7 +27,7 @@ from estimator.physics.backends import (
     BACKENDS,
     REFERENCE,
     Computers,
-    foresight_of,
+    approximation_of,
     in_workers,
     open_arrays,
 )
@@ -260,7 +260,7 @@ def _work(
                 store,
                 stack.enter_context(closing(computers.open_physics(settings.physics, world))),
                 listener,
-                foresight=foresight_of(settings.physics, world),
+                approximation=approximation_of(settings.physics, world),
                 judge=choosing,
                 open_reference=None
                 if settings.physics == settings.reference

@@ -108,7 +108,7 @@ def open_arrays(name: str, settings: WorldSettings) -> ArrayPhysics:
     raise EstimatorError(f"the physics {BACKENDS.described(name)} is no estimator.ArrayPhysics")
 
 
-def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
+def approximation_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     """Returns a fast approximation of a back-end; ``None`` if the back-end is as fast itself.
 
     Raises:

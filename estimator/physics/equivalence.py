@@ -5,10 +5,10 @@ axis, where a locked leg is divided into upper and lower part, and, without tilt
 a square main body.
 
 Readings are computed by statics, which treats equal bodies alike however they are put down; in
-PyBullet they differ in one program of thirty. Where a trifle decides on which feet a body comes to
-rest, even statics must take one side, so such programs say nothing. Of the others nearly all must
-agree, and bodies that differ in fewer poses than that pass as equivalent, for example by the hinge
-of a leg too short to reach the ground.
+PyBullet they differ in one program of thirty. Where less than that decides on which feet a body
+comes to rest, even statics must take one side, so such programs say nothing. Of the others nearly
+all must agree, and bodies that differ in fewer poses than that pass as equivalent, for example by
+the hinge of a leg too short to reach the ground.
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import PredictedReadings
 
 PROGRAMS: Final = 500
+"""Random motor programs in which bodies are compared."""
+
 AGREEMENT: Final = 0.99
 """Share of the programs that must agree, of those that say anything. Equal quadrupeds (turned,
 mirrored, with a leg that only rolls) agree in all of them; bodies that differ as little as by the
@@ -42,9 +44,11 @@ MARGIN: Final = math.radians(0.05)
 """A program says something if gravity could be inclined by more than this without the body landing
 elsewhere."""
 
-_UNLIKE: Final = 200.0  # tolerances, by which a body differs where it cannot perform a program
+_UNLIKE: Final = (
+    200.0  # tolerances, by which a body differs that cannot perform a program; any large number
+)
 
-_COINCIDENT: Final = 1e-6  # m, and unit vectors
+_COINCIDENT: Final = 1e-6  # m, and of unit vectors: far above rounding
 
 Indices: TypeAlias = NDArray[np.intp]
 

@@ -37,9 +37,9 @@ from estimator.readings.observation import PredictedReadings
 from protocol.system.missing_library import install_command
 from protocol.wire.readings import up_in_body
 
-_YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight
+_YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
-_IMPEDANCE: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)
+_IMPEDANCE: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)  # solimp: bodies sink in by micrometres
 _SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
 
 

@@ -42,9 +42,9 @@ from protocol.wire.readings import up_in_body
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
 _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included
 _ALONG_X: Final = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # turns capsules from z to x
-_UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)
+_UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)  # no turn; quaternions are x, y, z, w
 
-_BODIES_PER_WORLD: Final = 200
+_BODIES_PER_WORLD: Final = 200  # before all memory is given back; not tuned
 
 
 class PyBulletPhysics(Physics):

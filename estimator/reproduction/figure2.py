@@ -1,4 +1,4 @@
-"""Figure 2: two parametric runs, one that feels everything and one without clearance."""
+"""Figure 2: two parametric runs, one with all sensors and one without clearance."""
 
 from __future__ import annotations
 

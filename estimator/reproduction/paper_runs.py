@@ -44,7 +44,7 @@ from estimator.storage.store import RunStore
 from protocol.errors import RobotUnreachableError
 from protocol.system.replace_file import replace_text
 
-_ATTEMPTS: Final = 3
+_ATTEMPTS: Final = 3  # at reaching the simulated robot, before a run counts as failed; not tuned
 
 _write = partial(write_report, plots=False)
 
@@ -71,7 +71,7 @@ class Budget(BaseModel):
     """What is asked of every run; ``None`` is the problem's own choice, which is the paper's.
 
     Attributes:
-        physics: Back-end that predicts what models feel.
+        physics: Back-end that predicts readings.
         interactions: Interactions with the robot.
         population: Models in the population.
         generations: Generations after each interaction.

@@ -29,8 +29,8 @@ from protocol.system.missing_library import install_command
 from protocol.transport.client import RobotClient
 
 COMMAND: Final = "sim-robotd"
-_START: Final = 60.0  # s
-_PARK: Final = 10.0  # s
+_START: Final = 60.0  # s; not tuned
+_PARK: Final = 10.0  # s; it parks within 5
 _LAST_LINES: Final = 20
 _SERVING: Final = re.compile(r"serving \S+ on (tcp://[^\s,]+)")
 
@@ -143,7 +143,7 @@ def catch_up(store: RunStore, uri: str) -> None:
             now = Observation.from_wire(reply, client.capabilities)
             if _readings(now) != _readings(before):
                 raise RunDirectoryError(
-                    f"The simulated robot does not feel again what it felt in {store.directory}, "
+                    f"The simulated robot does not read again what it read in {store.directory}, "
                     f"so it was another version's: delete {store.directory}, and it is run anew."
                 )
 

@@ -60,26 +60,26 @@ def fit_genes(
     *,
     objective: Objective,
     limits: Array,
-    foresight: ArrayPhysics | None = None,
+    approximation: ArrayPhysics | None = None,
 ) -> Fit:
     """How badly models fit; where an error reaches the model's limit, it is at least the limit.
 
     A model that the problem forbids is as bad as can be, and is not simulated.
 
     A model that has reached its limit in one interaction has lost, and is not simulated in the
-    others. Where there is no foresight the latest interaction comes first, since the parents were
-    not selected on it for as long as on the others.
+    others. Without an approximation the latest interaction comes first, since the parents were not
+    selected on it for as long as on the others.
 
     Args:
         genome: The code between genes and bodies.
         genes: Of n models, shape (n, genes).
-        observations: What the robot felt.
+        observations: What the robot observed.
         modalities: Modalities that count.
-        physics: Predicts what models feel; it alone decides how well they fit.
+        physics: Predicts readings; it alone decides how well they fit.
         objective: What the errors of single interactions add up to.
         limits: Error at which a model has lost, shape (n,).
-        foresight: Guesses which interaction a model fits worst, so that this one comes first. That
-            saves simulations and changes no verdict.
+        approximation: Predicts roughly which interaction a model fits worst, so that this one comes
+            first. That saves simulations and changes no verdict.
     """
     allowed = ~genome.forbidden(genes)
     if not allowed.all():
@@ -91,15 +91,15 @@ def fit_genes(
             physics,
             objective=objective,
             limits=limits[allowed],
-            foresight=foresight,
+            approximation=approximation,
         )
         errors = np.full(len(genes), np.inf)
         errors[allowed] = fit.errors
         return replace(fit, errors=errors)
     targets = _Targets.of(observations, modalities, objective)
     order = None
-    if foresight is not None and len(observations) > 1 and np.isfinite(limits).any():
-        guesser = _ArrayReader(genome.bodies(genes), foresight, targets.programs)
+    if approximation is not None and len(observations) > 1 and np.isfinite(limits).any():
+        guesser = _ArrayReader(genome.bodies(genes), approximation, targets.programs)
         order = targets.worst_first(guesser, len(genes))
     reader: _Reader
     if isinstance(physics, ArrayPhysics):
@@ -111,7 +111,7 @@ def fit_genes(
 
 class _Reader(Protocol):
     def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
-        """What some models feel, each in one of the interactions."""
+        """Predicted readings of some models, each in one of the interactions."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,9 @@ class _BodyReader:
 
     def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
         pairs = zip(models, interactions, strict=True)
-        return self.physics.read([(self.bodies[row], self.programs[turn]) for row, turn in pairs])
+        return self.physics.read(
+            [(self.bodies[row], self.programs[interaction]) for row, interaction in pairs]
+        )
 
 
 @dataclass(frozen=True)
@@ -141,10 +143,10 @@ class _ArrayReader:
 
 @dataclass(frozen=True)
 class _Targets:
-    """What models are to feel.
+    """What models are compared with.
 
     Attributes:
-        observed: What the robot felt in each of k interactions.
+        observed: What the robot observed in each of k interactions.
         programs: What it did, rad, shape (k, motors).
         modalities: Modalities that count.
         objective: What the errors add up to.
@@ -164,9 +166,9 @@ class _Targets:
 
     def worst_first(self, read: _Reader, count: int) -> Rows:
         """The interactions of each model, the one that it fits worst first, shape (n, k)."""
-        turns = np.tile(np.arange(len(self.observed)), count)
+        interactions = np.tile(np.arange(len(self.observed)), count)
         models = np.repeat(np.arange(count), len(self.observed))
-        errors = self._errors(read(models, turns), turns).reshape(count, -1)
+        errors = self._errors(read(models, interactions), interactions).reshape(count, -1)
         return np.argsort(-errors, axis=1, kind="stable")
 
     def compare(self, read: _Reader, limits: Array, order: Rows | None = None) -> Fit:
@@ -182,10 +184,10 @@ class _Targets:
             if not alive.size:
                 break
             rows = np.repeat(alive, end - start)
-            turns = order[alive, start:end].ravel()
-            readings = read(rows, turns)
-            errors[turns, rows] = self._errors(readings, turns)
-            undecided[turns, rows] = readings.undecided
+            interactions = order[alive, start:end].ravel()
+            readings = read(rows, interactions)
+            errors[interactions, rows] = self._errors(readings, interactions)
+            undecided[interactions, rows] = readings.undecided
             invalid += int(np.count_nonzero(~readings.valid))
             alive = alive[self.objective.lower_bound(errors[:, alive]) < limits[alive]]
         counted = int(np.count_nonzero(undecided & np.isfinite(errors)))
@@ -193,11 +195,11 @@ class _Targets:
             errors=self.objective.total(errors, undecided), invalid=invalid, undecided=counted
         )
 
-    def _errors(self, readings: PredictedReadings, turns: Rows) -> Array:
-        errors = np.zeros(len(turns))
-        for turn in np.unique(turns):
-            rows = np.flatnonzero(turns == turn)
-            target = self.observed[turn]
+    def _errors(self, readings: PredictedReadings, interactions: Rows) -> Array:
+        errors = np.zeros(len(interactions))
+        for interaction in np.unique(interactions):
+            rows = np.flatnonzero(interactions == interaction)
+            target = self.observed[interaction]
             terms = self.objective.terms(readings[rows], target, self.modalities)
             if np.shape(terms) != rows.shape or not np.all(terms >= 0):
                 raise EstimatorError(
@@ -226,11 +228,11 @@ class Modeller:
 
     Args:
         genome: The code between genes and bodies.
-        physics: Predicts what bodies feel.
+        physics: Predicts readings.
         modalities: Modalities that count.
         counters: What the run has cost so far.
         objective: What models are fitted by.
-        foresight: Guesses what a slower back-end will find; see ``fit_genes``.
+        approximation: Predicts roughly what a slower back-end will; see ``fit_genes``.
     """
 
     def __init__(
@@ -241,12 +243,12 @@ class Modeller:
         counters: Counters,
         *,
         objective: Objective,
-        foresight: ArrayPhysics | None = None,
+        approximation: ArrayPhysics | None = None,
     ):
         self._genome = genome
         self._physics = physics
         self._objective = objective
-        self._foresight = foresight
+        self._approximation = approximation
         self._modalities = tuple(modalities)
         self._requested = counters.simulations_requested
         self._run = counters.simulations_run - physics.simulations
@@ -288,7 +290,7 @@ class Modeller:
             self._physics,
             objective=self._objective,
             limits=limits,
-            foresight=self._foresight,
+            approximation=self._approximation,
         )
         self._invalid += fitted.invalid
         self._undecided += fitted.undecided

@@ -32,10 +32,10 @@ class PaperMethod:
 
     Args:
         store: The run's memory; opened for writing.
-        physics: Predicts what models feel.
+        physics: Predicts readings of models.
         listener: Hears what happens.
-        foresight: Guesses what models feel, where ``physics`` is slower.
-        judge: Computes what the best model feels, and how sure its paths are, for the verdict.
+        approximation: Predicts them roughly, where ``physics`` is slower.
+        judge: Predicts readings of the best model, and its path margins, for the verdict.
         open_reference: Makes the back-end that has the last word; ``None``: ``physics`` has it.
     """
 
@@ -45,7 +45,7 @@ class PaperMethod:
         physics: Physics,
         listener: Listener,
         *,
-        foresight: ArrayPhysics | None,
+        approximation: ArrayPhysics | None,
         judge: ArrayPhysics,
         open_reference: Callable[[], Physics] | None,
     ) -> None:
@@ -66,7 +66,7 @@ class PaperMethod:
             store.settings.modalities,
             counters,
             objective=self._objective,
-            foresight=foresight,
+            approximation=approximation,
         )
         operators = replace(store.problem.search.operators(), permit=store.genome.permitted)
         search = SEARCHES.load(store.settings.search)

@@ -45,7 +45,7 @@ def interaction_errors(
 
     Args:
         readings: Of n models in that interaction.
-        observed: What the robot felt.
+        observed: What the robot observed.
         modalities: Which sensors count.
 
     Returns:

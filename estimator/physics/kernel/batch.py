@@ -69,10 +69,14 @@ _clearance_of: Final = compiled(definitions.clearance_of)
 _touches: Final = compiled(definitions.touches)
 _touch_is_doubtful: Final = compiled(definitions.touch_is_doubtful)
 
-_SAME: Final = 1e-3  # rad; poses that differ by less are one place
-_LADDER: Final = 5  # rungs from the steepest inclination down, each a quarter of the one above
-_FINE: Final = 1.2  # ratio of the two inclinations between which a margin is known to lie
-_QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed
+_SAME: Final = 1e-3  # rad; poses that differ by less are one: far below what sensors resolve
+_LADDER: Final = (
+    5  # rungs from the steepest inclination down, each a quarter of the one above; not tuned
+)
+_FINE: Final = (
+    1.2  # ratio of the two inclinations between which a margin is known to lie; not tuned
+)
+_QUICK: Final = 8.0  # paces by which the body may turn in one and still be followed; not tuned
 
 
 @compiled

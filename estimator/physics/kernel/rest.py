@@ -220,7 +220,7 @@ def balanced(flat: Array, count: int) -> bool:
 
 
 _ROLLS: Final = 100  # a body needs 0 to 5; no descent needs more than it has edges
-_PIVOTS: Final = 4
+_PIVOTS: Final = 4  # after so many exchanged contacts a body rolls instead; not tuned
 _FLAT: Final = 1e-14  # m⁴: three contacts nearly in a line fix no plane
 
 

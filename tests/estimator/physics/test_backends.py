@@ -18,7 +18,7 @@ from estimator.physics.backends import (
     BACKENDS,
     IN_THIS_PROCESS,
     PhysicsPool,
-    foresight_of,
+    approximation_of,
     in_this_process,
     on_this_computer,
     physics_class,
@@ -53,8 +53,8 @@ def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
         assert type(engine) is PyBulletPhysics
     with closing(in_this_process("mujoco", WORLD)) as engine:
         assert type(engine) is MuJoCoPhysics
-    assert foresight_of("statics", WORLD) is None
-    assert isinstance(foresight_of("pybullet", WORLD), StaticsPhysics)
+    assert approximation_of("statics", WORLD) is None
+    assert isinstance(approximation_of("pybullet", WORLD), StaticsPhysics)
 
 
 def test_a_run_with_the_physics_of_another_package(

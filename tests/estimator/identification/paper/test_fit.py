@@ -55,16 +55,21 @@ def in_full(
     return found
 
 
-@pytest.mark.parametrize("foresight", [None, StaticsPhysics()], ids=["none", "wrong"])
+@pytest.mark.parametrize("approximation", [None, StaticsPhysics()], ids=["none", "wrong"])
 def test_the_early_verdict_decides_as_full_evaluation_would(
-    genome: Genome, foresight: StaticsPhysics | None
+    genome: Genome, approximation: StaticsPhysics | None
 ) -> None:
     # Toy bodies do not move as statics says, so that its guesses put interactions in any order.
     observations = make_observations(4)
     quick, full = (DeterministicCrowding(20, 4, np.random.default_rng(1)) for _ in range(2))
     physics, reference = ToyPhysics(), ToyPhysics()
     modeller = Modeller(
-        genome, physics, MODALITIES, Counters(), foresight=foresight, objective=LargestError()
+        genome,
+        physics,
+        MODALITIES,
+        Counters(),
+        approximation=approximation,
+        objective=LargestError(),
     )
     for count in range(1, 5):
         modeller.introduce(quick, observations[:count])
@@ -128,7 +133,7 @@ def test_real_physics_tells_the_true_model_from_others(
 def test_foresight_saves_simulations_and_changes_no_verdict(genome: Genome) -> None:
     observations = make_observations(5)
     found = []
-    for foresight in (None, StaticsPhysics()):
+    for approximation in (None, StaticsPhysics()):
         search = DeterministicCrowding(16, 4, np.random.default_rng(1))
         with PyBulletPhysics() as physics:
             modeller = Modeller(
@@ -136,7 +141,7 @@ def test_foresight_saves_simulations_and_changes_no_verdict(genome: Genome) -> N
                 physics,
                 MODALITIES,
                 Counters(),
-                foresight=foresight,
+                approximation=approximation,
                 objective=LargestError(),
             )
             modeller.introduce(search, observations)
