@@ -10,12 +10,13 @@ from estimator.report.tables.terminal import number
 from estimator.reproduction.figure import (
     HISTORY,
     DrawnFigure,
+    FinishedRun,
     Row,
     history_numbers,
     history_rows,
+    read_finished,
     write_figure,
 )
-from estimator.reproduction.finished_run import FinishedRun, read_finished
 from estimator.reproduction.paper_runs import Budget, typical_runs
 
 NAME = "fig2"

@@ -20,9 +20,15 @@ from estimator.report.bodies.predictions import observation_of
 from estimator.report.bodies.scene import Solid, at_rest, solids_of
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.plots.canvas import leg_patches, new_figure
-from estimator.reproduction.figure import DrawnFigure, Row, write_figure
+from estimator.reproduction.figure import (
+    DrawnFigure,
+    FinishedRun,
+    Row,
+    observed,
+    read_finished,
+    write_figure,
+)
 from estimator.reproduction.figure4 import choose
-from estimator.reproduction.finished_run import FinishedRun, observed, read_finished
 from estimator.reproduction.paper_runs import Budget
 
 NAME: Final = "fig5"

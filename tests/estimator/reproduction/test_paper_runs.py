@@ -15,7 +15,7 @@ from estimator.readings.observation import Observation
 from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION
 from estimator.report.result import Result
 from estimator.report.run_files import RESULT
-from estimator.reproduction.finished_run import FinishedRun
+from estimator.reproduction.figure import FinishedRun
 from estimator.reproduction.paper_runs import (
     FIGURES,
     SEEDS,
