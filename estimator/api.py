@@ -103,9 +103,9 @@ def identify(
         full_steps=full_steps,
         keys=keys,
     )
-    with on_this_computer(jobs) as computers:
+    with on_this_computer(jobs) as executors:
         return identify_run(
-            Path(directory), order, computers, listener or Listener(), report=write_report
+            Path(directory), order, executors, listener or Listener(), report=write_report
         )
 
 
@@ -167,10 +167,10 @@ def resume(
     _add_those_of(
         Path(directory), physics=physics, search=search, objective=objective, explore=explore
     )
-    with on_this_computer(jobs) as computers:
+    with on_this_computer(jobs) as executors:
         return resume_run(
             Path(directory),
-            computers,
+            executors,
             listener or Listener(),
             robot=robot,
             keys=keys,

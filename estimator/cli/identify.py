@@ -17,7 +17,7 @@ from estimator.cli.console import (
     print_run_directory,
 )
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, Strict, computers
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, Strict, executors
 from estimator.exploration.rules import RULES
 from estimator.identification.order import METHODS, MethodName, Order
 from estimator.identification.paper.objectives import OBJECTIVES
@@ -130,7 +130,7 @@ def command(
         keys=keys,
     )
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
-        with computers(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
+        with executors(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
             result = identify(place, order, opened, screen, report=write_report)
         print_result(out, result)
         print_run_directory(place)

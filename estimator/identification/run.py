@@ -26,7 +26,7 @@ from estimator.identification.robot_link import RobotLink, open_robot
 from estimator.physics.backends import (
     BACKENDS,
     REFERENCE,
-    Computers,
+    Executors,
     approximation_of,
     in_workers,
     open_arrays,
@@ -49,7 +49,7 @@ Report: TypeAlias = Callable[[RunStore], Summary]
 def identify(
     directory: Path,
     order: Order,
-    computers: Computers,
+    executors: Executors,
     listener: Listener,
     *,
     report: Report[Summary],
@@ -61,7 +61,7 @@ def identify(
     Args:
         directory: Where the run is to be.
         order: What is asked of it.
-        computers: Do the work.
+        executors: Do the work.
         listener: Hears what happens.
         report: Called after each iteration and at the end, for what is returned.
 
@@ -85,12 +85,12 @@ def identify(
             listener.say(f"Note: {sentence}.")
         settings = _settings(order, choices, problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
-            return _work(store, computers, lambda: link, listener, report=report)
+            return _work(store, executors, lambda: link, listener, report=report)
 
 
 def resume(
     directory: Path,
-    computers: Computers,
+    executors: Executors,
     listener: Listener,
     *,
     robot: str | None = None,
@@ -101,7 +101,7 @@ def resume(
 
     Args:
         directory: The run.
-        computers: Do the work.
+        executors: Do the work.
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
         keys: The key directory, where the robot asks for keys; a run does not remember it.
@@ -114,7 +114,7 @@ def resume(
         _compare_packages(store, listener)
         uri = robot or store.settings.robot
         connect = partial(reconnect, store, uri, listener, keys=keys)
-        return _work(store, computers, connect, listener, report=report)
+        return _work(store, executors, connect, listener, report=report)
 
 
 def reconnect(
@@ -228,7 +228,7 @@ def _given(asked: int | None, otherwise: int) -> int:
 
 def _work(
     store: RunStore,
-    computers: Computers,
+    executors: Executors,
     connect: Callable[[], RobotLink],
     listener: Listener,
     *,
@@ -241,7 +241,7 @@ def _work(
         if settings.method == "posterior":
             make_physics = partial(open_arrays, settings.physics, world)
             choosing, physics = (
-                stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
+                stack.enter_context(closing(_taking_arrays(executors, settings.physics, world)))
                 for _ in range(2)
             )
             method = PosteriorMethod(
@@ -249,27 +249,27 @@ def _work(
                 listener,
                 make_physics=make_physics,
                 physics=physics,
-                workers=computers.workers,
+                workers=executors.workers,
                 make_reference=partial(
-                    in_workers, settings.reference, fine(world), computers.workers
+                    in_workers, settings.reference, fine(world), executors.workers
                 ),
             )
         else:
             choosing = stack.enter_context(closing(StaticsPhysics(world)))
             method = PaperMethod(
                 store,
-                stack.enter_context(closing(computers.open_physics(settings.physics, world))),
+                stack.enter_context(closing(executors.open_physics(settings.physics, world))),
                 listener,
                 approximation=approximation_of(settings.physics, world),
                 judge=choosing,
                 open_reference=None
                 if settings.physics == settings.reference
-                else lambda: computers.open_physics(settings.reference, world),
+                else lambda: executors.open_physics(settings.reference, world),
             )
         identification = Identification(
             store,
             method,
-            resources=ChoiceResources(physics=choosing, jobs=computers.threads),
+            resources=ChoiceResources(physics=choosing, jobs=executors.threads),
             connect=connect,
             listener=listener,
         )
@@ -277,9 +277,9 @@ def _work(
     return report(store)
 
 
-def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayPhysics:
+def _taking_arrays(executors: Executors, name: str, world: WorldSettings) -> ArrayPhysics:
     """A back-end for arrays of bodies: on all cores here, on one where a cluster does the work."""
-    opened = computers.open_physics(name, world)
+    opened = executors.open_physics(name, world)
     if isinstance(opened, ArrayPhysics):
         return opened
     opened.close()

@@ -29,7 +29,7 @@ OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Computers:
+class Executors:
     """Where a run's work is done; its result does not depend on it.
 
     Attributes:
@@ -118,7 +118,7 @@ def approximation_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
 
 
 @contextmanager
-def on_this_computer(jobs: int) -> Iterator[Computers]:
+def on_this_computer(jobs: int) -> Iterator[Executors]:
     """Works on ``jobs`` cores: array back-ends in threads, all else in worker processes.
 
     On one core all is done in this process.
@@ -136,12 +136,12 @@ def on_this_computer(jobs: int) -> Iterator[Computers]:
                 return partial(maker(name, settings), jobs=jobs)()
             return in_workers(name, settings, workers)
 
-        yield Computers(open_physics=opened, workers=workers, threads=jobs)
+        yield Executors(open_physics=opened, workers=workers, threads=jobs)
 
 
-def on_cluster(cluster: Executor) -> Computers:
+def on_cluster(cluster: Executor) -> Executors:
     """Works on the workers of a cluster, which stays open."""
-    return Computers(open_physics=partial(in_workers, workers=cluster), workers=cluster)
+    return Executors(open_physics=partial(in_workers, workers=cluster), workers=cluster)
 
 
 def in_workers(name: str, settings: WorldSettings, workers: Executor) -> Physics:
@@ -154,7 +154,7 @@ def in_this_process(name: str, settings: WorldSettings) -> Physics:
     return maker(name, settings)()
 
 
-IN_THIS_PROCESS: Final = Computers(open_physics=in_this_process, workers=ThisProcess())
+IN_THIS_PROCESS: Final = Executors(open_physics=in_this_process, workers=ThisProcess())
 """For callers that are one of many processes."""
 
 

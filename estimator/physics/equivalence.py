@@ -104,7 +104,7 @@ class Reference:
         modalities: Sensors that may discriminate between bodies.
 
     Attributes:
-        telling: Numbers of the programs that say anything and that the body can perform.
+        informative: Numbers of the programs that say anything and that the body can perform.
     """
 
     def __init__(
@@ -119,8 +119,8 @@ class Reference:
         self._modalities = tuple(modalities)
         self._readings = self._read(body, np.arange(len(programs)))
         self._margins = physics.path_margins([(body, program) for program in programs])
-        self._tells: Flags = self._margins > MARGIN
-        self.telling: Indices = np.flatnonzero(self._tells & self._readings.valid)
+        self._decided: Flags = self._margins > MARGIN
+        self.informative: Indices = np.flatnonzero(self._decided & self._readings.valid)
 
     def is_like(self, body: Morphology) -> bool:
         """Whether a body reads like this one in (nearly) all programs that say anything.
@@ -128,22 +128,22 @@ class Reference:
         Args:
             body: A body with the reference's motors and sensors.
         """
-        telling = np.flatnonzero(self._tells)
+        informative = np.flatnonzero(self._decided)
         (like,) = indistinguishable(
-            lambda _, programs: self._readings[telling[programs]],
-            lambda _, programs: self._read(body, telling[programs]),
-            lambda _, programs: self._margins[telling[programs]],
-            (1, len(telling)),
+            lambda _, programs: self._readings[informative[programs]],
+            lambda _, programs: self._read(body, informative[programs]),
+            lambda _, programs: self._margins[informative[programs]],
+            (1, len(informative)),
             self._modalities,
         )
-        return bool(like) and bool(telling.size)
+        return bool(like) and bool(informative.size)
 
     def residuals(self, bodies: Bodies, programs: Indices) -> Array:
         """Differences of many bodies' readings from this one's.
 
         Args:
             bodies: n bodies with the reference's motors and sensors.
-            programs: Numbers of m programs among ``telling``.
+            programs: Numbers of m programs among ``informative``.
 
         Returns:
             Shape (n, m, values): in units of what is tolerated, so that 1 is hardly

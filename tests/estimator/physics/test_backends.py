@@ -44,10 +44,10 @@ angle_deg_left,angle_deg_front,angle_deg_right,angle_deg_back,tilt_lr_deg,tilt_f
 def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
     assert issubclass(physics_class("statics"), ArrayPhysics)
     assert not issubclass(physics_class("pybullet"), ArrayPhysics)
-    with on_this_computer(2) as computers:
-        with closing(computers.open_physics("statics", WORLD)) as exact:
+    with on_this_computer(2) as executors:
+        with closing(executors.open_physics("statics", WORLD)) as exact:
             assert type(exact) is StaticsPhysics
-        with closing(computers.open_physics("pybullet", WORLD)) as simulated:
+        with closing(executors.open_physics("pybullet", WORLD)) as simulated:
             assert type(simulated) is PhysicsPool
     with closing(in_this_process("pybullet", WORLD)) as engine:
         assert type(engine) is PyBulletPhysics
@@ -153,8 +153,8 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
     code = PHYSICS.replace("super().__init__()", "raise RuntimeError('no licence')")
     put_on_path(install(tmp_path, THUMB, code=code), monkeypatch)
     with (
-        on_this_computer(2) as computers,
-        closing(computers.open_physics("thumb", WORLD)) as physics,
+        on_this_computer(2) as executors,
+        closing(executors.open_physics("thumb", WORLD)) as physics,
         pytest.raises(RuntimeError, match="no licence"),
     ):
         physics.read([(BALL, np.zeros(0))])
