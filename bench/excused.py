@@ -21,7 +21,7 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.identification.paper.subjective_error import interaction_errors
+from estimator.identification.paper.objectives import interaction_errors
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
 
@@ -64,13 +64,13 @@ def count(directory: Path) -> Excused:
     counted = Excused()
     with RunStore.open(directory, to_write=False) as store:
         settings, genome = store.settings, store.genome
-        seen = [item.as_arrays() for item in store.observations()]
+        seen = store.observations()
         generations = store.generations()
         with StaticsPhysics(store.world) as physics:
             for item in generations:
                 genes, known = np.array(item.best), seen[: item.iteration + 1]
                 body = genome.decode(genes)
-                readings = physics.read([(body, target.angles) for target in known])
+                readings = physics.read([(body, np.array(target.angles)) for target in known])
                 balanced = np.flatnonzero(readings.undecided & readings.valid)
                 if not balanced.size:
                     counted += Excused(generations=1)
@@ -79,7 +79,8 @@ def count(directory: Path) -> Excused:
                 hides = False
                 for turn in balanced:
                     target = known[turn]
-                    around = physics.read([(genome.decode(row), target.angles) for row in near])
+                    angles = np.array(target.angles)
+                    around = physics.read([(genome.decode(row), angles) for row in near])
                     errors = interaction_errors(around, target, settings.modalities)
                     hides |= _least(errors, around.undecided) > min(item.errors)
                 end = item.number % (settings.generations + 1) == settings.generations

@@ -13,12 +13,18 @@ from typing import Final
 
 from bench.study_command import add_options, complete_by_command
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, PredictionErrors, Validation
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.evaluation_files import TRUTH
-from estimator.reproduction.paper_run import Budget, PlannedRun, Summary
-from estimator.reproduction.plan import ALL_MODALITIES, PREDICTIONS, SEEDS
-from estimator.study.harness import made_by
-from estimator.study.robot_process import print_body
+from estimator.reproduction.harness import made_by
+from estimator.reproduction.paper_runs import (
+    ALL_MODALITIES,
+    PREDICTIONS,
+    SEEDS,
+    Budget,
+    PlannedRun,
+    Summary,
+)
+from estimator.reproduction.robot_process import print_body
 
 PAGE = Path(__file__).parents[1] / "docs" / "parametric.md"
 
@@ -30,7 +36,7 @@ paper's budget
 models simulated in PyBullet), one simulated quadruped with default noise per seed. Seeds
 {first}–{last} were fixed before the first run; every run is listed. Truth: four legs of 220 mm.
 
-A leg that never touched the ground in any of the four poses cannot be felt, so its length is little
+A leg that never touched the ground in any of the four poses is unmeasured, so its length is little
 better than chance; the user is warned about it, and it stands apart here. *Signed* is the mean of
 estimated − true over the four legs: it would show a bias from radius, length definition or joints
 that miss their targets.
@@ -96,8 +102,10 @@ def _table(runs: Mapping[int, Summary]) -> list[str]:
         assert run.score is not None
         assert run.result is not None
         errors = [1000 * error for error in run.score.leg_errors_m]
-        felt = list(zip(errors, run.score.touched, strict=True))
-        mine, others = ([error for error, bit in felt if bool(bit) == own] for own in (True, False))
+        by_touch = list(zip(errors, run.score.touched, strict=True))
+        mine, others = (
+            [error for error, bit in by_touch if bool(bit) == own] for own in (True, False)
+        )
         touched += mine
         never += others
         signed.append(1000 * run.score.mean_signed_leg_error_m)

@@ -8,7 +8,7 @@ what they were expected to tell. A study that was interrupted goes on where it s
 told by how many lie in the lowest and in the highest tenth: true lengths are evener than draws one
 by one, for which a test of uniformity would be right.
 
-Of many legs nothing is felt, and of 66 bodies drawn one by one 13 % of the lengths lay in the
+Of many legs nothing is observed, and of 66 bodies drawn one by one 13 % of the lengths lay in the
 lowest tenth of the prior, so that good intervals seemed to fail. So lengths are points of a
 scrambled Halton sequence, which cover the prior evenly; each by itself is a draw from it.
 """
@@ -31,11 +31,10 @@ from bench.prior_bodies import drawn_genes, on_default_robot
 from bench.study_command import add_options, complete_by_command
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
+from estimator.executors import ThisProcess
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.identification.doubting import SURE
-from estimator.parallel.executors import ThisProcess
-from estimator.physics.base import Readings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.alike import feel_alike
@@ -49,9 +48,9 @@ from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.sampler import Effort, Sampler
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation
-from estimator.study.harness import BriefRun, made_by
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
+from estimator.reproduction.harness import BriefRun, made_by
 from protocol.system.files import replace_text
 
 BEYOND: Final = 0.1
@@ -78,7 +77,7 @@ class StaticsRobot:
     rng: np.random.Generator
 
     def perform(self, program: Array) -> Observation:
-        """What it feels after a motor program, rad, shape (motors,)."""
+        """Its observation after a motor program, rad, shape (motors,)."""
         noise, cap, rng = self.noise, self.cap, self.rng
         readings = self._where_it_falls(program)
         wide = np.exp(self.scales) * [noise.tilt, noise.clearance]
@@ -106,7 +105,7 @@ class StaticsRobot:
             clearance_saturated=bool(beyond),
         )
 
-    def _where_it_falls(self, program: Array) -> Readings:
+    def _where_it_falls(self, program: Array) -> PredictedReadings:
         """One reading: of the plumb fall, or of another side of a fork, as likely as that is."""
         body = np.repeat(self.body[None], len(LEANS), axis=0)
         readings = self.predictor.read_all(body, program[None], LEANS)
@@ -187,12 +186,12 @@ def trial(seed: int, problem_name: str, interactions: int) -> list[dict[str, Any
     alike = partial(feel_alike, predictor, programs, tuple(MODALITIES))
     gain = InformationGain(noise, cap, tuple(MODALITIES))
     posterior, told = sampler.prior(), []
-    felt: list[Observation] = []
+    observed: list[Observation] = []
     for _ in range(interactions):
         samples = posterior.sample(SAMPLES, rng)
-        chosen = Chooser(predictor, gain, ends).choose(samples, (), len(felt), rng)
-        felt.append(robot.perform(chosen.program))
-        data, before = SensorData.of(felt, tuple(MODALITIES), cap), posterior
+        chosen = Chooser(predictor, gain, ends).choose(samples, (), len(observed), rng)
+        observed.append(robot.perform(chosen.program))
+        data, before = SensorData.of(observed, tuple(MODALITIES), cap), posterior
         posterior = sampler.learn(data)
         belief = believe(posterior, predictor, data, noise, alike, before=before)
         leader = posterior.modes[0].point.copy()

@@ -28,19 +28,18 @@ from bench.engines.runs import draw
 from bench.prior_bodies import on_default_robot
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Morphology
-from estimator.identification.paper.modelling import Modeller
+from estimator.executors import WorkerProcesses
+from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import LargestError
-from estimator.parallel.executors import WorkerProcesses
-from estimator.physics.backends import REFERENCE, foresight_of
+from estimator.identification.paper.search import DeterministicCrowding
+from estimator.physics.backends import REFERENCE, PhysicsPool, approximation_of
 from estimator.physics.base import ArrayPhysics, Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
-from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
-from estimator.search.deterministic_crowding import DeterministicCrowding
 from estimator.storage.records import Counters
 
 Result = TypeVar("Result")
@@ -179,7 +178,11 @@ def _pairs(genome: Genome, observations: list[Observation], count: int) -> list[
 
 
 def search(
-    physics: Physics, population: int, generations: int, *, foresight: ArrayPhysics | None = None
+    physics: Physics,
+    population: int,
+    generations: int,
+    *,
+    approximation: ArrayPhysics | None = None,
 ) -> Counters:
     """A topological search of the paper's kind; returns what it has cost."""
     problem, genome, observations = workload()
@@ -189,7 +192,7 @@ def search(
         ("touch", "tilt", "clearance"),
         Counters(),
         objective=LargestError(),
-        foresight=foresight,
+        approximation=approximation,
     )
     rng = np.random.default_rng(SEED)
     crowd = DeterministicCrowding(
@@ -217,7 +220,7 @@ def _plain_rate() -> float:
 def _search_here() -> tuple[int, int, float]:
     with PyBulletPhysics() as physics:
         start = time.process_time()
-        cost = search(physics, FEW, GENERATIONS, foresight=_foresight())
+        cost = search(physics, FEW, GENERATIONS, approximation=_approximation())
         seconds = time.process_time() - start
         return cost.simulations_requested, cost.simulations_run, seconds
 
@@ -227,12 +230,12 @@ def _search_in_pool(jobs: int) -> float:
     with WorkerProcesses(jobs) as workers, PhysicsPool(make, workers) as pool:
         pool.read(_pairs(*workload()[1:], 4 * jobs))  # workers start
         start = time.perf_counter()
-        search(pool, POPULATION, BRIEF, foresight=_foresight())
+        search(pool, POPULATION, BRIEF, approximation=_approximation())
         return time.perf_counter() - start
 
 
-def _foresight() -> ArrayPhysics | None:
-    return foresight_of(REFERENCE, WorldSettings())
+def _approximation() -> ArrayPhysics | None:
+    return approximation_of(REFERENCE, WorldSettings())
 
 
 def report_search_in_pybullet() -> None:

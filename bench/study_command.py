@@ -12,8 +12,8 @@ from pathlib import Path
 from estimator.cli.console import err, errors_as_sentences, fail
 from estimator.cli.options import CORES
 from estimator.cli.screen import Screen
-from estimator.parallel.cluster import Cluster
-from estimator.study.harness import Run, complete
+from estimator.cluster import Cluster
+from estimator.reproduction.harness import Run, complete
 
 
 def add_options(parser: argparse.ArgumentParser, out: Path) -> None:

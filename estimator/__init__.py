@@ -18,9 +18,10 @@ Name                    What it is
 ``load``                what a run knows of the body: ``FittedPosterior``, with ``Attachment``
 ``best_programs``       the motor programs that are best by a score of your own
 ``RunConfig``           what is asked of a run; ``METHODS`` are the methods by name
-``BACKENDS``            what a body feels at rest: ``Physics``, of which ``StaticsPhysics`` and
-                        ``PyBulletPhysics`` are two, ``BackEnd`` is the base class, ``Readings``
-                        the answer, and ``Abilities`` what it can do beyond
+``BACKENDS``            what a body's sensors read at rest: ``Physics`` is the base class of
+                        back-ends, ``ArrayPhysics`` of those that take whole populations,
+                        ``PredictedReadings`` the answer; ``StaticsPhysics`` and
+                        ``PyBulletPhysics`` are two
 ``RULES``               which motor program is next: ``Rule``, from ``Situation`` to ``Choice``
 ``OBJECTIVES``          how badly a model fits: ``Objective``; ``LargestError``, ``RobustMeanError``
 ``SEARCHES``            what optimises the paper's population: ``Search``;
@@ -28,7 +29,7 @@ Name                    What it is
 ``Registry``            what the four above are
 ``Problem``             what is known and what is to be found, a TOML file
 ``Genome``              the code between genes and bodies
-``Observation``         what a robot felt in one interaction
+``Observation``         what a robot observed in one interaction
 ``EstimatorError``      what can go wrong; the other errors derive from it
 ======================= =========================================================================
 
@@ -37,30 +38,26 @@ The rooms, from the top down; a room imports only from those below it:
 ================== ==============================================================================
 Room               What is in it
 ================== ==============================================================================
-``cli``            the command line; beside it ``api``: the same from a program
-``reproduction``   the paper's figures
-``study``          many runs, done side by side and resumed by the same command
+``cli``            the command line; beside it ``api``, for programs
+``reproduction``   studies of many runs, resumed by the same command: the paper's figures
 ``live``           a page in the browser that follows a run
 ``report``         a run in numbers, tables and plots
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
-``identification`` a run: act, sense, model. Two methods: ``posterior_method`` and, with its
-                   objectives, ``paper``
+``identification`` a run: act, sense, model; the robot, a table or a recorded run that it acts on.
+                   Two methods: ``posterior_method`` and, with its search and objectives, ``paper``
 ``exploration``    which motor program is next: the rules
-``posterior``      every body that explains the readings, as samples with weights, and how sure
-                   that is
-``robot_link``     where readings come from: a robot, a table by hand, a recorded run
+``posterior``      every body that explains the readings, as samples with weights
 ``storage``        a run on disk: settings, interactions, generations, beliefs
 ``export``         a body as URDF, MJCF or JSON
 ``problem``        what is known and what is to be found; genes to bodies
-``physics``        what a body feels at rest: back-ends by name, in processes or on a cluster
-``search``         what optimises a population, ask and tell
-``parallel``       executors: processes and threads here, workers of a cluster
-``readings``       what was observed; the modalities
+``physics``        what a body's sensors read at rest: back-ends by name
+``readings``       what was observed and what is predicted; the modalities
 ``body``           a body as a tree of parts, and its kinematics
 ================== ==============================================================================
 
-Below them all: ``plugins`` (implementations by name), ``versions`` (what computed a run) and
+Below them all: ``executors`` (processes and threads here) and ``cluster`` (workers elsewhere),
+``plugins`` (implementations by name), ``versions`` (what computed a run), ``randomness`` and
 ``errors``. Only ``evaluation`` and ``reproduction`` look at a true body (``evaluation.truth``);
 nothing that searches can.
 """

@@ -15,14 +15,14 @@ from .identification.listener import Listener as Listener
 from .identification.paper.objectives import OBJECTIVES as OBJECTIVES
 from .identification.paper.objectives import LargestError as LargestError
 from .identification.paper.objectives import RobustMeanError as RobustMeanError
+from .identification.paper.search import SEARCHES as SEARCHES
+from .identification.paper.search import DeterministicCrowding as DeterministicCrowding
+from .identification.paper.search import Search as Search
 from .identification.run import METHODS as METHODS
 from .physics.backends import BACKENDS as BACKENDS
-from .physics.base import Abilities as Abilities
-from .physics.base import ArrayMarginPhysics as ArrayMarginPhysics
-from .physics.base import BackEnd as BackEnd
+from .physics.base import ArrayPhysics as ArrayPhysics
 from .physics.base import Pair as Pair
 from .physics.base import Physics as Physics
-from .physics.base import Readings as Readings
 from .physics.base import WorldSettings as WorldSettings
 from .physics.pybullet import PyBulletPhysics as PyBulletPhysics
 from .physics.statics import StaticsPhysics as StaticsPhysics
@@ -30,14 +30,11 @@ from .plugins import Registry as Registry
 from .posterior.fitted import Attachment as Attachment
 from .posterior.fitted import FittedPosterior as FittedPosterior
 from .problem.genome import Genome as Genome
+from .problem.operators import Operators as Operators
 from .problem.problem import Problem as Problem
 from .readings.observation import Observation as Observation
-from .readings.observation import ObservedReadings as ObservedReadings
+from .readings.observation import PredictedReadings as PredictedReadings
 from .report.result import Result as Result
-from .search.deterministic_crowding import DeterministicCrowding as DeterministicCrowding
-from .search.operators import Operators as Operators
-from .search.searches import SEARCHES as SEARCHES
-from .search.searches import Search as Search
 from .storage.run_config import RunConfig as RunConfig
 
 __all__: list[str]

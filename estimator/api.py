@@ -41,11 +41,11 @@ def identify(
     Raises:
         BodyschemaError: Something prevents the run; the message says what.
     """
-    with on_this_computer(jobs) as computers:
+    with on_this_computer(jobs) as executors:
         return identify_run(
             Path(directory),
             config,
-            computers,
+            executors,
             listener or Listener(),
             keys=keys,
             report=write_report,
@@ -78,10 +78,10 @@ def resume(
     Raises:
         BodyschemaError: Something prevents it; the message says what.
     """
-    with on_this_computer(jobs) as computers:
+    with on_this_computer(jobs) as executors:
         return resume_run(
             Path(directory),
-            computers,
+            executors,
             listener or Listener(),
             robot=robot,
             keys=keys,

@@ -18,7 +18,7 @@ from bench.engines.runs import PROBLEMS, Piece, draw, load, pieces
 from bench.study_command import add_options, complete_by_command
 from estimator.cli.console import errors_as_sentences
 from estimator.physics.statics import StaticsPhysics
-from estimator.study.harness import made_by
+from estimator.reproduction.harness import made_by
 
 _ROOT: Final = Path(__file__).parents[2]
 _PICTURES: Final = (

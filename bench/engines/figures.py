@@ -20,9 +20,10 @@ import numpy as np
 from bench.engines.runs import CEILINGS, KNOWN, RIVALS, TRIALS, Simulated, draw
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.readings.observation import PredictedReadings
 from protocol.system.files import replace_text
 
 CLOSE: Final = 0.5
@@ -46,11 +47,11 @@ class Compared:
         problem: Its name.
         statics: Computed.
         margins: Path margins, rad, shape (n,).
-        simulated: Readings of each run.
+        simulated: PredictedReadings of each run.
     """
 
     problem: str
-    statics: Readings
+    statics: PredictedReadings
     margins: Array
     simulated: Simulated
 
@@ -84,7 +85,7 @@ class Compared:
         return [row for row in self.disagreements() if agreed[row]]
 
 
-def differences(one: Readings, other: Readings) -> Array:
+def differences(one: PredictedReadings, other: PredictedReadings) -> Array:
     """The larger difference of the two tilts, degrees, shape (n,)."""
     angles: Array = np.degrees(np.max(np.abs(one.tilt - other.tilt), axis=1, initial=0.0))
     return angles
@@ -157,7 +158,7 @@ def _against(compared: Compared, run: str) -> dict[str, Any]:
     }
 
 
-def _pair(one: Readings, two: Readings) -> dict[str, Any]:
+def _pair(one: PredictedReadings, two: PredictedReadings) -> dict[str, Any]:
     counted = one.valid & two.valid
     apart = differences(one, two)[counted]
     return {
@@ -167,7 +168,7 @@ def _pair(one: Readings, two: Readings) -> dict[str, Any]:
     }
 
 
-def _touch(one: Readings, two: Readings, counted: Flags) -> float:
+def _touch(one: PredictedReadings, two: PredictedReadings, counted: Flags) -> float:
     """Share of touch bits that are alike."""
     alike = (one.touch == two.touch)[counted]
     return float(np.mean(alike)) if alike.size else math.nan
@@ -177,7 +178,9 @@ def _quantile(values: Array, part: float) -> float:
     return float(np.quantile(values, part)) if values.size else math.nan
 
 
-def cause(pair: Pair, computed: Readings, trials: Mapping[str, WorldSettings] = TRIALS) -> str:
+def cause(
+    pair: Pair, computed: PredictedReadings, trials: Mapping[str, WorldSettings] = TRIALS
+) -> str:
     """The first trial in which PyBullet agrees with statics, or ``UNEXPLAINED``.
 
     Args:

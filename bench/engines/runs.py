@@ -21,10 +21,11 @@ import numpy as np
 
 from bench.prior_bodies import drawn_genes, on_default_robot
 from estimator.body.morphology import Morphology
-from estimator.physics.base import Pair, Physics, Readings, WorldSettings
+from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
-from estimator.study.harness import BriefRun
+from estimator.readings.observation import PredictedReadings
+from estimator.reproduction.harness import BriefRun
 from protocol.system.files import replace_file
 from protocol.system.process import native_output_discarded
 
@@ -55,7 +56,7 @@ class Run:
     label: str
     nudged: bool = False
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         """Simulates one interaction per pair."""
         physics = _ENGINES[self.engine](self.settings)
         try:
@@ -132,7 +133,7 @@ NUDGE: Final = np.radians(0.1)
 PIECE: Final = 20
 """Bodies simulated at a time, in all runs: some seconds of work."""
 
-Simulated: TypeAlias = dict[str, Readings]
+Simulated: TypeAlias = dict[str, PredictedReadings]
 """Readings of the same bodies in each run."""
 
 
@@ -180,7 +181,7 @@ class Piece(BriefRun):
         arrays: dict[str, Any] = {
             f"{run}:{item.name}": getattr(readings, item.name)
             for run, readings in simulated.items()
-            for item in fields(Readings)
+            for item in fields(PredictedReadings)
         }
         replace_file(place / self.leaves, lambda fresh: np.savez_compressed(fresh, **arrays))
 
@@ -202,16 +203,20 @@ def simulate_here(pairs: Sequence[Pair], nudged: Sequence[Pair]) -> Simulated:
 
 def load(finished: Sequence[Piece], root: Path, bodies: int) -> Simulated:
     """Loads the simulated readings of the first bodies; ``root`` is the study's directory."""
-    parts: dict[str, list[Readings]] = {name: [] for name in RUNS}
+    parts: dict[str, list[PredictedReadings]] = {name: [] for name in RUNS}
     for piece in finished:
         with np.load(piece.file(root)) as arrays:
             for name in RUNS:
                 parts[name].append(_unpacked(arrays, name))
-    return {name: Readings.concatenate(readings)[:bodies] for name, readings in parts.items()}
+    return {
+        name: PredictedReadings.concatenate(readings)[:bodies] for name, readings in parts.items()
+    }
 
 
-def _unpacked(arrays: Mapping[str, Any], run: str) -> Readings:
-    return Readings(**{item.name: arrays[f"{run}:{item.name}"] for item in fields(Readings)})
+def _unpacked(arrays: Mapping[str, Any], run: str) -> PredictedReadings:
+    return PredictedReadings(
+        **{item.name: arrays[f"{run}:{item.name}"] for item in fields(PredictedReadings)}
+    )
 
 
 @cache

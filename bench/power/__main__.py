@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from bench.power.curves import plot_success
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.study import PICTURES, REPORTED, SEEDS, study
-from bench.power.tables import by_group, page
+from bench.power.tables import by_group, page, plot_success
 from bench.power.trial import Trial, TrialRun
 from bench.study_command import add_options, complete_by_command
 from estimator.report.plots.canvas import as_png
-from estimator.study.harness import made_by
+from estimator.reproduction.harness import made_by
 from sim_robot.world.body import DEFAULT
 
 PAGE: Final = Path(__file__).parents[2] / "docs" / "power.md"

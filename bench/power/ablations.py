@@ -27,7 +27,7 @@ from estimator.posterior.discovery import discovery
 from estimator.posterior.model import likelihood
 from estimator.posterior.model.likelihood import LEANS
 from estimator.posterior.sampling.sampler import Effort
-from estimator.study.harness import made_by
+from estimator.reproduction.harness import made_by
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from bench.power.faults import fault_trials
-from bench.power.odd_robots import odd_trials
+from bench.power.faults import fault_trials, odd_trials
 from bench.power.robots import BODIES, Robot, from_prior, shipped
 from bench.power.trial import Trial
 from sim_robot.world.body import DEFAULT

@@ -1,4 +1,4 @@
-"""What the runs say, as Markdown."""
+"""What the runs of the study say, as tables in Markdown and as a picture."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import importlib
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from bench.power.study import FAULTY, KNOWN_ATTACHMENTS, PICTURES, SUBJECTS
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from estimator.identification.doubting import SURE
+from estimator.report.plots.canvas import new_figure
+from estimator.report.plots.leg_styles import COLOURS
 
 Runs = Sequence[tuple[Trial, Sequence[Figures]]]
 Steps = Sequence[tuple[Figures, Step]]
@@ -63,7 +65,7 @@ def page(done: Mapping[str, Runs], made: str) -> str:
 
 
 def success_table(runs: Runs) -> str:
-    """After each interaction: how many are right, how sure they are, and how good the lengths."""
+    """After each interaction: how many are right, their probabilities, and how good the lengths."""
     lines = [
         "| | after interaction | all right | 95 % interval | stated ≥ 0.95 | of these right | "
         "mean leg error (mm) | median (mm) | legs in their 90 % interval | CPU (s) |",
@@ -201,3 +203,40 @@ def _bins(steps: Sequence[tuple[float, bool]]) -> Iterator[str]:
 
 def _last_errors(one: Figures) -> tuple[float, ...]:
     return one.steps[-1].leg_errors_mm if one.steps else ()
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MARKERS: Final = "os^D"
+_SHADE: Final = 0.15  # opacity of the 95 % interval
+
+
+def plot_success(runs: Runs) -> Figure:
+    """Share of runs in which all attachments are right, with its 95 % interval (Wilson).
+
+    Args:
+        runs: A group's; each trial is a line.
+    """
+    figure = new_figure(8.4, 3.4)
+    by_movement, by_seconds = figure.subplots(1, 2, sharey=True)
+    for (trial, figures), colour, marker in zip(runs, COLOURS, _MARKERS, strict=False):
+        steps = list(by_interaction(figures))
+        shares = np.array([share_right(some) for some in steps])
+        seconds = [np.mean([step.cpu_seconds for _, step in some]) for some in steps]
+        for axes, places in ((by_movement, range(1, len(steps) + 1)), (by_seconds, seconds)):
+            axes.plot(
+                places, shares[:, 0], color=colour, marker=marker, linewidth=1.1, label=trial.name
+            )
+            axes.fill_between(
+                places, shares[:, 1], shares[:, 2], color=colour, alpha=_SHADE, linewidth=0
+            )
+    ticker = importlib.import_module("matplotlib.ticker")
+    by_movement.yaxis.set_major_formatter(ticker.PercentFormatter(1.0))
+    by_movement.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
+    by_movement.set(xlabel="movements", ylabel="all attachments right", ylim=(0, 1.02))
+    by_seconds.set(xlabel="CPU of the estimator (s), in the mean", xscale="log")
+    by_seconds.xaxis.set_major_formatter(ticker.FormatStrFormatter("%g"))
+    handles, names = by_movement.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper right", ncols=len(runs), frameon=False)
+    return figure

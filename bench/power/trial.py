@@ -26,10 +26,10 @@ from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.physics.statics import StaticsPhysics
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
+from estimator.reproduction.harness import BriefRun
+from estimator.reproduction.robot_process import RobotProcess
 from estimator.storage.run_config import MethodName, RunConfig
 from estimator.storage.store import RunStore
-from estimator.study.harness import BriefRun
-from estimator.study.robot_process import RobotProcess
 from protocol.errors import BodyschemaError
 from protocol.system.files import replace_text
 from sim_robot.world.body import DEFAULT
@@ -94,7 +94,7 @@ class Figures(BaseModel):
         cpu_seconds: Of the estimator.
         simulations: That it ran.
         explained: Whether it says that some body of the problem explains the readings.
-        verdict: The same as a sentence, and the first warning; or why there was no run.
+        verdict: Whether it does, as a sentence, and the first warning; or why there was no run.
         cells: How many configurations there are.
         steps: One per interaction.
     """
@@ -243,7 +243,7 @@ def _run(trial: Trial, seed: int, place: Path) -> Figures:
 
 @dataclass(frozen=True)
 class _Belief:
-    """What a run holds for its best body, and how sure it is."""
+    """What a run holds for its best body, and how probable that is."""
 
     best: Array
     probability: float | None = None
@@ -259,7 +259,7 @@ def held_against(
 
     Args:
         store: The run.
-        truth: URDF of the body that its robot feels like.
+        truth: URDF of the body that its robot's sensors are those of.
         cpu_seconds: Spent by the end of each interaction.
     """
     problem, genome = store.problem, store.genome

@@ -20,7 +20,7 @@ Flags: TypeAlias = NDArray[np.bool_]
 _Entry = TypeVar("_Entry")
 
 DENSITY: Final = 4
-"""Column of ``Bodies.base``; likewise the following."""
+"""Column of ``Bodies.base``, as are the following."""
 
 CENTRE: Final = 5  # and the two after it
 ACCELEROMETER: Final = 8  # and the one after it
@@ -57,17 +57,17 @@ class Bodies:
         box: Whether the part is one; else it is a capsule.
         zero: Angle of the hinge where the motor stands at 0, rad.
         limp: Whether the part hangs from a joint that nothing holds, or from such a part: then its
-            sensor feels the ground in every pose, whatever a back-end says.
-        travel: How far the motor turns the hinge, as a factor on what it is told; a back-end is
-            told how far it turns.
+            sensor reads contact in every pose, whatever a back-end says.
+        travel: How far the motor turns the hinge, as a factor on the command; a back-end is given
+            the angle that it turns.
         base: Shape (n, 12): extent of the main body along x, y and z, m, its mass, kg, the density
             of the parts, kg/m³, the main body's centre of mass, m, and how its accelerometer is
             turned, rad; then how sensors stray from what a back-end says: a factor on tilt, and
             what clearance is too large by, m.
         base_mounts: What the bodies' parts can sit on, of all bodies together, one mount a row:
             x, y, z, m, then cosine and sine of the yaw, and of the elevation.
-        part_mounts: Likewise: fraction of the carrier's length, cosines and sines.
-        hinges: Likewise: the axis.
+        part_mounts: Rows of mounts on parts: fraction of the carrier's length, cosines and sines.
+        hinges: Rows of hinges: the axis.
 
     Raises:
         MorphologyError: A body cannot exist.
@@ -154,7 +154,7 @@ class Bodies:
         return (self, np.arange(len(self.count))) if chosen is None else chosen
 
     def changed(self, **arrays: Array | Integers | Flags) -> Bodies:
-        """The same bodies but for some arrays, by name, which are known to be possible."""
+        """These bodies with some arrays replaced, by name, which are known to be possible."""
         changed = object.__new__(Bodies)
         changed.__dict__.update(
             {name: np.ascontiguousarray(array) for name, array in arrays.items()}
@@ -206,7 +206,7 @@ class Bodies:
 
     @classmethod
     def of(cls, morphologies: Sequence[Morphology]) -> Bodies:
-        """The same bodies as arrays."""
+        """Bodies as arrays."""
         count = np.array([len(body.parts) for body in morphologies], dtype=np.int64)
         shape = (len(count), int(count.max(initial=0)))
         numbers = {name: np.full(shape, _NONE, dtype=np.int64) for name in _NUMBERS}

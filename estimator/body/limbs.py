@@ -1,6 +1,6 @@
 """Bodies as limbs: what moves as one piece, with its length and how it is attached.
 
-A limb is a part with everything that is rigidly joined to it, because locked hinges let nobody feel
+A limb is a part with everything that is rigidly joined to it: at a locked hinge no sensor shows
 where one part ends and the next begins. For a quadruped with locked knees the limbs are its legs.
 """
 

@@ -24,6 +24,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from estimator.body.geometry import ends, volume
 from estimator.body.mounts import (
     HINGES,
     PART_SIDES,
@@ -34,7 +35,6 @@ from estimator.body.mounts import (
     Vector,
     four_sides,
 )
-from estimator.body.part_shapes import ends, volume
 from estimator.errors import MorphologyError
 
 Array: TypeAlias = NDArray[np.float64]
@@ -278,7 +278,7 @@ class Morphology:
         """For each part, the first part of the rigid group that it belongs to.
 
         Parts joined by locked hinges form one group. The main body joins nothing: a gauge in a
-        leg does not feel what the main body stands on.
+        leg does not measure what the main body stands on.
         """
         groups: list[int] = []
         for index, part in enumerate(self.parts):
@@ -287,7 +287,7 @@ class Morphology:
         return tuple(groups)
 
     def sensor_parts(self, sensor: int) -> tuple[int, ...]:
-        """Indices of the parts whose contact with the ground a touch sensor feels."""
+        """Indices of the parts whose contact with the ground a touch sensor measures."""
         for index, part in enumerate(self.parts):
             if part.sensor == sensor:
                 group = self.rigid_groups[index]
@@ -326,7 +326,7 @@ def part_frames(morphology: Morphology, program: Sequence[float] | Array) -> tup
 
 
 def _frames(morphology: Morphology, angles: Sequence[float]) -> tuple[Array, Array]:
-    """The same where each part's hinge has an angle, rad."""
+    """Frames of the parts where each part's hinge has an angle, rad."""
     origins = np.empty((len(angles), 3))
     rotations = np.empty((len(angles), 3, 3))
     for index, (part, angle) in enumerate(zip(morphology.parts, angles, strict=True)):

@@ -22,7 +22,7 @@ from estimator.cli.console import (
     print_run_directory,
 )
 from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
-from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Strict, computers
+from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Strict, executors
 from estimator.identification.run import identify
 from estimator.problem.values import complaint
 from estimator.report.run_files import write_report
@@ -93,7 +93,7 @@ def command(
     place = directory or Path("runs") / name
     config = config.model_copy(update={"seed": seed})
     with errors_as_sentences(place), LiveView(place, live_bind if live else None) as live_view:
-        with computers(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
+        with executors(jobs, dask) as opened, LiveScreen(err, live_view) as screen:
             result = identify(place, config, opened, screen, keys=keys, report=write_report)
         print_result(out, result)
         print_run_directory(place)

@@ -20,7 +20,7 @@ from rich.console import Console
 
 from estimator.cli.screen import Screen
 from estimator.errors import EstimatorError
-from estimator.parallel.executors import die_with
+from estimator.executors import die_with
 from protocol.system.missing_library import install_command
 from protocol.system.process import Closable
 

@@ -10,8 +10,8 @@ from typing import Annotated, Final, TypeAlias
 
 import typer
 
-from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import Computers, on_cluster, on_this_computer
+from estimator.cluster import Cluster
+from estimator.physics.backends import Executors, on_cluster, on_this_computer
 
 CORES: Final = len(os.sched_getaffinity(0))
 """Processor cores that this process may use: the default of ``--jobs``."""
@@ -52,8 +52,8 @@ Live: TypeAlias = Annotated[
 
 
 @contextmanager
-def computers(jobs: int, dask: str | None) -> Iterator[Computers]:
-    """Opens the computers of a command, as ``--jobs`` and ``--dask`` say.
+def executors(jobs: int, dask: str | None) -> Iterator[Executors]:
+    """Opens the executors of a command, as ``--jobs`` and ``--dask`` say.
 
     Args:
         jobs: Processes on this computer, where there is no cluster.

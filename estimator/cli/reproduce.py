@@ -13,10 +13,9 @@ import typer
 from estimator.cli.console import err, errors_as_sentences, fail, out
 from estimator.cli.options import CORES, Dask
 from estimator.cli.screen import Screen
-from estimator.parallel.cluster import Cluster
+from estimator.cluster import Cluster
 from estimator.physics.backends import BACKENDS, REFERENCE
-from estimator.reproduction.paper_run import Budget
-from estimator.reproduction.plan import FIGURES, SEEDS
+from estimator.reproduction.paper_runs import FIGURES, SEEDS, Budget
 from estimator.reproduction.report import REPORT
 from estimator.reproduction.reproduce import figures_of, reproduce
 

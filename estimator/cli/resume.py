@@ -23,7 +23,7 @@ from estimator.cli.options import (
     Live,
     LiveBind,
     Strict,
-    computers,
+    executors,
 )
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
@@ -45,7 +45,7 @@ def command(
 ) -> None:
     """Go on with an interrupted run; the result is that of an uninterrupted one."""
     with errors_as_sentences(directory), LiveView(directory, live_bind if live else None) as view:
-        with computers(jobs, dask) as opened, LiveScreen(err, view) as screen:
+        with executors(jobs, dask) as opened, LiveScreen(err, view) as screen:
             result = resume(directory, opened, screen, robot=robot, keys=keys, report=write_report)
         print_result(out, result)
         print_run_directory(directory)

@@ -16,7 +16,7 @@ from rich.progress import (
 )
 
 from estimator.identification.listener import Listener
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from protocol.errors import RobotError
 

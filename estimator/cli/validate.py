@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from estimator.cli.console import err, errors_as_sentences, out
-from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, computers
+from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, executors
 from estimator.cli.screen import Screen
 from estimator.evaluation.validate import validate
 from estimator.identification.run import reconnect
@@ -31,7 +31,7 @@ def command(
     with (
         errors_as_sentences(None),
         RunStore.open(directory) as store,
-        computers(jobs, dask) as opened,
+        executors(jobs, dask) as opened,
         Screen(err) as screen,
     ):
         with (

@@ -84,11 +84,11 @@ class _Trial:
         self._lower = lower
         self._upper = upper
         self._free = np.flatnonzero(upper > lower)
-        self._rows = reference.telling[:_PROGRAMS]
+        self._rows = reference.informative[:_PROGRAMS]
 
     def take(self, number: int) -> None:
         """Compares in the programs of another round."""
-        self._rows = np.roll(self._reference.telling, -number * _PROGRAMS)[:_PROGRAMS]
+        self._rows = np.roll(self._reference.informative, -number * _PROGRAMS)[:_PROGRAMS]
 
     def residuals(self, lengths: Array) -> Array:
         """Differences from the reference for lengths of shape (n, parts): (n, programs, values)."""

@@ -20,11 +20,11 @@ from estimator.evaluation.attachments import Comparison, Configuration, Truth
 from estimator.evaluation.length_search import LengthSearch
 from estimator.identification.paper.fit import fit_bodies
 from estimator.identification.paper.objectives import LargestError
-from estimator.physics.base import ArrayMarginPhysics, Physics
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.physics.equivalence import PROGRAMS, Reference
 from estimator.posterior.fitted import FittedPosterior
+from estimator.randomness import Stream, generator
 from estimator.readings.observation import Observation, touched
-from estimator.search.randomness import Stream, generator
 from estimator.storage.store import RunStore
 
 
@@ -105,7 +105,7 @@ class Score(BaseModel):
         return max(known) if known and len(known) == len(self.true_body_errors) else None
 
 
-def score(store: RunStore, truth: Path, physics: ArrayMarginPhysics, reference: Physics) -> Score:
+def score(store: RunStore, truth: Path, physics: ArrayPhysics, reference: Physics) -> Score:
     """Scores the best model of a run.
 
     Args:
@@ -171,15 +171,13 @@ def _error(
 
 
 def _margins(
-    body: Morphology, seen: Sequence[Observation], physics: ArrayMarginPhysics
+    body: Morphology, seen: Sequence[Observation], physics: ArrayPhysics
 ) -> tuple[float, ...]:
     margins = physics.path_margins([(body, np.array(item.angles)) for item in seen])
     return tuple(np.degrees(margins).tolist())
 
 
-def length_search(
-    store: RunStore, true_body: Morphology, physics: ArrayMarginPhysics
-) -> LengthSearch:
+def length_search(store: RunStore, true_body: Morphology, physics: ArrayPhysics) -> LengthSearch:
     """The test of equivalence for the run's motors and modalities."""
     problem, rng = store.problem, generator(store.settings.seed, Stream.EQUIVALENCE)
     programs = np.array([problem.random_program(rng, store.capabilities) for _ in range(PROGRAMS)])

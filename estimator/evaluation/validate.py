@@ -19,12 +19,12 @@ from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, InteractionError
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
-from estimator.physics.base import Physics, Readings
+from estimator.identification.robot_link import RobotLink
+from estimator.physics.base import Physics
 from estimator.posterior.fitted import FittedPosterior
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation, Program
-from estimator.robot_link.base import RobotLink
-from estimator.search.randomness import Stream, generator
+from estimator.randomness import Stream, generator
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings, Program
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 
@@ -195,7 +195,7 @@ def _predict(
     return predictions
 
 
-def _plain(readings: Readings) -> dict[str, Any]:
+def _plain(readings: PredictedReadings) -> dict[str, Any]:
     """Readings as lists for JSON; ``None`` where a simulation cannot be believed."""
     columns = {name: modality.predicted(readings) for name, modality in MODALITIES.items()}
     return {
@@ -220,12 +220,11 @@ def _median_errors(
     predicted: Sequence[Mapping[str, Array]], observations: Sequence[Observation]
 ) -> PredictionErrors:
     """Mean error of each model over the programs, then the median over the models."""
-    wanted = [observation.as_arrays() for observation in observations]
     return {
         modality.error_name: _median_of_means(
             [
                 modality.prediction_errors(arrays[name], one)
-                for arrays, one in zip(predicted, wanted, strict=True)
+                for arrays, one in zip(predicted, observations, strict=True)
             ]
         )
         for name, modality in MODALITIES.items()

@@ -15,12 +15,12 @@ from estimator.body.morphology import Array
 from estimator.exploration.best_programs import CANDIDATES, best_programs
 from estimator.exploration.few_limbs import limbs_of, with_few_limbs
 from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.physics.base import Readings
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import FORKS, LEANS
 from estimator.posterior.model.special import softmax
 from estimator.posterior.model.unknowns import Columns, Predictor
 from estimator.posterior.posterior import Posterior, systematic
+from estimator.readings.observation import PredictedReadings
 
 _DRAWS: Final = 100
 _THINNED: Final = slice(None, None, 2)  # of the bodies, by which all but finalists are compared
@@ -246,7 +246,7 @@ class Chooser:
 
     def _read(
         self, known: _Hypotheses, programs: Array, leans: Array, *, quickly: bool = False
-    ) -> list[Readings]:
+    ) -> list[PredictedReadings]:
         """What bodies will feel as gravity is inclined in several ways: of each way, all of it."""
         pieces = []
         ways = len(leans)
@@ -256,7 +256,7 @@ class Chooser:
             rows, each = np.repeat(rows, ways), np.tile(leans, (len(rows), 1))
             repeated = np.repeat(repeated, ways, axis=0)
             pieces.append(self._predictor.read(known.bodies, rows, repeated, each, quickly=quickly))
-        readings = Readings.concatenate(pieces)
+        readings = PredictedReadings.concatenate(pieces)
         return [readings[way::ways] for way in range(ways)]
 
     def _about(self, samples: Posterior, forecast: Forecast, rng: np.random.Generator) -> Array:

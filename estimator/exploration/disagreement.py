@@ -9,7 +9,7 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.exploration.situation import Choice, Situation
 from estimator.posterior.model.densities import DENSITIES
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 
 CANDIDATES: Final = 300
 MODELS: Final = 64

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.executors import Threads
 from estimator.exploration.choosing import Chooser
 from estimator.exploration.information_gain import InformationGain
 from estimator.exploration.situation import Choice, Situation
-from estimator.parallel.executors import Threads
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.information import SAMPLES
 from estimator.posterior.model.departures import Doubt

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
+from estimator.executors import Threads
 from estimator.exploration.gain_kernel import gains
-from estimator.parallel.executors import Threads
-from estimator.physics.base import Readings
 from estimator.posterior.model import noise_family
 from estimator.posterior.model.densities import DENSITIES, Known
 from estimator.posterior.model.likelihood import Noise, apart
+from estimator.readings.observation import PredictedReadings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Forecast:
     silent: Flags
 
     @classmethod
-    def of(cls, readings: Readings, samples: int) -> Forecast:
+    def of(cls, readings: PredictedReadings, samples: int) -> Forecast:
         """From readings of all samples in one program and the next."""
         shape = (len(readings) // samples, samples)
         return cls(
@@ -79,7 +79,7 @@ class InformationGain:
         self._cap = cap
         self._modalities = tuple(modalities)
 
-    def apart(self, one: Readings, other: Readings) -> Flags:
+    def apart(self, one: PredictedReadings, other: PredictedReadings) -> Flags:
         """Which of n readings are plainly not of the same pose, shape (n,)."""
         return apart(one, other, self._noise)
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
 from estimator.posterior.fitted import FittedPosterior
-from estimator.readings.observation import ObservedReadings, Program
+from estimator.readings.observation import Observation, PredictedReadings, Program
 from protocol.wire.capabilities import Capabilities
 
 
@@ -22,7 +21,7 @@ class Objective(Protocol):
     def __init__(self, capabilities: Capabilities) -> None: ...
 
     def terms(
-        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
         """Error of each of n models in one interaction, shape (n,).
 

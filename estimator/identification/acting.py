@@ -7,8 +7,8 @@ from functools import partial
 
 from estimator.errors import InteractionError
 from estimator.identification.listener import Listener
+from estimator.identification.robot_link import RobotLink
 from estimator.readings.observation import Observation
-from estimator.robot_link.base import RobotLink
 from estimator.storage.records import InteractionRecord, Ticket
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 

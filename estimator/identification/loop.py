@@ -11,8 +11,8 @@ from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.identification.method import Method
 from estimator.identification.next_program import ChoiceResources, next_program
+from estimator.identification.robot_link import RobotLink
 from estimator.readings.observation import Observation
-from estimator.robot_link.base import RobotLink
 from estimator.storage.records import InteractionRecord
 from estimator.storage.store import RunStore
 

@@ -7,8 +7,8 @@ from contextlib import ExitStack
 from typing import ClassVar, Protocol
 
 from estimator.identification.listener import Listener
-from estimator.physics.backends import Computers
-from estimator.physics.base import ArrayMarginPhysics
+from estimator.physics.backends import Executors
+from estimator.physics.base import ArrayPhysics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.storage.run_config import RunConfig
@@ -38,13 +38,13 @@ class Method(Protocol):
 
     @classmethod
     def open(
-        cls, store: RunStore, computers: Computers, listener: Listener, stack: ExitStack
-    ) -> tuple[Method, ArrayMarginPhysics]:
+        cls, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
+    ) -> tuple[Method, ArrayPhysics]:
         """Makes the method of a run.
 
         Args:
             store: The run's memory; opened for writing.
-            computers: Do the work.
+            executors: Do the work.
             listener: Hears what happens.
             stack: Closes in the end what is opened here.
 

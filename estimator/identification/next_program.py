@@ -9,9 +9,9 @@ from estimator.errors import EstimatorError
 from estimator.exploration.rules import RULES
 from estimator.exploration.situation import Choice, Situation
 from estimator.identification.paper.objectives import OBJECTIVES
-from estimator.physics.base import ArrayMarginPhysics
+from estimator.physics.base import ArrayPhysics
 from estimator.posterior.fitted import FittedPosterior
-from estimator.search.randomness import Stream, generator
+from estimator.randomness import Stream, generator
 from estimator.storage.store import RunStore
 
 _ROUNDING: Final = 1e-9  # rad
@@ -26,7 +26,7 @@ class ChoiceResources:
         jobs: Threads that a rule may use beside it.
     """
 
-    physics: ArrayMarginPhysics
+    physics: ArrayPhysics
     jobs: int = 1
 
 

@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar, Final, cast
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -16,8 +16,14 @@ from estimator.errors import EstimatorError
 from estimator.identification.doubting import SURE, Doubting, attachments_known
 from estimator.identification.listener import Listener
 from estimator.identification.next_program import ChoiceResources, next_program
-from estimator.physics.backends import REFERENCE, Computers, abilities_of, in_workers, maker
-from estimator.physics.base import ArrayMarginPhysics, Physics, WorldSettings
+from estimator.physics.backends import (
+    REFERENCE,
+    Executors,
+    in_workers,
+    open_arrays,
+    physics_class,
+)
+from estimator.physics.base import ArrayPhysics, Physics, WorldSettings
 from estimator.physics.equivalence import PROGRAMS
 from estimator.posterior.alike import Alike, feel_alike, probability_of
 from estimator.posterior.belief import believe
@@ -30,8 +36,8 @@ from estimator.posterior.model.unknowns import Attachments, Predictor, Unknowns
 from estimator.posterior.posterior import Posterior
 from estimator.posterior.sampling.agreement import ENOUGH_TO_ERR
 from estimator.posterior.sampling.sampler import Effort, Sampler
+from estimator.randomness import Stream, generator, seeds
 from estimator.readings.observation import Observation
-from estimator.search.randomness import Stream, generator, seeds
 from estimator.storage.beliefs import RIVAL, Belief, NextMovement, NotKnown
 from estimator.storage.records import Counters
 from estimator.storage.run_config import RunConfig
@@ -70,8 +76,7 @@ class PosteriorMethod:
                 "them out, or add --method paper"
             )
         physics = config.physics or PosteriorMethod.PHYSICS
-        abilities = abilities_of(physics)
-        if not (abilities.arrays and abilities.path_margins):
+        if not issubclass(physics_class(physics), ArrayPhysics):
             raise EstimatorError(
                 f"the method posterior needs a physics that takes arrays of bodies and knows path "
                 f"margins, and {physics} does not: leave --physics out (then it is "
@@ -81,18 +86,18 @@ class PosteriorMethod:
 
     @classmethod
     def open(
-        cls, store: RunStore, computers: Computers, listener: Listener, stack: ExitStack
-    ) -> tuple[PosteriorMethod, ArrayMarginPhysics]:
+        cls, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
+    ) -> tuple[PosteriorMethod, ArrayPhysics]:
         """Makes the method of a run, and the back-end with which motor programs are chosen."""
-        settings, world, workers = store.settings, store.world, computers.workers
+        settings, world, workers = store.settings, store.world, executors.workers
         choosing, physics = (
-            stack.enter_context(closing(_taking_arrays(computers, settings.physics, world)))
+            stack.enter_context(closing(_taking_arrays(executors, settings.physics, world)))
             for _ in range(2)
         )
         method = cls(
             store,
             listener,
-            make_physics=cast(Callable[[], ArrayMarginPhysics], maker(settings.physics, world)),
+            make_physics=partial(open_arrays, settings.physics, world),
             physics=physics,
             workers=workers,
             make_reference=partial(in_workers, settings.reference, fine(world), workers),
@@ -104,8 +109,8 @@ class PosteriorMethod:
         store: RunStore,
         listener: Listener,
         *,
-        make_physics: Callable[[], ArrayMarginPhysics],
-        physics: ArrayMarginPhysics,
+        make_physics: Callable[[], ArrayPhysics],
+        physics: ArrayPhysics,
         workers: Executor,
         make_reference: Callable[[], Physics],
     ) -> None:
@@ -320,10 +325,10 @@ def _how_sure(belief: Belief) -> str:
     return f"best body's attachments {100 * belief.probability:.0f} % sure{fit}"
 
 
-def _taking_arrays(computers: Computers, name: str, world: WorldSettings) -> ArrayMarginPhysics:
+def _taking_arrays(executors: Executors, name: str, world: WorldSettings) -> ArrayPhysics:
     """A back-end for arrays of bodies: on all cores here, on one where a cluster does the work."""
-    opened = computers.open_physics(name, world)
-    if opened.abilities.arrays:
-        return cast(ArrayMarginPhysics, opened)
+    opened = executors.open_physics(name, world)
+    if isinstance(opened, ArrayPhysics):
+        return opened
     opened.close()
-    return cast(ArrayMarginPhysics, maker(name, world)())
+    return open_arrays(name, world)

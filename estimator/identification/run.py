@@ -21,14 +21,13 @@ from estimator.identification.method import Method
 from estimator.identification.next_program import ChoiceResources
 from estimator.identification.paper.method import PaperMethod
 from estimator.identification.paper.objectives import OBJECTIVES
+from estimator.identification.paper.search import SEARCHES
 from estimator.identification.posterior_method import PosteriorMethod
-from estimator.physics.backends import BACKENDS, REFERENCE, Computers
+from estimator.identification.robot_link import RobotLink, open_robot
+from estimator.physics.backends import BACKENDS, REFERENCE, Executors
 from estimator.problem.problem import Problem
 from estimator.problem.values import complaint
-from estimator.readings.modalities.registry import check_modalities
-from estimator.robot_link import open_robot
-from estimator.robot_link.base import RobotLink
-from estimator.search.searches import SEARCHES
+from estimator.readings.modalities import check_modalities
 from estimator.storage.records import first_id
 from estimator.storage.run_config import MethodName, RunConfig, RunSettings
 from estimator.storage.store import RunStore
@@ -47,7 +46,7 @@ Report: TypeAlias = Callable[[RunStore], Summary]
 def identify(
     directory: Path,
     config: RunConfig,
-    computers: Computers,
+    executors: Executors,
     listener: Listener,
     *,
     keys: Path | None = None,
@@ -60,7 +59,7 @@ def identify(
     Args:
         directory: Where the run is to be.
         config: What is asked of it.
-        computers: Do the work.
+        executors: Do the work.
         listener: Hears what happens.
         keys: The key directory, where the robot asks for keys.
         report: Called after each iteration and at the end, for what is returned.
@@ -86,12 +85,12 @@ def identify(
             listener.say(f"Note: {sentence}.")
         settings = _settings(config, problem, modalities, link)
         with RunStore.create(directory, settings, link.capabilities, client_id) as store:
-            return _work(store, computers, lambda: link, listener, report=report)
+            return _work(store, executors, lambda: link, listener, report=report)
 
 
 def resume(
     directory: Path,
-    computers: Computers,
+    executors: Executors,
     listener: Listener,
     *,
     robot: str | None = None,
@@ -102,7 +101,7 @@ def resume(
 
     Args:
         directory: The run.
-        computers: Do the work.
+        executors: Do the work.
         listener: Hears what happens.
         robot: Where the robot is now; default: where it was.
         keys: The key directory, where the robot asks for keys; a run does not remember it.
@@ -115,7 +114,7 @@ def resume(
         _compare_packages(store, listener)
         uri = robot or store.settings.robot
         connect = partial(reconnect, store, uri, listener, keys=keys)
-        return _work(store, computers, connect, listener, report=report)
+        return _work(store, executors, connect, listener, report=report)
 
 
 def reconnect(
@@ -230,18 +229,18 @@ def _settings(
 
 def _work(
     store: RunStore,
-    computers: Computers,
+    executors: Executors,
     connect: Callable[[], RobotLink],
     listener: Listener,
     *,
     report: Report[Summary],
 ) -> Summary:
     with ExitStack() as stack:
-        method, choosing = METHODS[store.settings.method].open(store, computers, listener, stack)
+        method, choosing = METHODS[store.settings.method].open(store, executors, listener, stack)
         identification = Identification(
             store,
             method,
-            resources=ChoiceResources(physics=choosing, jobs=computers.threads),
+            resources=ChoiceResources(physics=choosing, jobs=executors.threads),
             connect=connect,
             listener=listener,
         )

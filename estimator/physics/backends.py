@@ -1,33 +1,35 @@
 """Physics back-ends by name, and where each of them runs.
 
 Another package adds a back-end by an entry point in the group ``bodyschema.physics``: a class that
-implements ``Physics`` and declares in its attribute ``abilities`` what else it can do.
+derives from ``Physics``, or from ``ArrayPhysics``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import pickle
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from importlib.util import find_spec
 from types import MappingProxyType
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias, cast
 
 from estimator.errors import EstimatorError
-from estimator.parallel.executors import ThisProcess, WorkerProcesses
-from estimator.physics.base import Abilities, ArrayPhysics, Physics, WorldSettings
-from estimator.physics.pool import PhysicsPool
+from estimator.executors import ThisProcess, WorkerProcesses
+from estimator.physics.base import ArrayPhysics, Pair, Physics, WorldSettings, sensor_count
 from estimator.physics.statics import StaticsPhysics
 from estimator.plugins import Registry
+from estimator.readings.observation import PredictedReadings
 
 OpenPhysics: TypeAlias = Callable[[str, WorldSettings], Physics]
 """Makes the back-end of a given name for a given world."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Computers:
+class Executors:
     """Where a run's work is done; its result does not depend on it.
 
     Attributes:
@@ -57,17 +59,31 @@ BACKENDS: Final[Registry[Any]] = Registry(
     ),
 )
 
-_METHODS: Final = (("arrays", "read_bodies"), ("path_margins", "path_margins"))
+MakePhysics: TypeAlias = Callable[[], Physics]
+
+_CHUNK: Final = 25  # most simulations that a worker fetches at a time: about 0.2 s of work
+_CHUNKS: Final = 32  # of a batch, at least, as long as it has so many pairs; not tuned
+_Chunk: TypeAlias = tuple[PredictedReadings, int, int]  # and its simulations and steps
 
 
-def abilities_of(name: str) -> Abilities:
-    """Returns what the back-end of a name declares that it can do.
+def physics_class(name: str) -> type[Physics]:
+    """Returns the class of a back-end.
 
     Raises:
         EstimatorError: There is no such back-end, or it cannot be used.
     """
-    abilities: Abilities = _load(name).abilities
-    return abilities
+    back_end = BACKENDS.load(name)
+    if not (isinstance(back_end, type) and issubclass(back_end, Physics)):
+        raise EstimatorError(
+            f"the physics {BACKENDS.described(name)} must be a class that derives from "
+            "estimator.Physics or estimator.ArrayPhysics"
+        )
+    missing = sorted(back_end.__abstractmethods__)
+    if missing:
+        raise EstimatorError(
+            f"the physics {BACKENDS.described(name)} has no method {' nor '.join(missing)}"
+        )
+    return back_end
 
 
 def maker(name: str, settings: WorldSettings) -> partial[Physics]:
@@ -76,21 +92,34 @@ def maker(name: str, settings: WorldSettings) -> partial[Physics]:
     Raises:
         EstimatorError: There is no such back-end, or it cannot be used.
     """
-    return partial(_load(name), settings)
+    return partial(cast(Callable[..., Physics], physics_class(name)), settings)
 
 
-def foresight_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
+def open_arrays(name: str, settings: WorldSettings) -> ArrayPhysics:
+    """Opens a back-end that takes arrays, on one core of the calling process.
+
+    Raises:
+        EstimatorError: There is no such back-end, it cannot be used, or it takes no arrays.
+    """
+    physics = maker(name, settings)()
+    if isinstance(physics, ArrayPhysics):
+        return physics
+    physics.close()
+    raise EstimatorError(f"the physics {BACKENDS.described(name)} is no estimator.ArrayPhysics")
+
+
+def approximation_of(name: str, settings: WorldSettings) -> ArrayPhysics | None:
     """Returns a fast approximation of a back-end; ``None`` if the back-end is as fast itself.
 
     Raises:
         EstimatorError: There is no such back-end, or it cannot be used.
     """
-    return None if abilities_of(name).arrays else StaticsPhysics(settings)
+    return None if issubclass(physics_class(name), ArrayPhysics) else StaticsPhysics(settings)
 
 
 @contextmanager
-def on_this_computer(jobs: int) -> Iterator[Computers]:
-    """Works on ``jobs`` cores: back-ends in threads if they can, all else in worker processes.
+def on_this_computer(jobs: int) -> Iterator[Executors]:
+    """Works on ``jobs`` cores: array back-ends in threads, all else in worker processes.
 
     On one core all is done in this process.
 
@@ -103,21 +132,21 @@ def on_this_computer(jobs: int) -> Iterator[Computers]:
     with WorkerProcesses(jobs) as workers:
 
         def opened(name: str, settings: WorldSettings) -> Physics:
-            if abilities_of(name).threads:
+            if issubclass(physics_class(name), ArrayPhysics):
                 return partial(maker(name, settings), jobs=jobs)()
             return in_workers(name, settings, workers)
 
-        yield Computers(open_physics=opened, workers=workers, threads=jobs)
+        yield Executors(open_physics=opened, workers=workers, threads=jobs)
 
 
-def on_cluster(cluster: Executor) -> Computers:
+def on_cluster(cluster: Executor) -> Executors:
     """Works on the workers of a cluster, which stays open."""
-    return Computers(open_physics=partial(in_workers, workers=cluster), workers=cluster)
+    return Executors(open_physics=partial(in_workers, workers=cluster), workers=cluster)
 
 
 def in_workers(name: str, settings: WorldSettings, workers: Executor) -> Physics:
     """Opens a back-end in workers, which may have other work, too."""
-    return PhysicsPool(maker(name, settings), workers, undecided=abilities_of(name).undecided)
+    return PhysicsPool(maker(name, settings), workers)
 
 
 def in_this_process(name: str, settings: WorldSettings) -> Physics:
@@ -125,22 +154,67 @@ def in_this_process(name: str, settings: WorldSettings) -> Physics:
     return maker(name, settings)()
 
 
-IN_THIS_PROCESS: Final = Computers(open_physics=in_this_process, workers=ThisProcess())
+IN_THIS_PROCESS: Final = Executors(open_physics=in_this_process, workers=ThisProcess())
 """For callers that are one of many processes."""
 
 
-def _load(name: str) -> Any:
-    back_end = BACKENDS.load(name)
-    abilities = getattr(back_end, "abilities", None)
-    if not isinstance(abilities, Abilities):
-        raise EstimatorError(
-            f"the physics {BACKENDS.described(name)} lacks `abilities`, an object of "
-            "estimator.physics.base.Abilities that says what it can"
-        )
-    for ability, method in _METHODS:
-        if getattr(abilities, ability) and not hasattr(back_end, method):
-            raise EstimatorError(
-                f"the physics {BACKENDS.described(name)} declares `{ability}` and has no method "
-                f"`{method}`"
-            )
-    return back_end
+class PhysicsPool(Physics):
+    """Runs a back-end in workers, each of which makes it with its first chunk and keeps it.
+
+    Each batch is cut into chunks, which idle workers are given one by one. A reading depends on its
+    own pair only, so neither the number of workers nor who did which chunk shows in the result, nor
+    whether it was done twice because a worker was lost.
+
+    Args:
+        make: Makes the back-end, in the worker; must be picklable, such as
+            ``functools.partial(PyBulletPhysics, settings)``.
+        workers: Do the work; stay open.
+    """
+
+    def __init__(self, make: MakePhysics, workers: Executor) -> None:
+        super().__init__()
+        self._read_chunk = partial(_read_chunk, pickle.dumps(make))
+        self._workers = workers
+
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
+        """Simulates one interaction per pair; see ``Physics.read``.
+
+        Raises:
+            WorkerError: Several workers died of the same chunk; one that dies costs time.
+            ClusterError: The cluster failed.
+        """
+        sensor_count(pairs)
+        if not pairs:
+            return PredictedReadings.empty(0, 0)
+        chunks = list(self._workers.map(self._read_chunk, _cut(pairs)))
+        self.simulations += sum(simulations for _, simulations, _ in chunks)
+        self.steps += sum(steps for _, _, steps in chunks)
+        return PredictedReadings.concatenate(readings for readings, _, _ in chunks)
+
+
+def _cut(pairs: Sequence[Pair]) -> list[Sequence[Pair]]:
+    """Cuts a batch into chunks, small enough for several workers to share it evenly."""
+    size = max(1, min(_CHUNK, len(pairs) // _CHUNKS))
+    return [pairs[start : start + size] for start in range(0, len(pairs), size)]
+
+
+class _Kept(threading.local):
+    """The engine of a worker, and how it was made; an engine can be used by one thread only."""
+
+    engine: tuple[bytes, Physics] | None = None
+
+
+_kept: Final = _Kept()
+
+
+def _read_chunk(make: bytes, pairs: Sequence[Pair]) -> _Chunk:
+    """Reads a chunk, in a worker."""
+    if _kept.engine is None or _kept.engine[0] != make:
+        if _kept.engine is not None:
+            _kept.engine[1].close()
+            _kept.engine = None
+        _kept.engine = make, pickle.loads(make)()
+    physics = _kept.engine[1]
+    simulations, steps = physics.simulations, physics.steps
+    readings = physics.read(pairs)
+    return readings, physics.simulations - simulations, physics.steps - steps

@@ -1,20 +1,20 @@
-"""Whether two bodies can be told apart by what they feel.
+"""Whether two bodies are indistinguishable by their sensors.
 
-Some differences cannot be felt: the hinge of a part that is locked, a roll with nothing off its
+Some differences show in no sensor: the hinge of a part that is locked, a roll with nothing off its
 axis, where a locked leg is divided into upper and lower part, and, without tilt, the symmetries of
 a square main body.
 
 Readings are computed by statics, which treats equal bodies alike however they are put down; in
-PyBullet they differ in one program of thirty. Where a trifle decides on which feet a body comes to
-rest, even statics must take one side, so such programs say nothing. Of the others nearly all must
-agree, and bodies that differ in fewer poses than that pass as equivalent, for example by the hinge
-of a leg too short to reach the ground.
+PyBullet they differ in one program of thirty. Where less than that decides on which feet a body
+comes to rest, even statics must take one side, so such programs say nothing. Of the others nearly
+all must agree, and bodies that differ in fewer poses than that pass as equivalent, for example by
+the hinge of a leg too short to reach the ground.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Final, TypeAlias
@@ -26,10 +26,13 @@ from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import BASE, Array, Morphology, Part, direction, rotation
 from estimator.body.mounts import Mount
 from estimator.errors import MorphologyError
-from estimator.physics.base import ArrayMarginPhysics, Readings
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.physics.base import ArrayPhysics
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import PredictedReadings
 
 PROGRAMS: Final = 500
+"""Random motor programs in which bodies are compared."""
+
 AGREEMENT: Final = 0.99
 """Share of the programs that must agree, of those that say anything. Equal quadrupeds (turned,
 mirrored, with a leg that only rolls) agree in all of them; bodies that differ as little as by the
@@ -41,11 +44,54 @@ MARGIN: Final = math.radians(0.05)
 """A program says something if gravity could be inclined by more than this without the body landing
 elsewhere."""
 
-_UNLIKE: Final = 200.0  # tolerances, by which a body differs where it cannot perform a program
+_UNLIKE: Final = (
+    200.0  # tolerances, by which a body differs that cannot perform a program; any large number
+)
 
-_COINCIDENT: Final = 1e-6  # m, and unit vectors
+_COINCIDENT: Final = 1e-6  # m, and of unit vectors: far above rounding
 
 Indices: TypeAlias = NDArray[np.intp]
+
+
+Read: TypeAlias = Callable[[Indices, Indices], PredictedReadings]
+"""Readings of bodies, by their numbers, after motor programs, by theirs; a row for each pair."""
+
+
+def indistinguishable(
+    one: Read,
+    other: Read,
+    margins: Callable[[Indices, Indices], Array],
+    shape: tuple[int, int],
+    modalities: Sequence[str],
+) -> Flags:
+    """Whether bodies read alike, pair by pair, in (nearly) all programs that say anything.
+
+    Args:
+        one: Predicts readings of the first body of each pair.
+        other: Predicts readings of the second.
+        margins: Path margins of the first, rad; those above ``MARGIN`` need not be exact.
+        shape: How many pairs there are, and how many programs.
+        modalities: Sensors that may discriminate between bodies.
+
+    Returns:
+        Shape (pairs,).
+    """
+    pairs, programs = shape
+    allowed = int((1 - AGREEMENT) * programs)
+    differing = np.zeros(pairs, dtype=np.int64)
+    for some in np.split(np.arange(programs), [_FIRST]):
+        left = np.flatnonzero(differing <= allowed)
+        rows, performed = np.repeat(left, len(some)), np.tile(some, len(left))
+        if not rows.size:
+            break
+        readings = one(rows, performed), other(rows, performed)
+        differ = ~agree(*readings, modalities).reshape(len(left), len(some))
+        # Margins cost as much as many readings; twice as many as are allowed will do.
+        asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
+        tells = np.zeros(differ.size, dtype=bool)
+        tells[asked] = margins(rows[asked], performed[asked]) > MARGIN
+        differing[left] += tells.reshape(differ.shape).sum(axis=1)
+    return np.asarray(differing <= allowed)
 
 
 class Reference:
@@ -54,27 +100,27 @@ class Reference:
     Args:
         body: The body.
         programs: Motor programs, rad, shape (programs, motors).
-        physics: Computes what bodies feel.
-        modalities: Sensors that may tell bodies apart.
+        physics: Predicts readings.
+        modalities: Sensors that may discriminate between bodies.
 
     Attributes:
-        telling: Numbers of the programs that say anything and that the body can perform.
+        informative: Numbers of the programs that say anything and that the body can perform.
     """
 
     def __init__(
         self,
         body: Morphology,
         programs: Array,
-        physics: ArrayMarginPhysics,
+        physics: ArrayPhysics,
         modalities: Sequence[str],
     ):
         self._programs = programs
         self._physics = physics
         self._modalities = tuple(modalities)
-        self._felt = self._read(body, np.arange(len(programs)))
-        margins = physics.path_margins([(body, program) for program in programs])
-        self._tells: Flags = margins > MARGIN
-        self.telling: Indices = np.flatnonzero(self._tells & self._felt.valid)
+        self._readings = self._read(body, np.arange(len(programs)))
+        self._margins = physics.path_margins([(body, program) for program in programs])
+        self._decided: Flags = self._margins > MARGIN
+        self.informative: Indices = np.flatnonzero(self._decided & self._readings.valid)
 
     def is_like(self, body: Morphology) -> bool:
         """Whether a body reads like this one in (nearly) all programs that say anything.
@@ -82,36 +128,40 @@ class Reference:
         Args:
             body: A body with the reference's motors and sensors.
         """
-        told = np.flatnonzero(self._tells)
-        differing = 0
-        for programs in filter(len, np.split(told, [_FIRST])):
-            same = agree(self._felt[programs], self._read(body, programs), self._modalities)
-            differing += int(np.count_nonzero(~same))
-            if told.size - differing < AGREEMENT * told.size:
-                return False
-        return bool(told.size)
+        informative = np.flatnonzero(self._decided)
+        (like,) = indistinguishable(
+            lambda _, programs: self._readings[informative[programs]],
+            lambda _, programs: self._read(body, informative[programs]),
+            lambda _, programs: self._margins[informative[programs]],
+            (1, len(informative)),
+            self._modalities,
+        )
+        return bool(like) and bool(informative.size)
 
     def residuals(self, bodies: Bodies, programs: Indices) -> Array:
         """Differences of many bodies' readings from this one's.
 
         Args:
             bodies: n bodies with the reference's motors and sensors.
-            programs: Numbers of m programs among ``telling``.
+            programs: Numbers of m programs among ``informative``.
 
         Returns:
-            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly told apart; a
-            program that a body cannot perform differs by far.
+            Shape (n, m, values): in units of what is tolerated, so that 1 is hardly
+            discriminated; a program that a body cannot perform differs by far.
         """
         rows = np.repeat(np.arange(len(bodies)), len(programs))
-        turns = np.tile(programs, len(bodies))
-        theirs = self._physics.read_bodies(bodies[rows], self._programs[turns])
+        performed = np.tile(programs, len(bodies))
+        theirs = self._physics.read_bodies(bodies[rows], self._programs[performed])
         differences = np.hstack(
-            [MODALITIES[name].differences(theirs, self._felt[turns]) for name in self._modalities]
+            [
+                MODALITIES[name].differences(theirs, self._readings[performed])
+                for name in self._modalities
+            ]
         )
         differences[~theirs.valid] = _UNLIKE
         return differences.reshape(len(bodies), len(programs), -1)
 
-    def _read(self, body: Morphology, programs: Indices) -> Readings:
+    def _read(self, body: Morphology, programs: Indices) -> PredictedReadings:
         return self._physics.read([(body, program) for program in self._programs[programs]])
 
 
@@ -188,8 +238,8 @@ def _nearest(rows: Array, wanted: Sequence[float] | Array, what: str) -> int:
     return int(np.argmin(away))
 
 
-def agree(one: Readings, other: Readings, modalities: Sequence[str]) -> Flags:
-    """Programs in which two bodies feel the same; those that neither can perform count as such."""
+def agree(one: PredictedReadings, other: PredictedReadings, modalities: Sequence[str]) -> Flags:
+    """Programs in which two bodies' sensors read alike, or that neither can perform."""
     same = one.valid & other.valid
     for name in modalities:
         same &= MODALITIES[name].alike(one, other)

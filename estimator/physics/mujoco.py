@@ -31,25 +31,19 @@ from estimator.body.morphology import (
     Part,
 )
 from estimator.errors import PhysicsError
-from estimator.physics.base import (
-    GRAVITY,
-    BackEnd,
-    Pair,
-    Readings,
-    WorldSettings,
-    sensor_count,
-)
-from estimator.physics.rest import MainBody, RestWatch
+from estimator.physics.base import GRAVITY, Pair, Physics, WorldSettings, sensor_count
+from estimator.physics.rest import MainBody, RestWatch, fill_row
+from estimator.readings.observation import PredictedReadings
 from protocol.system.missing_library import install_command
 from protocol.wire.readings import up_in_body
 
-_YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight
+_YIELD: Final = 0.2  # of the joints' tolerance, under the body's weight; not tuned
 _SOFTNESS: Final = 3.0  # time constant of a contact, in steps; MuJoCo's least is 2
-_IMPEDANCE: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)
+_IMPEDANCE: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)  # solimp: bodies sink in by micrometres
 _SHORTEST: Final = 1e-6  # m; a capsule whose centres are closer is a sphere
 
 
-class MuJoCoPhysics(BackEnd):
+class MuJoCoPhysics(Physics):
     """Simulates each interaction from the planar pose, and reads the body at the last step.
 
     Args:
@@ -75,9 +69,9 @@ class MuJoCoPhysics(BackEnd):
     def close(self) -> None:
         """Does nothing: no engine is kept between bodies."""
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         """Simulates one interaction per pair; see ``Physics.read``."""
-        readings = Readings.empty(len(pairs), sensor_count(pairs))
+        readings = PredictedReadings.empty(len(pairs), sensor_count(pairs))
         for row, (body, program) in enumerate(pairs):
             angles = body.part_angles(program)
             if not all(math.isfinite(angle) for angle in angles):
@@ -122,7 +116,9 @@ class MuJoCoPhysics(BackEnd):
             watch.look(MainBody(data.qvel[:3], data.qvel[3:6], float(data.qpos[2]), up))
         self.steps += done
 
-    def _sense(self, model: Any, data: Any, body: Morphology, readings: Readings, row: int) -> None:
+    def _sense(
+        self, model: Any, data: Any, body: Morphology, readings: PredictedReadings, row: int
+    ) -> None:
         """Fills one row of the readings, except for the joints, from the body's present pose."""
         self._engine.mj_kinematics(model, data)
         readings.speed[row] = np.linalg.norm(data.qvel[:3])
@@ -132,8 +128,8 @@ class MuJoCoPhysics(BackEnd):
             lowest = link.xmat[6] * np.array([part.near, part.far])
             gaps.append(link.xpos[2] + lowest.min() - part.below(link.xmat[6:]))
         main = data.body("main body")
-        readings.fill_row(
-            row, body, self._settings, height=main.xpos[2], up=main.xmat[6:], gaps=gaps
+        fill_row(
+            readings, row, body, self._settings, height=main.xpos[2], up=main.xmat[6:], gaps=gaps
         )
 
 

@@ -32,15 +32,9 @@ from typing import Any, Final
 
 from estimator.body.morphology import Morphology, Part, box_inertia
 from estimator.errors import PhysicsError
-from estimator.physics.base import (
-    GRAVITY,
-    BackEnd,
-    Pair,
-    Readings,
-    WorldSettings,
-    sensor_count,
-)
-from estimator.physics.rest import MainBody, RestWatch
+from estimator.physics.base import GRAVITY, Pair, Physics, WorldSettings, sensor_count
+from estimator.physics.rest import MainBody, RestWatch, fill_row
+from estimator.readings.observation import PredictedReadings
 from protocol.system.missing_library import install_command
 from protocol.system.process import native_output_discarded
 from protocol.wire.readings import up_in_body
@@ -48,12 +42,12 @@ from protocol.wire.readings import up_in_body
 _FORCE: Final = 1e4  # N·m: the paper's motors are sufficiently strong
 _MOST_PARTS: Final = 100  # PyBullet has room for 128 joint commands at a time, the base's included
 _ALONG_X: Final = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))  # turns capsules from z to x
-_UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)
+_UPRIGHT: Final = (0.0, 0.0, 0.0, 1.0)  # no turn; quaternions are x, y, z, w
 
-_BODIES_PER_WORLD: Final = 200
+_BODIES_PER_WORLD: Final = 200  # before all memory is given back; not tuned
 
 
-class PyBulletPhysics(BackEnd):
+class PyBulletPhysics(Physics):
     """Simulates each interaction from the planar pose, and reads the body at the last step.
 
     Args:
@@ -91,11 +85,11 @@ class PyBulletPhysics(BackEnd):
         """Builds the next body in a new world, as if the engine had just been started."""
         self._bodies = 0
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         """Simulates one interaction per pair; see ``Physics.read``."""
         if self._client < 0:
             raise PhysicsError("this PyBullet engine was closed: make a new one")
-        readings = Readings.empty(len(pairs), sensor_count(pairs))
+        readings = PredictedReadings.empty(len(pairs), sensor_count(pairs))
         for row, (morphology, program) in enumerate(pairs):
             if len(morphology.parts) > _MOST_PARTS:
                 raise PhysicsError(
@@ -247,7 +241,7 @@ class PyBulletPhysics(BackEnd):
         body: int,
         morphology: Morphology,
         angles: Sequence[float],
-        readings: Readings,
+        readings: PredictedReadings,
         row: int,
     ) -> None:
         """Fills one row of the readings from the body's present pose."""
@@ -270,7 +264,8 @@ class PyBulletPhysics(BackEnd):
         up = up_in_body((x, y, z, w))
         # PyBullet tells where the centre of mass is.
         above = sum(map(operator.mul, up, morphology.base.centre))
-        readings.fill_row(
+        fill_row(
+            readings,
             row,
             morphology,
             settings,

@@ -1,4 +1,4 @@
-"""When a simulated body rests, so that the rest of the steps can be left out."""
+"""What all simulated bodies have in common: when one rests, and what its sensors then read."""
 
 from __future__ import annotations
 
@@ -7,7 +7,18 @@ from collections import deque
 from collections.abc import Iterable, Sequence
 from typing import Final, NamedTuple
 
+from estimator.body.geometry import up_as_measured
+from estimator.body.morphology import Morphology
 from estimator.physics.base import WorldSettings
+from estimator.readings.observation import PredictedReadings
+from protocol.wire.readings import (
+    Direction,
+    belly_ray,
+    clearance_of,
+    tilt_of,
+    touch_is_doubtful,
+    touches,
+)
 
 
 class MainBody(NamedTuple):
@@ -27,16 +38,17 @@ class MainBody(NamedTuple):
 
 
 class RestWatch:
-    """Sees when a simulated body rests.
+    """Notices when a simulated body rests.
 
     By default at several looks, some steps apart, it hardly moved. With fine steps contacts creep
-    and rattle at millimetres a second for ever, which no sensor feels: then it rests when height
+    and rattle at millimetres a second for ever, which no sensor notices: then it rests when height
     and tilt have stayed the same for as long as ``WorldSettings.rest_window`` says.
 
     Args:
         settings: The world; where all steps are wanted, nothing ever rests.
     """
 
+    # Chosen together: 1,000 bodies of each kind read as after all steps, to 0.05° and 0.2 mm.
     STEPS_PER_LOOK: Final = 4
     _LOOKS: Final = 4
     _REST_SPEED: Final = 2e-4  # m/s
@@ -72,3 +84,33 @@ class RestWatch:
         if max(height) - min(height) > self._SAME_HEIGHT:
             return False
         return all(max(axis) - min(axis) < self._SAME_TILT for axis in ups)
+
+
+def fill_row(
+    readings: PredictedReadings,
+    row: int,
+    body: Morphology,
+    settings: WorldSettings,
+    *,
+    height: float,
+    up: Direction,
+    gaps: Sequence[float],
+) -> None:
+    """Fills in what one body's sensors read in a pose that was simulated.
+
+    Args:
+        readings: Receives touch, tilt and clearance.
+        row: Of the body.
+        body: The body.
+        settings: Its world.
+        height: Of the main body's middle above the ground, m.
+        up: The world's up in the body's frame.
+        gaps: Distance of each part from the ground, m; negative where it sinks in.
+    """
+    readings.tilt[row] = tilt_of(up_as_measured(up, *body.base.accelerometer))
+    ray = belly_ray(height - up[2] * body.base.size[2] / 2, up)
+    readings.clearance[row], readings.saturated[row] = clearance_of(ray, settings.clearance_cap)
+    for sensor in range(body.sensors):
+        gap = min((gaps[part] for part in body.sensor_parts(sensor)), default=math.inf)
+        readings.touch[row, sensor] = touches(gap, settings.touch_gap)
+        readings.touch_doubtful[row, sensor] = touch_is_doubtful(gap, settings.doubtful_gap)

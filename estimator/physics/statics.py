@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -30,8 +29,9 @@ import numpy as np
 from estimator.body.arrays import Bodies, Integers
 from estimator.body.morphology import Array
 from estimator.errors import PhysicsError
-from estimator.parallel.executors import Threads
-from estimator.physics.base import Abilities, BackEnd, Pair, Readings, WorldSettings, sensor_count
+from estimator.executors import Threads
+from estimator.physics.base import ArrayPhysics, WorldSettings
+from estimator.readings.observation import PredictedReadings
 from protocol.system.missing_library import install_command
 from protocol.system.process import interrupts_deferred
 
@@ -39,15 +39,16 @@ PACE: Final = math.radians(1.5)
 """Turn of a joint in one step: 20 steps to the end of the paper's range. Of 12,000 random bodies,
 7 land elsewhere than with steps thirty times smaller."""
 
-QUICK_PACE: Final = math.radians(8.0)
-"""The same where one body in several hundred may land elsewhere; costs half as much."""
+COARSE_PACE: Final = math.radians(8.0)
+"""Coarser turn of a joint in one step: costs half as much, and one body in several hundred lands
+elsewhere."""
 
 _FEWEST: Final = 100  # bodies worth waking another thread for: a quarter of a millisecond
 _LARGEST_MARGIN: Final = math.atan(0.5)
 _FARTHEST: Final = 100 * 2 * math.pi  # rad; so far no joint turns
 
 
-class StaticsPhysics(BackEnd):
+class StaticsPhysics(ArrayPhysics):
     """Computes the resting pose of each body.
 
     The settings' steps and time step count only in how far joints get; friction not at all.
@@ -60,8 +61,6 @@ class StaticsPhysics(BackEnd):
     Raises:
         PhysicsError: ``jobs`` is less than 1, ``pace`` is out of range, or Numba is not installed.
     """
-
-    abilities = Abilities(arrays=True, path_margins=True, undecided=True, threads=True)
 
     def __init__(
         self, settings: WorldSettings | None = None, *, jobs: int = 1, pace: float = PACE
@@ -93,48 +92,29 @@ class StaticsPhysics(BackEnd):
         """Ends the threads; may be called twice. The next batch starts new ones."""
         self._threads.close()
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
-        """Computes one interaction per pair; see ``Physics.read``."""
-        sensor_count(pairs)
-        if not pairs:
-            return Readings.empty(0, 0)
-        bodies, programs = _arrays(pairs)
-        return self.read_bodies(bodies, programs)
-
     def read_bodies(
         self,
         bodies: Bodies,
         programs: Array,
-        leans: Array | None = None,
+        gravity_tilts: Array | None = None,
         *,
-        quickly: bool = False,
-    ) -> Readings:
-        """Computes one interaction per body, without an object per body.
+        coarse_step: bool = False,
+    ) -> PredictedReadings:
+        """Computes one interaction per body; see ``ArrayPhysics.read_bodies``.
 
-        Args:
-            bodies: n bodies.
-            programs: Angle of each motor, rad: shape (motors,) for all bodies, or (n, motors).
-            leans: How far gravity is inclined on the way there, not at the end, as tangents towards
-                x and y: shape (2,) for all bodies, or (n, 2); plumb by default.
-            quickly: Joints turn in steps of ``QUICK_PACE``.
-
-        Returns:
-            One row per body.
-
-        Raises:
-            PhysicsError: The programs or leans have a wrong shape or are not finite.
+        With a coarse step joints turn by ``COARSE_PACE`` at a time.
         """
         settings, count = self._settings, len(bodies)
         angles, farthest = _angles(bodies, programs)
-        readings = Readings.empty(count, bodies.sensors)
+        readings = PredictedReadings.empty(count, bodies.sensors)
         self.steps += self._share_out(
             self._kernel.rest,
             count,
             (
                 *self._trees(bodies),
                 angles,
-                _checked_leans(bodies, leans),
-                self._slew(farthest, max(self._pace, QUICK_PACE) if quickly else self._pace),
+                _checked_tilts(bodies, gravity_tilts),
+                self._slew(farthest, max(self._pace, COARSE_PACE) if coarse_step else self._pace),
                 settings.clearance_cap,
                 settings.touch_gap,
                 settings.doubtful_gap,
@@ -152,27 +132,12 @@ class StaticsPhysics(BackEnd):
         self.simulations += count
         return readings
 
-    def path_margins(self, pairs: Sequence[Pair]) -> Array:
-        """How sure the reading of each pair is, rad, shape (n,); see ``path_margins_of_bodies``."""
-        return self.path_margins_of_bodies(*_arrays(pairs)) if pairs else np.zeros(0)
-
     def path_margins_of_bodies(
         self, bodies: Bodies, programs: Array, most: float = math.inf
     ) -> Array:
-        """How sure each reading is: the path margin, rad.
+        """Path margins, at most the arc tangent of 0.5; see ``ArrayPhysics``.
 
-        Costs as much as 2 readings where it is the largest told, 10 to 15 elsewhere.
-
-        Args:
-            bodies: n bodies.
-            programs: As for ``read_bodies``.
-            most: The largest margin told, rad; the arc tangent of 0.5 at most.
-
-        Returns:
-            Shape (n,), from 0.
-
-        Raises:
-            PhysicsError: The programs have a wrong shape or are not finite.
+        Each costs as much as 2 readings where it is the largest wanted, 10 to 15 elsewhere.
         """
         margins = np.zeros(len(bodies))
         angles, farthest = _angles(bodies, programs)
@@ -215,15 +180,6 @@ class StaticsPhysics(BackEnd):
         return sum(steps)
 
 
-def _arrays(pairs: Sequence[Pair]) -> tuple[Bodies, Array]:
-    bodies = Bodies.of([morphology for morphology, _ in pairs])
-    programs = np.zeros((len(pairs), max(len(program) for _, program in pairs)))
-    for row, (morphology, program) in enumerate(pairs):
-        morphology.part_angles(program)  # refuses one that is too short for this very body
-        programs[row, : len(program)] = program
-    return bodies, programs
-
-
 def _angles(bodies: Bodies, programs: Array) -> tuple[Array, float]:
     """Where the hinges go, by motor: the programs, and where a motor's 0 is; and how far at most.
 
@@ -248,14 +204,14 @@ def _angles(bodies: Bodies, programs: Array) -> tuple[Array, float]:
     return angles, _farthest(angles)
 
 
-def _checked_leans(bodies: Bodies, leans: Array | None) -> Array:
-    if leans is None:
+def _checked_tilts(bodies: Bodies, gravity_tilts: Array | None) -> Array:
+    if gravity_tilts is None:
         return np.zeros((1, 2))
-    rows = np.ascontiguousarray(np.atleast_2d(np.asarray(leans, dtype=float)))
+    rows = np.ascontiguousarray(np.atleast_2d(np.asarray(gravity_tilts, dtype=float)))
     if rows.ndim != 2 or len(rows) not in (1, len(bodies)) or rows.shape[1] != 2:
         raise PhysicsError(
             f"{len(bodies)} bodies need an inclination of gravity as two tangents, or two for each "
-            f"body, not an array of shape {np.shape(leans)}"
+            f"body, not an array of shape {np.shape(gravity_tilts)}"
         )
     if not math.isfinite(_farthest(rows)):
         raise PhysicsError("inclinations of gravity must be finite")

@@ -13,14 +13,13 @@ import numpy as np
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.equivalence import AGREEMENT, MARGIN, agree
+from estimator.physics.equivalence import MARGIN, indistinguishable
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
 
 Alike: TypeAlias = Callable[[Array, Array], Flags]
 """Of two arrays of n points, whether no sensor can tell each body from the other's."""
 
-_FIRST: Final = 50  # movements, in which nearly all bodies differ already that differ at all
 _COMPARED: Final = 0.002  # probability of a mode that is compared
 
 
@@ -31,33 +30,26 @@ def feel_alike(
     ones: Array,
     others: Array,
 ) -> Flags:
-    """Compares bodies pair by pair, as ``physics.equivalence.Reference`` does one with many.
+    """Whether bodies are indistinguishable, pair by pair; see ``physics.equivalence``.
 
     Args:
         predictor: Computes readings.
         movements: Motor programs, rad, shape (m, motors).
-        modalities: Sensors that may tell bodies apart.
+        modalities: Sensors that may discriminate between bodies.
         ones: Points of the cube, shape (n, size).
-        others: Likewise.
+        others: Points of the bodies that they are compared with, shape (n, size).
 
     Returns:
-        Whether two bodies read alike in (nearly) all movements in which no trifle decides.
+        Shape (n,).
     """
-    bodies = [predictor.unknowns.bodies(points) for points in (ones, others)]
-    allowed = int((1 - AGREEMENT) * len(movements))
-    differing = np.zeros(len(ones), dtype=np.int64)
-    for some in (movements[:_FIRST], movements[_FIRST:]):
-        left = np.flatnonzero(differing <= allowed)
-        rows, turns = np.repeat(left, len(some)), np.tile(some, (len(left), 1))
-        one, other = (predictor.read(each, rows, turns) for each in bodies)
-        differ = ~agree(one, other, modalities).reshape(len(left), len(some))
-        # Margins cost as much as many readings; twice as many as are allowed will do.
-        asked = np.flatnonzero(differ & (np.cumsum(differ, axis=1) <= 2 * (allowed + 1)))
-        tells = np.zeros(differ.size, dtype=bool)
-        margins = predictor.margins(bodies[0], rows[asked], turns[asked], most=2 * MARGIN)
-        tells[asked] = margins > MARGIN
-        differing[left] += tells.reshape(differ.shape).sum(axis=1)
-    return np.asarray(differing <= allowed)
+    first, second = (predictor.unknowns.bodies(points) for points in (ones, others))
+    return indistinguishable(
+        lambda rows, programs: predictor.read(first, rows, movements[programs]),
+        lambda rows, programs: predictor.read(second, rows, movements[programs]),
+        lambda rows, programs: predictor.margins(first, rows, movements[programs], most=2 * MARGIN),
+        (len(ones), len(movements)),
+        modalities,
+    )
 
 
 def probability_of(point: Array, posterior: Posterior, predictor: Predictor, alike: Alike) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
-from estimator.physics.backends import maker
-from estimator.physics.base import ArrayMarginPhysics, Readings, WorldSettings
+from estimator.physics.backends import open_arrays
+from estimator.physics.base import ArrayPhysics, WorldSettings
 from estimator.posterior.model.departures import Doubt
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import SensorData
@@ -26,7 +26,7 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.posterior.posterior import Mode, Posterior, systematic
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from estimator.storage.beliefs import Belief
 from estimator.storage.database import reading
 from estimator.storage.store import RunStore
@@ -172,7 +172,7 @@ class FittedPosterior:
             open_predictor=partial(_opened, store.genome, physics, store.world),
         )
 
-    def computed_by(self, physics: ArrayMarginPhysics) -> FittedPosterior:
+    def computed_by(self, physics: ArrayPhysics) -> FittedPosterior:
         """The same, with readings computed by a back-end that is open already."""
         return replace(self, open_predictor=lambda: Predictor(self.unknowns, physics))
 
@@ -293,7 +293,7 @@ class FittedPosterior:
         """The observations as the likelihood takes them."""
         return SensorData.of(self.observations, self.modalities, self.clearance_cap)
 
-    def predict(self, programs: ArrayLike) -> Readings:
+    def predict(self, programs: ArrayLike) -> PredictedReadings:
         """What the samples would feel at rest, without noise; each falls as it does undisturbed.
 
         Args:
@@ -314,7 +314,7 @@ class FittedPosterior:
             some = several[start : start + at_once]
             rows, turns = np.tile(np.arange(count), len(some)), np.repeat(some, count, axis=0)
             pieces.append(self.predictor.read(bodies, rows, turns))
-        readings = Readings.concatenate(pieces)
+        readings = PredictedReadings.concatenate(pieces)
         return readings if angles.ndim == 1 else readings.reshaped(len(several), count)
 
     def margins(self, programs: ArrayLike) -> Array:
@@ -398,5 +398,4 @@ def recalled(belief: Belief, unknowns: Unknowns) -> Posterior:
 
 
 def _opened(genome: Genome, physics: str, world: WorldSettings) -> Predictor:
-    made = cast(ArrayMarginPhysics, maker(physics, world)())
-    return Predictor(Unknowns(genome), made)
+    return Predictor(Unknowns(genome), open_arrays(physics, world))

@@ -55,7 +55,7 @@ class AttachmentTables:
         part_mounts: Where parts can sit on parts.
         hinges: How they can turn.
         base_choices: How many mounts on the main body a gene chooses from.
-        part_choices: The same on a part.
+        part_choices: Those on a part.
         hinge_choices: How many hinges.
         attached: What is known, for each part.
 

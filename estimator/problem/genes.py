@@ -66,7 +66,7 @@ class GeneColumns:
         spans: Of these, m.
         mounted: Parts of which the mount is known and the parent is not.
         on_base: Their mounts if they sit on the main body.
-        on_part: The same on a part.
+        on_part: Those on a part.
     """
 
     counts: Integers

@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from estimator.body.arrays import DENSITY, TILT_GAIN, Bodies, Flags, Integers
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import SearchStateError
-from estimator.problem.free_mounts import spread
 from estimator.problem.genes import Gene, GeneColumns, Traits, genes_of
 from estimator.problem.nuisances import Nuisances
-from estimator.problem.outermost_parts import outermost_sensors, with_outermost_sensors
 from estimator.problem.problem import Problem
 
 
@@ -184,7 +183,7 @@ class Genome:
         )
 
     def bodies(self, genes: Array) -> Bodies:
-        """Returns the same bodies as arrays, without making an object per body.
+        """Bodies of genomes as arrays, without an object per body.
 
         Args:
             genes: Shape (n, size), each in [0, 1].
@@ -301,3 +300,69 @@ class Genome:
 def _scaled(values: Array, counts: Integers) -> Integers:
     """Genes as choices among so many; −1 where they are none, among 0."""
     return np.minimum((values * counts).astype(np.int64), counts - 1)
+
+
+def with_outermost_sensors(parts: Sequence[Part], sensors: int) -> list[Part]:
+    """Parts with so many touch sensors on those of them that carry no other; see ``Problem``."""
+    carriers = {part.parent for part in parts}
+    chosen = sorted(range(len(parts)), key=lambda index: (index in carriers, index))[:sensors]
+    numbers = {index: number for number, index in enumerate(sorted(chosen))}
+    return [replace(part, sensor=numbers.get(index)) for index, part in enumerate(parts)]
+
+
+def outermost_sensors(parent: Integers, sensors: int) -> Integers:
+    """Touch sensor of each part of n bodies, on those that carry no other; −1: none; (n, parts).
+
+    Args:
+        parent: Of each part, shape (n, parts).
+        sensors: How many there are.
+    """
+    rows, parts = parent.shape
+    carriers = np.zeros((rows, parts + 1), dtype=bool)  # the main body's, −1, in the last column
+    carriers[np.arange(rows)[:, None], parent] = True
+    carriers = carriers[:, :parts]
+    outermost = np.cumsum(~carriers, axis=1)
+    place = np.where(carriers, outermost[:, -1:] + np.cumsum(carriers, axis=1), outermost)
+    chosen = place <= sensors
+    return np.where(chosen, np.cumsum(chosen, axis=1) - 1, -1)
+
+
+Place: TypeAlias = tuple[int, int]
+"""Parent and mount."""
+
+
+def spread(problem: Problem, wanted: Sequence[Place]) -> list[Place]:
+    """Places for all parts with no two on one mount, as far as there are free ones.
+
+    Parts that are known to sit somewhere keep their places; earlier ones go before later ones. Each
+    that finds its mount taken goes to the next free one of its parent, or else of another.
+
+    Args:
+        problem: Says where each part may sit.
+        wanted: Where each part would sit.
+    """
+    rules = problem.parts
+    fixed = [rule.parent is not None and rule.mount is not None for rule in rules]
+    taken = {place for place, stays in zip(wanted, fixed, strict=True) if stays}
+    places = list(wanted)
+    for part, (parent, mount) in enumerate(wanted):
+        if fixed[part]:
+            continue
+        free = [place for place in _possible(problem, part) if place not in taken]
+        after = [place for place in free if place[0] == parent and place[1] >= mount]
+        places[part] = min(
+            after or [place for place in free if place[0] == parent] or free,
+            default=(parent, mount),
+        )
+        taken.add(places[part])
+    return places
+
+
+def _possible(problem: Problem, part: int) -> list[Place]:
+    known, tables = problem.parts[part].parent, problem.tables
+    places = []
+    for parent in range(BASE, part) if known is None else [known]:
+        mount = tables.attached[part].mount(parent)
+        count = len(tables.mount_names(parent))
+        places += [(parent, one) for one in (range(count) if mount is None else [mount])]
+    return places

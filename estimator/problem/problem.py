@@ -34,7 +34,7 @@ from estimator.problem.sections import (
 )
 from estimator.problem.template import PAPERS_ROBOT, Inventory, supposed_robots, write_out
 from estimator.problem.values import Density, Name, complaint
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from protocol.text import TomlError, parse_toml
 from protocol.wire.capabilities import Capabilities
 
@@ -326,7 +326,7 @@ class Problem(Strict):
         return (*self._differing_speeds(capabilities), *self._differing_radii(capabilities, 0.1))
 
     def contradictions(self, capabilities: Capabilities) -> tuple[str, ...]:
-        """The same about what makes lengths certain and wrong: parts that may touch the ground."""
+        """What makes lengths certain and wrong: differences in parts that may touch the ground."""
         carriers = {part.parent for part in self.parts}
         return self._differing_radii(capabilities, 0.25, carriers)
 

@@ -8,6 +8,13 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from estimator.body.morphology import PartShape
 from estimator.physics.base import WorldSettings
+from estimator.problem.operators import (
+    BlendCrossover,
+    Crossover,
+    GaussianMutation,
+    Mutation,
+    Operators,
+)
 from estimator.problem.values import (
     Angles,
     Axis,
@@ -26,13 +33,6 @@ from estimator.problem.values import (
     Positive,
     Radius,
     Yaw,
-)
-from estimator.search.operators import (
-    BlendCrossover,
-    Crossover,
-    GaussianMutation,
-    Mutation,
-    Operators,
 )
 
 
@@ -77,10 +77,10 @@ class PartRule(Strict):
         name: For people.
         parent: Index of an earlier part, or ``morphology.BASE``.
         mount: Name of what it sits on; empty where ``at`` says it.
-        at: The same as a place of its own; see ``MountRule``.
+        at: A place of its own, in the place of ``mount``; see ``MountRule``.
         yaw_deg: Belongs to ``at``, as ``elevation_deg`` does.
         hinge: Name of its hinge; empty where ``axis`` says it.
-        axis: The same as an axis of its own; see ``HingeRule``.
+        axis: An axis of its own, in the place of ``hinge``; see ``HingeRule``.
         length: Shortest and longest, m; equal where the length is known.
         shape: What the part is.
         radius: Of a box half its width, m.

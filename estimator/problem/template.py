@@ -137,7 +137,7 @@ def _joints(raw: Mapping[str, Any]) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _by_number(raw: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, Any]:
-    """The same with joints by number that went by their names.
+    """The problem's table with joints by number that went by their names.
 
     Raises:
         ValueError: The robot has no such joint, or others go by their numbers.

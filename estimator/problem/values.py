@@ -18,7 +18,7 @@ from estimator.readings.plausibility import DENSITIES, LENGTHS
 
 UNKNOWN: Final = "unknown"
 
-_SHORTEST_AXIS: Final = 1e-6
+_SHORTEST_AXIS: Final = 1e-6  # a shorter one has no direction
 
 
 def _parse_name_or_unknown(value: Any) -> str | None:

@@ -1,14 +1,16 @@
-"""What one interaction returned, in the shape in which runs keep it."""
+"""What one interaction returned, as runs keep it, and what bodies are predicted to return."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
 from protocol.wire import messages
 from protocol.wire.capabilities import Capabilities
@@ -16,23 +18,6 @@ from protocol.wire.capabilities import Capabilities
 Reading = Annotated[float, Field(allow_inf_nan=False)]
 Program = tuple[Reading, ...]
 """A motor program: one target angle per joint, rad, in motor order."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ObservedReadings:
-    """What the robot felt in one interaction, as arrays; NaN where a reading is missing.
-
-    Attributes:
-        angles: The angle of each motor that the robot really took, rad, shape (motors,).
-        touch: 0 or 1 per touch sensor, shape (s,).
-        tilt: Left/right and forward/back, rad, shape (2,).
-        clearance: m.
-    """
-
-    angles: Array
-    touch: Array
-    tilt: Array
-    clearance: float
 
 
 class Observation(BaseModel):
@@ -64,7 +49,7 @@ class Observation(BaseModel):
 
     @classmethod
     def from_wire(cls, reply: messages.ObservationReply, capabilities: Capabilities) -> Observation:
-        """The same observation, with joints in motor order instead of by name."""
+        """The observation that a reply holds, with joints in motor order instead of by name."""
         sensor = capabilities.sensor("touch")
         absent: tuple[bool | None, ...] = (None,) * (sensor.count if sensor else 0)
         tilt = (None, None) if reply.tilt is None else (reply.tilt[0], reply.tilt[1])
@@ -80,30 +65,96 @@ class Observation(BaseModel):
             robot_time=reply.robot_time,
         )
 
-    def as_arrays(self) -> ObservedReadings:
-        """The angles and readings as arrays; NaN where a reading is missing."""
-        missing = float("nan")
-        return ObservedReadings(
-            angles=np.array(self.angles, dtype=float),
-            touch=np.array([missing if bit is None else bit for bit in self.touch], dtype=float),
-            tilt=np.array([missing if angle is None else angle for angle in self.tilt]),
-            clearance=missing if self.clearance is None else self.clearance,
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedReadings:
+    """Predicted readings of n bodies at rest, as arrays.
+
+    Attributes:
+        touch: Shape (n, s): whether each touch sensor's part, or one rigidly joined to it, meets
+            the ground.
+        touch_doubtful: Shape (n, s): the gap is so small that a real gauge might say otherwise.
+        tilt: Shape (n, 2): left/right and forward/back, rad.
+        clearance: Shape (n,), m.
+        saturated: Shape (n,): the ground lies beyond the sensor's range.
+        speed: Shape (n,): speed of the main body at the last step, m/s.
+        joint_miss: Shape (n,): largest distance of a joint from its target, rad.
+        valid: Shape (n,): the simulation can be believed. False where a joint missed its target,
+            the simulation diverged, or the engine refused the body; such a body loses against any
+            other, and the search counts it.
+        undecided: Shape (n,): the body is balanced on the rim of its support and might as well
+            lie elsewhere, so the reading says nothing. Only a back-end that computes the pose can
+            know; one that simulates never says so.
+    """
+
+    touch: Flags
+    touch_doubtful: Flags
+    tilt: Array
+    clearance: Array
+    saturated: Flags
+    speed: Array
+    joint_miss: Array
+    valid: Flags
+    undecided: Flags
+
+    def __len__(self) -> int:
+        return len(self.clearance)
+
+    def __getitem__(self, rows: int | slice | NDArray[np.intp]) -> PredictedReadings:
+        """Selects the readings of some of the bodies."""
+        return PredictedReadings(**{name: array[rows] for name, array in self._arrays()})
+
+    def reshaped(self, *shape: int) -> PredictedReadings:
+        """These readings, in arrays that begin with this shape in the place of (n,)."""
+        return PredictedReadings(
+            **{name: array.reshape(*shape, *array.shape[1:]) for name, array in self._arrays()}
         )
+
+    @classmethod
+    def empty(cls, count: int, sensors: int) -> PredictedReadings:
+        """Invalid readings of ``count`` bodies, to be filled in."""
+        return cls(
+            touch=np.zeros((count, sensors), dtype=bool),
+            touch_doubtful=np.zeros((count, sensors), dtype=bool),
+            tilt=np.zeros((count, 2)),
+            clearance=np.zeros(count),
+            saturated=np.zeros(count, dtype=bool),
+            speed=np.zeros(count),
+            joint_miss=np.zeros(count),
+            valid=np.zeros(count, dtype=bool),
+            undecided=np.zeros(count, dtype=bool),
+        )
+
+    @classmethod
+    def concatenate(cls, pieces: Iterable[PredictedReadings]) -> PredictedReadings:
+        """Joins readings of bodies with equally many touch sensors, in the order given."""
+        rows = list(pieces)
+        if not rows:
+            return cls.empty(0, 0)
+        return cls(
+            **{
+                item.name: np.concatenate([getattr(piece, item.name) for piece in rows])
+                for item in fields(cls)
+            }
+        )
+
+    def _arrays(self) -> Iterator[tuple[str, NDArray[Any]]]:
+        return ((item.name, getattr(self, item.name)) for item in fields(self))
 
 
 def in_motor_order(angles: Mapping[str, float], capabilities: Capabilities) -> Program:
-    """Angles by joint name, as a program."""
+    """Angles by joint name as a motor program."""
     return tuple(angles[joint.name] for joint in capabilities.joints)
 
 
 def by_joint_name(program: Program, capabilities: Capabilities) -> dict[str, float]:
-    """A program, as the targets that go over the wire."""
+    """A motor program as targets by joint name, as they go over the wire."""
     joints = capabilities.joints
     return {joint.name: angle for joint, angle in zip(joints, program, strict=True)}
 
 
 def touched(sensors: Collection[int], observations: Sequence[Observation]) -> bool | None:
-    """Whether a touch sensor among these felt the ground in some interaction.
+    """Whether a touch sensor among some met the ground in some interaction.
 
     Args:
         sensors: Indices of touch sensors.

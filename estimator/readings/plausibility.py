@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from estimator.readings.modalities.base import ROUNDING, Value
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES, ROUNDING, Value
 from estimator.readings.observation import Observation, Program
 from protocol.wire.capabilities import Capabilities
 
@@ -46,7 +45,7 @@ def implausible_body(robot: Capabilities) -> str | None:
 
 
 def impossible_reading(observation: Observation, robot: Capabilities) -> str | None:
-    """What in an observation this robot cannot have taken or felt."""
+    """What in an observation this robot cannot have taken or measured."""
     for joint, angle in zip(robot.joints, observation.angles, strict=True):
         slack = joint.resolution + ROUNDING
         if not joint.lower - slack <= angle <= joint.upper + slack:

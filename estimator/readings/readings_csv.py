@@ -3,7 +3,7 @@
 One row per interaction, in degrees and millimetres::
 
     angle_deg_<joint>   one column per joint, in motor order: the angle commanded
-    touch_1, touch_2 …  1 where the sensor felt the ground, else 0
+    touch_1, touch_2 …  1 where the part met the ground, else 0
     tilt_lr_deg         left/right tilt, left side up is positive
     tilt_fb_deg         forward/back tilt, nose up is positive
     clearance_mm        belly to ground along the belly's normal
@@ -24,8 +24,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from estimator.errors import ReadingsError
-from estimator.readings.modalities.base import parse_number
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES, parse_number
 from estimator.readings.observation import Observation
 from protocol.wire.field_checks import MAX_ITEMS
 
@@ -62,10 +61,10 @@ def write(path: Path, joints: Sequence[str], observations: Sequence[Observation]
         rows.writerow(header)
         for item in observations:
             angles = [f"{math.degrees(angle):.4f}" for angle in item.angles]
-            felt = [
+            cells = [
                 modality.cell(value) for modality in modalities for value in modality.values(item)
             ]
-            rows.writerow([*angles, *felt])
+            rows.writerow([*angles, *cells])
 
 
 def read(path: Path) -> Table:
@@ -128,10 +127,10 @@ def _check_separator(path: Path, text: str) -> None:
 
 
 def _check_header(path: Path, header: list[str], columns: Mapping[str, Sequence[str]]) -> None:
-    felt = [column for group in columns.values() for column in group]
+    known_columns = [column for group in columns.values() for column in group]
     for name in header:
         known = name.startswith(ANGLE) and name != ANGLE
-        if not known and name not in felt:
+        if not known and name not in known_columns:
             raise ReadingsError(
                 f"{path}: there is no column {name!r}. Columns are {ANGLE}<joint>, {_offered()}."
             )
@@ -173,8 +172,8 @@ def _observation(
             if angle is None:
                 raise ReadingsError(f"{where}: {name} is empty; write the angle commanded.")
             angles.append(math.radians(angle))
-    felt: dict[str, Any] = {}
+    readings: dict[str, Any] = {}
     for modality in MODALITIES.values():
         named = [(column, cells.get(column, "")) for column in columns[modality.name]]
-        felt |= modality.field([modality.parse(where, *item) for item in named])
-    return Observation(angles=tuple(angles), **felt)
+        readings |= modality.field([modality.parse(where, *item) for item in named])
+    return Observation(angles=tuple(angles), **readings)

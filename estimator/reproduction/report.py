@@ -12,22 +12,22 @@ from markupsafe import Markup
 
 from estimator.errors import RunDirectoryError
 from estimator.physics.backends import REFERENCE
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.page.templates import picture, render
 from estimator.report.tables.terminal import number
-from estimator.reproduction.claims.claims_table import ClaimsTable
-from estimator.reproduction.figures.figure import DrawnFigure
-from estimator.reproduction.output_files import write_csv
-from estimator.reproduction.paper_run import Budget, Summary
-from estimator.reproduction.plan import (
+from estimator.reproduction.claims_table import ClaimsTable
+from estimator.reproduction.figure import DrawnFigure, write_csv
+from estimator.reproduction.harness import in_words, made_by
+from estimator.reproduction.ledger import Session
+from estimator.reproduction.paper_runs import (
     PARAMETRIC,
     PARAMETRIC_RUNS,
     TOPOLOGICAL,
     TOPOLOGICAL_8X4,
     TOPOLOGICAL_RUNS,
+    Budget,
+    Summary,
 )
-from estimator.study.harness import in_words, made_by
-from estimator.study.ledger import Session
 from protocol.system.files import replace_text
 
 REPORT: Final = "report.md"

@@ -6,22 +6,20 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from estimator.cluster import Cluster
 from estimator.errors import EstimatorError
 from estimator.identification.listener import Listener
-from estimator.parallel.cluster import Cluster
-from estimator.physics.backends import abilities_of
+from estimator.physics.backends import physics_class
 from estimator.report.evaluation_files import TRUTH
 from estimator.report.run_files import PAGE
-from estimator.reproduction.claims.claims_table import ClaimsTable
-from estimator.reproduction.claims.paper_claims import Samples
-from estimator.reproduction.claims.statistics import Share
-from estimator.reproduction.figures import figure2, figure3, figure4, figure5, figure6
-from estimator.reproduction.figures.figure import DrawnFigure
-from estimator.reproduction.paper_run import Budget, Summary
-from estimator.reproduction.plan import FIGURES, SEEDS, planned_runs
+from estimator.reproduction import figure2, figure3, figure4, figure5, figure6
+from estimator.reproduction.claims_table import ClaimsTable
+from estimator.reproduction.figure import DrawnFigure
+from estimator.reproduction.harness import complete
+from estimator.reproduction.paper_claims import Samples, Share
+from estimator.reproduction.paper_runs import FIGURES, SEEDS, Budget, Summary, planned_runs
 from estimator.reproduction.report import reproduction_page, write_report
-from estimator.study.harness import complete
-from estimator.study.robot_process import print_body
+from estimator.reproduction.robot_process import print_body
 from protocol.system.files import replace_text
 
 
@@ -81,7 +79,7 @@ def reproduce(
             are listed in the outcome.
     """
     budget = budget or Budget()
-    abilities_of(budget.physics)
+    physics_class(budget.physics)
     if runs is not None and not 1 <= runs <= len(SEEDS):
         raise EstimatorError(f"--runs must lie in 1 to {len(SEEDS)}, not {runs}")
     if (budget.population or 2) % 2:

@@ -23,7 +23,7 @@ class Counters(BaseModel):
             searches are compared.
         simulations_run: How many of them had to be simulated.
         simulations_invalid: How many of those cannot be believed, and lost for it; see
-            ``physics.base.Readings``.
+            ``physics.base.PredictedReadings``.
         simulations_undecided: How many of those had no weight, since the body lay in balance.
         steps: Physics steps simulated.
         wall_seconds: Time spent, over all processes that worked on the run.

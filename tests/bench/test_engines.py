@@ -24,9 +24,10 @@ from bench.engines.runs import CEILINGS, PROBLEMS, RIVALS, RUNS, draw
 from bench.simulation_cost import count_operations
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.errors import EstimatorError
-from estimator.physics.base import Readings, WorldSettings
+from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.readings.observation import PredictedReadings
 
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
 
@@ -39,9 +40,9 @@ def four_legs(length: float) -> Morphology:
     return Morphology(base=BODY, parts=tuple(legs), density=1000.0)
 
 
-def readings(tilts: list[float]) -> Readings:
+def readings(tilts: list[float]) -> PredictedReadings:
     """Poses that differ in one tilt, degrees; everything else is alike."""
-    poses = Readings.empty(len(tilts), 1)
+    poses = PredictedReadings.empty(len(tilts), 1)
     poses.tilt[:, 0] = np.radians(tilts)
     poses.valid[:] = True
     return poses

@@ -10,14 +10,13 @@ import pytest
 from lxml import etree
 
 from bench.power.__main__ import main
-from bench.power.curves import plot_success
 from bench.power.robots import Robot
 from bench.power.study import SEEDS, study
-from bench.power.tables import page
+from bench.power.tables import page, plot_success
 from bench.power.trial import Figures, Step, Trial, TrialRun
 from bench.prior_bodies import drawn_body
 from estimator.identification.listener import Listener
-from estimator.study.harness import directory
+from estimator.reproduction.harness import directory
 from sim_robot.world.body import load_body
 
 

@@ -9,14 +9,14 @@ import pytest
 
 from estimator.body.morphology import BASE, Base, Morphology, Part
 from estimator.body.mounts import HINGES, BaseMount, Hinge, PartMount
+from estimator.cluster import Cluster
 from estimator.exploration.rules import RULES
 from estimator.identification.paper.objectives import OBJECTIVES
-from estimator.parallel.cluster import Cluster
+from estimator.identification.paper.search import SEARCHES
 from estimator.physics.backends import BACKENDS
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.unknowns import Predictor, Unknowns
-from estimator.search.searches import SEARCHES
 from tests.estimator.dask_cluster import Dask, Process, dask
 from tests.estimator.two_unknown_rows import make_predictor
 

@@ -15,8 +15,9 @@ from typing import Final
 
 import psutil
 
-from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.readings.observation import PredictedReadings
 
 ROOT: Final = Path(__file__).parents[2]
 _DASK: Final = Path(sys.executable).with_name("dask")
@@ -148,7 +149,7 @@ class HeldPhysics(PyBulletPhysics):
         super().__init__(settings)
         self._address = address
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         held(self._address)
         return super().read(pairs)
 

@@ -19,7 +19,7 @@ from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import in_motor_order
 from estimator.report.run_files import write_report
 from estimator.storage.run_config import RunConfig

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from estimator import (
     Choice,
-    ObservedReadings,
+    Observation,
     Operators,
-    Readings,
+    PredictedReadings,
     Result,
     SearchStateError,
     Situation,
@@ -88,7 +88,7 @@ class WrongTouches:
         del capabilities
 
     def terms(
-        self, readings: Readings, observed: ObservedReadings, modalities: Sequence[str]
+        self, readings: PredictedReadings, observed: Observation, modalities: Sequence[str]
     ) -> Array:
         del modalities
         wrong = np.count_nonzero(readings.touch != observed.touch, axis=1).astype(float)

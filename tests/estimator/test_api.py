@@ -73,9 +73,7 @@ def first(situation: Situation) -> Choice:
     """A rule of this program."""
     (program,), known = situation.random_programs(1), situation.posterior
     error = (
-        situation.objective.terms(
-            known.predict(program), known.observations[-1].as_arrays(), known.modalities
-        )
+        situation.objective.terms(known.predict(program), known.observations[-1], known.modalities)
         if known.observations
         else np.zeros(1)
     )

@@ -16,10 +16,10 @@ from typer.testing import CliRunner
 
 from estimator import Objective, Result, Rule, Search
 from estimator.cli.command_line import app
+from estimator.identification.paper.search import SEARCHES
 from estimator.identification.run import identify, resume
 from estimator.physics.backends import IN_THIS_PROCESS
 from estimator.report.formats import Format
-from estimator.search.searches import SEARCHES
 from estimator.storage.records import Generation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from estimator import cluster
 from estimator.errors import EstimatorError
-from estimator.parallel import cluster
 from estimator.plugins import Registry, installed_packages
 from tests.estimator.outside_package import install, put_on_path
 

@@ -56,6 +56,6 @@ def test_an_option_names_what_there_is(field: str, registry: estimator.Registry[
 
 def test_the_front_page_names_every_room() -> None:
     rooms = [path.parent.name for path in Path(*estimator.__path__).glob("*/__init__.py")]
-    assert len(rooms) >= 15
+    assert rooms
     for room in rooms:
         assert f"\n``{room}``" in ROOM_TABLE

@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 import numpy as np
 
 from estimator.body.morphology import Array, Base
-from estimator.parallel.executors import ThisProcess
+from estimator.executors import ThisProcess
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.model.likelihood import Noise
 from estimator.posterior.model.sensor_data import SensorData

@@ -238,7 +238,7 @@ from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
 from estimator.storage.records import InteractionRecord
 from estimator.storage.run_config import RunSettings
-from estimator.robot_link.wire import WireLink
+from estimator.identification.robot_link import WireLink
 from estimator.storage.store import RunStore, first_id
 uri, folder = sys.argv[1:]
 link = WireLink(uri, client_id="workstation", first_id=first_id(0))

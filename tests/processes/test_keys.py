@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from bench.daemons import simulator
-from estimator.robot_link import open_robot
+from estimator.identification.robot_link import open_robot
 from protocol.__main__ import main as protocol_main
 from protocol.errors import RobotUnreachableError
 from protocol.security.keys import ROBOT, KeyDirectory, KnownPeer, read_public

@@ -1,4 +1,4 @@
-"""How badly models fit what was observed, with a verdict as early as is exact."""
+"""How badly models fit what was observed, and the population that is fitted to it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from estimator.body.arrays import Bodies
 from estimator.body.morphology import Array, Morphology
 from estimator.errors import EstimatorError
 from estimator.exploration.situation import Objective
-from estimator.physics.base import ArrayPhysics, Physics, Readings, takes_arrays
+from estimator.identification.paper.search import Search
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.problem.genome import Genome
-from estimator.readings.observation import Observation, ObservedReadings
+from estimator.readings.observation import Observation, PredictedReadings
+from estimator.storage.records import Counters
 
 Rows: TypeAlias = NDArray[np.intp]
 
@@ -58,26 +60,26 @@ def fit_genes(
     *,
     objective: Objective,
     limits: Array,
-    foresight: ArrayPhysics | None = None,
+    approximation: ArrayPhysics | None = None,
 ) -> Fit:
     """How badly models fit; where an error reaches the model's limit, it is at least the limit.
 
     A model that the problem forbids is as bad as can be, and is not simulated.
 
     A model that has reached its limit in one interaction has lost, and is not simulated in the
-    others. Where there is no foresight the latest interaction comes first, since the parents were
-    not selected on it for as long as on the others.
+    others. Without an approximation the latest interaction comes first, since the parents were not
+    selected on it for as long as on the others.
 
     Args:
         genome: The code between genes and bodies.
         genes: Of n models, shape (n, genes).
-        observations: What the robot felt.
+        observations: What the robot observed.
         modalities: Modalities that count.
-        physics: Predicts what models feel; it alone decides how well they fit.
+        physics: Predicts readings; it alone decides how well they fit.
         objective: What the errors of single interactions add up to.
         limits: Error at which a model has lost, shape (n,).
-        foresight: Guesses which interaction a model fits worst, so that this one comes first. That
-            saves simulations and changes no verdict.
+        approximation: Predicts roughly which interaction a model fits worst, so that this one comes
+            first. That saves simulations and changes no verdict.
     """
     allowed = ~genome.forbidden(genes)
     if not allowed.all():
@@ -89,18 +91,18 @@ def fit_genes(
             physics,
             objective=objective,
             limits=limits[allowed],
-            foresight=foresight,
+            approximation=approximation,
         )
         errors = np.full(len(genes), np.inf)
         errors[allowed] = fit.errors
         return replace(fit, errors=errors)
     targets = _Targets.of(observations, modalities, objective)
     order = None
-    if foresight is not None and len(observations) > 1 and np.isfinite(limits).any():
-        guesser = _ArrayReader(genome.bodies(genes), foresight, targets.programs)
+    if approximation is not None and len(observations) > 1 and np.isfinite(limits).any():
+        guesser = _ArrayReader(genome.bodies(genes), approximation, targets.programs)
         order = targets.worst_first(guesser, len(genes))
     reader: _Reader
-    if takes_arrays(physics):
+    if isinstance(physics, ArrayPhysics):
         reader = _ArrayReader(genome.bodies(genes), physics, targets.programs)
     else:
         reader = _BodyReader(genome.decode_all(genes), physics, targets.programs)
@@ -108,8 +110,8 @@ def fit_genes(
 
 
 class _Reader(Protocol):
-    def __call__(self, models: Rows, interactions: Rows) -> Readings:
-        """What some models feel, each in one of the interactions."""
+    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
+        """Predicted readings of some models, each in one of the interactions."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +122,11 @@ class _BodyReader:
     physics: Physics
     programs: Array
 
-    def __call__(self, models: Rows, interactions: Rows) -> Readings:
+    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
         pairs = zip(models, interactions, strict=True)
-        return self.physics.read([(self.bodies[row], self.programs[turn]) for row, turn in pairs])
+        return self.physics.read(
+            [(self.bodies[row], self.programs[interaction]) for row, interaction in pairs]
+        )
 
 
 @dataclass(frozen=True)
@@ -133,22 +137,22 @@ class _ArrayReader:
     physics: ArrayPhysics
     programs: Array
 
-    def __call__(self, models: Rows, interactions: Rows) -> Readings:
+    def __call__(self, models: Rows, interactions: Rows) -> PredictedReadings:
         return self.physics.read_bodies(self.bodies[models], self.programs[interactions])
 
 
 @dataclass(frozen=True)
 class _Targets:
-    """What models are to feel.
+    """What models are compared with.
 
     Attributes:
-        observed: What the robot felt in each of k interactions.
+        observed: What the robot observed in each of k interactions.
         programs: What it did, rad, shape (k, motors).
         modalities: Modalities that count.
         objective: What the errors add up to.
     """
 
-    observed: Sequence[ObservedReadings]
+    observed: Sequence[Observation]
     programs: Array
     modalities: Sequence[str]
     objective: Objective
@@ -157,15 +161,14 @@ class _Targets:
     def of(
         cls, observations: Sequence[Observation], modalities: Sequence[str], objective: Objective
     ) -> _Targets:
-        observed = [item.as_arrays() for item in observations]
-        programs = np.array([item.angles for item in observed])
-        return cls(observed, programs, modalities, objective)
+        programs = np.array([item.angles for item in observations], dtype=float)
+        return cls(observations, programs, modalities, objective)
 
     def worst_first(self, read: _Reader, count: int) -> Rows:
         """The interactions of each model, the one that it fits worst first, shape (n, k)."""
-        turns = np.tile(np.arange(len(self.observed)), count)
+        interactions = np.tile(np.arange(len(self.observed)), count)
         models = np.repeat(np.arange(count), len(self.observed))
-        errors = self._errors(read(models, turns), turns).reshape(count, -1)
+        errors = self._errors(read(models, interactions), interactions).reshape(count, -1)
         return np.argsort(-errors, axis=1, kind="stable")
 
     def compare(self, read: _Reader, limits: Array, order: Rows | None = None) -> Fit:
@@ -181,10 +184,10 @@ class _Targets:
             if not alive.size:
                 break
             rows = np.repeat(alive, end - start)
-            turns = order[alive, start:end].ravel()
-            readings = read(rows, turns)
-            errors[turns, rows] = self._errors(readings, turns)
-            undecided[turns, rows] = readings.undecided
+            interactions = order[alive, start:end].ravel()
+            readings = read(rows, interactions)
+            errors[interactions, rows] = self._errors(readings, interactions)
+            undecided[interactions, rows] = readings.undecided
             invalid += int(np.count_nonzero(~readings.valid))
             alive = alive[self.objective.lower_bound(errors[:, alive]) < limits[alive]]
         counted = int(np.count_nonzero(undecided & np.isfinite(errors)))
@@ -192,11 +195,11 @@ class _Targets:
             errors=self.objective.total(errors, undecided), invalid=invalid, undecided=counted
         )
 
-    def _errors(self, readings: Readings, turns: Rows) -> Array:
-        errors = np.zeros(len(turns))
-        for turn in np.unique(turns):
-            rows = np.flatnonzero(turns == turn)
-            target = self.observed[turn]
+    def _errors(self, readings: PredictedReadings, interactions: Rows) -> Array:
+        errors = np.zeros(len(interactions))
+        for interaction in np.unique(interactions):
+            rows = np.flatnonzero(interactions == interaction)
+            target = self.observed[interaction]
             terms = self.objective.terms(readings[rows], target, self.modalities)
             if np.shape(terms) != rows.shape or not np.all(terms >= 0):
                 raise EstimatorError(
@@ -218,3 +221,77 @@ def _rounds(count: int) -> list[int]:
     while ends[-1] < count:
         ends.append(min(2 * ends[-1] + 1, count))
     return ends
+
+
+class Modeller:
+    """Evaluates and evolves models.
+
+    Args:
+        genome: The code between genes and bodies.
+        physics: Predicts readings.
+        modalities: Modalities that count.
+        counters: What the run has cost so far.
+        objective: What models are fitted by.
+        approximation: Predicts roughly what a slower back-end will; see ``fit_genes``.
+    """
+
+    def __init__(
+        self,
+        genome: Genome,
+        physics: Physics,
+        modalities: Sequence[str],
+        counters: Counters,
+        *,
+        objective: Objective,
+        approximation: ArrayPhysics | None = None,
+    ):
+        self._genome = genome
+        self._physics = physics
+        self._objective = objective
+        self._approximation = approximation
+        self._modalities = tuple(modalities)
+        self._requested = counters.simulations_requested
+        self._run = counters.simulations_run - physics.simulations
+        self._invalid = counters.simulations_invalid
+        self._undecided = counters.simulations_undecided
+        self._steps = counters.steps - physics.steps
+
+    def counters(self, wall_seconds: float) -> Counters:
+        """What the run has cost by now."""
+        return Counters(
+            simulations_requested=self._requested,
+            simulations_run=self._run + self._physics.simulations,
+            simulations_invalid=self._invalid,
+            simulations_undecided=self._undecided,
+            steps=self._steps + self._physics.steps,
+            wall_seconds=wall_seconds,
+        )
+
+    def introduce(self, search: Search, observations: Sequence[Observation]) -> None:
+        """Evaluates the population after an interaction, on all observations so far."""
+        if len(observations) > 1:
+            search.forget_errors()
+        population = search.ask()
+        self._requested += len(population) * len(observations)
+        search.tell(self._errors(population, search.limits, observations))
+
+    def evolve(self, search: Search, observations: Sequence[Observation]) -> None:
+        """One generation of children, each competing with a parent."""
+        children = search.ask()
+        self._requested += len(children) * len(observations)
+        search.tell(self._errors(children, search.limits, observations))
+
+    def _errors(self, genes: Array, limits: Array, observations: Sequence[Observation]) -> Array:
+        fitted = fit_genes(
+            self._genome,
+            genes,
+            observations,
+            self._modalities,
+            self._physics,
+            objective=self._objective,
+            limits=limits,
+            approximation=self._approximation,
+        )
+        self._invalid += fitted.invalid
+        self._undecided += fitted.undecided
+        return fitted.errors

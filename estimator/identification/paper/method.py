@@ -14,18 +14,18 @@ import numpy as np
 from estimator.body.morphology import Array
 from estimator.errors import EstimatorError, SearchStateError
 from estimator.identification.listener import Listener
-from estimator.identification.paper.modelling import Modeller
+from estimator.identification.paper.fit import Modeller
 from estimator.identification.paper.objectives import OBJECTIVES
 from estimator.identification.paper.reference_check import finish
-from estimator.physics.backends import REFERENCE, Computers, abilities_of, foresight_of
-from estimator.physics.base import ArrayMarginPhysics, ArrayPhysics, Physics
+from estimator.identification.paper.search import SEARCHES, Search
+from estimator.physics.backends import REFERENCE, Executors, approximation_of, physics_class
+from estimator.physics.base import ArrayPhysics, Physics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import judge_body
 from estimator.posterior.fitted import FittedPosterior
 from estimator.posterior.posterior import Posterior
+from estimator.randomness import Stream, generator
 from estimator.readings.observation import Observation
-from estimator.search.randomness import Stream, generator
-from estimator.search.searches import SEARCHES, Search
 from estimator.storage.records import BestFit, Counters, Generation
 from estimator.storage.run_config import RunConfig
 from estimator.storage.store import RunStore
@@ -36,10 +36,10 @@ class PaperMethod:
 
     Args:
         store: The run's memory; opened for writing.
-        physics: Predicts what models feel.
+        physics: Predicts readings of models.
         listener: Hears what happens.
-        foresight: Guesses what models feel, where ``physics`` is slower.
-        judge: Computes what the best model feels, and how sure its paths are, for the verdict.
+        approximation: Predicts them roughly, where ``physics`` is slower.
+        judge: Predicts readings of the best model, and its path margins, for the verdict.
         open_reference: Makes the back-end that has the last word; ``None``: ``physics`` has it.
     """
 
@@ -53,7 +53,7 @@ class PaperMethod:
         Raises:
             EstimatorError: The config asks for such a thing.
         """
-        abilities_of(config.physics or PaperMethod.PHYSICS)
+        physics_class(config.physics or PaperMethod.PHYSICS)
         if config.sure is not None:
             raise EstimatorError(
                 "sure belongs to the method posterior, since a population does not know how good "
@@ -62,20 +62,20 @@ class PaperMethod:
 
     @classmethod
     def open(
-        cls, store: RunStore, computers: Computers, listener: Listener, stack: ExitStack
-    ) -> tuple[PaperMethod, ArrayMarginPhysics]:
+        cls, store: RunStore, executors: Executors, listener: Listener, stack: ExitStack
+    ) -> tuple[PaperMethod, ArrayPhysics]:
         """Makes the method of a run, and the back-end with which motor programs are chosen."""
         settings, world = store.settings, store.world
         statics = stack.enter_context(closing(StaticsPhysics(world)))
         method = cls(
             store,
-            stack.enter_context(closing(computers.open_physics(settings.physics, world))),
+            stack.enter_context(closing(executors.open_physics(settings.physics, world))),
             listener,
-            foresight=foresight_of(settings.physics, world),
+            approximation=approximation_of(settings.physics, world),
             judge=statics,
             open_reference=None
             if settings.physics == settings.reference
-            else partial(computers.open_physics, settings.reference, world),
+            else partial(executors.open_physics, settings.reference, world),
         )
         return method, statics
 
@@ -85,8 +85,8 @@ class PaperMethod:
         physics: Physics,
         listener: Listener,
         *,
-        foresight: ArrayPhysics | None,
-        judge: ArrayMarginPhysics,
+        approximation: ArrayPhysics | None,
+        judge: ArrayPhysics,
         open_reference: Callable[[], Physics] | None,
     ) -> None:
         self._store = store
@@ -106,7 +106,7 @@ class PaperMethod:
             store.settings.modalities,
             counters,
             objective=self._objective,
-            foresight=foresight,
+            approximation=approximation,
         )
         operators = replace(store.problem.search.operators(), permit=store.genome.permitted)
         search = SEARCHES.load(store.settings.search)

@@ -21,6 +21,8 @@ from estimator.readings.observation import Observation
 from estimator.storage.records import Finish
 
 LEADERS: Final = 10
+"""Models that are simulated again; not tuned."""
+
 SAME_LENGTH: Final = 0.005
 """Models whose parts are attached alike and whose lengths differ by less, m, are one model."""
 

@@ -43,7 +43,7 @@ def compiled(function: _Function) -> _Function:
 
 
 def compiled_for_vectors(function: _Function) -> _Function:
-    """The same where the order of a maximum is free, so that several are compared at once.
+    """A function for the kernel in which a maximum's order is free, to compare several at once.
 
     Of finite numbers the largest is the largest in any order, and the sign of a zero is not looked
     at. Nothing may be computed in another order or precision than written, so results are the same

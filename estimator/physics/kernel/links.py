@@ -2,7 +2,7 @@
 
 Parts joined by locked hinges move as one link. Link 0 is the main body; every other has its frame
 where its first part has it. Locked parts lie in the link's own plane z = 0; one that rises out of
-it begins a link of its own, in the same group. A group is what one touch sensor feels.
+it begins a link of its own, in the same group. A group is what one touch sensor measures.
 
 A capsule on a plane is its two end spheres, a box its eight corners, of radius 0. A sphere inside
 the cone between two others of its link never touches first and is left out: so a straight leg of
@@ -17,7 +17,7 @@ Arrays, for at most n parts:
   first eight are the main body's corners.
 * ``place`` (n,), integers: link of each part; ``at`` (n, 4): where in the link's plane it begins,
   then cosine and sine of its direction there.
-* one row per inclination of gravity under which the body is followed: ``lean`` (16, 2), tangents
+* one row per inclination of gravity under which the body is followed: ``gravity`` (16, 2), tangents
   towards x and y; ``up`` (16, 3), world up in the body frame, and ``stance`` (16, 3), three
   contacts around the centre of mass: the pose; ``lies`` and ``rested`` (16,), whether it still lies
   flat, and whether it came to rest each time.
@@ -30,7 +30,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from estimator.body import part_shapes
+from estimator.body import geometry
 from estimator.body.arrays import Flags, Integers
 from estimator.body.morphology import Array
 from estimator.physics.kernel.compiling import allocating, compiled
@@ -73,8 +73,8 @@ TOGETHER: Final = 16
 """Inclinations of gravity under which one body is followed at once."""
 
 
-_ends: Final = compiled(part_shapes.ends)
-_volume: Final = compiled(part_shapes.volume)
+_ends: Final = compiled(geometry.ends)
+_volume: Final = compiled(geometry.volume)
 
 
 class Trees(NamedTuple):
@@ -101,7 +101,8 @@ class Slew(NamedTuple):
     Attributes:
         pace: In one step, rad.
         reach: In all, at most, rad.
-        cosines: Of the angle after each number of steps; likewise ``sines``.
+        cosines: Cosine of the angle after each number of steps.
+        sines: Sine of it.
     """
 
     pace: float
@@ -121,7 +122,7 @@ class Work(NamedTuple):
     at: Array
     touch: Integers
     flat: Array
-    lean: Array
+    gravity: Array
     up: Array
     stance: Integers
     lies: Flags
@@ -307,3 +308,100 @@ def _turn(x: float, y: float, z: float, planar: bool) -> tuple[int, float]:
         if abs(x) == 1.0:
             return ROLL, -x
     return FREE, 1.0
+
+
+@compiled
+def _move_freely(
+    link: int,
+    cosine: float,
+    sine: float,
+    tree: Integers,
+    joint: Array,
+    frame: Array,
+    points: Array,
+) -> None:
+    """Turns one link about any axis, on any mount (Rodrigues); see ``move``."""
+    on = tree[link, PARENT]
+    level, rise = joint[link, LEVEL], joint[link, RISE]
+    east, north = joint[link, EAST], joint[link, NORTH]
+    axis_x, axis_y, axis_z = joint[link, AXIS], joint[link, AXIS + 1], joint[link, AXIS + 2]
+    for row in range(3):
+        origin = frame[on, row] + joint[link, X] * frame[on, 3 + row]
+        origin += joint[link, Y] * frame[on, 6 + row] + joint[link, Z] * frame[on, 9 + row]
+        flat = east * frame[on, 3 + row] + north * frame[on, 6 + row]
+        x = level * flat + rise * frame[on, 9 + row]
+        y = east * frame[on, 6 + row] - north * frame[on, 3 + row]
+        z = level * frame[on, 9 + row] - rise * flat
+        along = (1 - cosine) * (axis_x * x + axis_y * y + axis_z * z)
+        ahead = cosine * x + sine * (axis_z * y - axis_y * z) + along * axis_x
+        left = cosine * y + sine * (axis_x * z - axis_z * x) + along * axis_y
+        frame[link, row] = origin
+        frame[link, 3 + row] = ahead
+        frame[link, 6 + row] = left
+        over = cosine * z + sine * (axis_y * x - axis_x * y) + along * axis_z
+        frame[link, 9 + row] = over
+        frame[link, 12 + row] = joint[link, MASS] * origin
+        frame[link, 12 + row] += joint[link, MOMENT_X] * ahead + joint[link, MOMENT_Y] * left
+        for point in range(tree[link, FIRST], tree[link, END]):
+            across = points[5, point] * left + points[6, point] * over
+            points[row, point] = origin + points[4, point] * ahead + across
+
+
+@compiled
+def move(
+    step: int,
+    links: int,
+    tree: Integers,
+    joint: Array,
+    frame: Array,
+    points: Array,
+    cosines: Array,
+    sines: Array,
+) -> tuple[float, float, float]:
+    """Turns the joints to where they are after so many steps. What stands still is left alone.
+
+    Args:
+        cosines: Cosine of the angle after each number of steps.
+        sines: Sine of it.
+
+    Returns:
+        Mass times centre of mass, in the body frame, kg·m.
+    """
+    total_x, total_y, total_z = frame[0, 12], frame[0, 13], frame[0, 14]
+    for link in range(1, links):
+        if step <= tree[link, STEPS]:
+            on, turn, turned = tree[link, PARENT], tree[link, TURN], 0
+            x, y = joint[link, X], joint[link, Y]
+            mass = joint[link, MASS]
+            moment_x, moment_y = joint[link, MOMENT_X], joint[link, MOMENT_Y]
+            east, north = joint[link, EAST], joint[link, NORTH]
+            if step < tree[link, OWN_STEPS]:
+                cosine, sine = cosines[step], sines[step] * joint[link, SIGN]
+            else:
+                cosine, sine = joint[link, COSINE], joint[link, SINE] * joint[link, SIGN]
+            if turn == FREE:
+                _move_freely(link, cosine, sine, tree, joint, frame, points)
+                turned = 3
+            for row in range(turned, 3):
+                origin = frame[on, row] + x * frame[on, 3 + row] + y * frame[on, 6 + row]
+                ahead = east * frame[on, 3 + row] + north * frame[on, 6 + row]
+                left = east * frame[on, 6 + row] - north * frame[on, 3 + row]
+                over = frame[on, 9 + row]
+                if turn == YAW:
+                    ahead, left = cosine * ahead + sine * left, cosine * left - sine * ahead
+                elif turn == PITCH:
+                    ahead, over = cosine * ahead + sine * over, cosine * over - sine * ahead
+                else:  # roll
+                    left, over = cosine * left - sine * over, cosine * over + sine * left
+                frame[link, row] = origin
+                frame[link, 3 + row] = ahead
+                frame[link, 6 + row] = left
+                frame[link, 9 + row] = over
+                frame[link, 12 + row] = mass * origin + moment_x * ahead + moment_y * left
+                for point in range(tree[link, FIRST], tree[link, END]):
+                    across = points[4, point] * ahead + points[5, point] * left
+                    points[row, point] = origin + (across + points[6, point] * over)
+        total_x += frame[link, 12]
+        total_y += frame[link, 13]
+        total_z += frame[link, 14]
+    return total_x, total_y, total_z

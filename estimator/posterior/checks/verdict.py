@@ -25,7 +25,7 @@ from estimator.posterior.model.sensor_data import COLUMNS, SensorData
 from estimator.posterior.model.special import at_least, logsumexp
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.storage.beliefs import UnexplainedInteraction
 
 SURE_PATH: Final = math.radians(1.0)

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
 
 MODEL_TILT: Final = math.radians(0.2)  # what a model of capsules cannot know
 MODEL_CLEARANCE: Final = 0.8e-3
@@ -112,7 +111,7 @@ class Density(ABC):
         return Felt(values=values)
 
     @abstractmethod
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+    def misfit(self, felt: Felt, readings: PredictedReadings, into: Array) -> None:
         """Of n predictions from what was felt, into an array of shape (n, misfits)."""
 
     def least_misfit(self, known: Known) -> Array:
@@ -152,7 +151,7 @@ class TouchDensity(Density):
             return Felt(values=np.full((len(observations), 1), np.nan))
         return super().felt(observations, counts=True)
 
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+    def misfit(self, felt: Felt, readings: PredictedReadings, into: Array) -> None:
         """How many bits differ, and of how many the model is not sure."""
         doubtful = readings.touch_doubtful
         differ = (felt.values != readings.touch) & ~doubtful
@@ -179,7 +178,7 @@ class TiltDensity(Density):
     scaled = True
     beside = math.radians(3.0)
 
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+    def misfit(self, felt: Felt, readings: PredictedReadings, into: Array) -> None:
         """Both angles, rad."""
         np.subtract(felt.values, readings.tilt, out=into)
         if not felt.all_told:
@@ -216,7 +215,7 @@ class ClearanceDensity(Density):
         saturated = np.array([item.clearance_saturated for item in observations], dtype=bool)
         return Felt(values=values, beyond=saturated & ~np.isnan(values[:, 0]))
 
-    def misfit(self, felt: Felt, readings: Readings, into: Array) -> None:
+    def misfit(self, felt: Felt, readings: PredictedReadings, into: Array) -> None:
         """Felt minus predicted, m."""
         np.subtract(felt.values[:, 0], readings.clearance, out=into[:, 0])
         if not felt.all_told:

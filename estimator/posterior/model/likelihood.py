@@ -26,7 +26,6 @@ import numpy as np
 
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
 from estimator.posterior.model.densities import (
     DENSITIES,
     MODEL_CLEARANCE,
@@ -37,7 +36,8 @@ from estimator.posterior.model.noise_factors import NoiseFactors
 from estimator.posterior.model.sensor_data import ASTRAY, COLUMNS, MISFITS, SensorData
 from estimator.posterior.model.special import expit, logsumexp
 from estimator.posterior.model.unknowns import Columns, Predictor
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import PredictedReadings
 from protocol.wire.capabilities import Capabilities
 
 _SIDES: Final = np.radians([22.5, 202.5, 112.5, 292.5])
@@ -119,7 +119,7 @@ class Noise:
         )
 
 
-def apart(one: Readings, other: Readings, noise: Noise) -> Flags:
+def apart(one: PredictedReadings, other: PredictedReadings, noise: Noise) -> Flags:
     """Which of n readings come from poses that are plainly not the same, shape (n,)."""
     tilt = np.max(np.abs(one.tilt - other.tilt), axis=1) > _PLAINLY * noise.tilt
     clearance = np.abs(one.clearance - other.clearance) > _PLAINLY * noise.clearance
@@ -232,7 +232,7 @@ class Likelihood:
         misfits[left[astray]] = others[astray * len(numbers) + first]
         return misfits
 
-    def readings_of(self, predictor: Predictor, values: Array) -> Readings:
+    def readings_of(self, predictor: Predictor, values: Array) -> PredictedReadings:
         """What n points feel in every interaction, wherever they fell: n · k rows."""
         numbers = self.misfits_of(predictor, values)[..., ASTRAY].ravel().astype(np.intp)
         return predictor.read_all(values, self._data.programs, LEANS[numbers])

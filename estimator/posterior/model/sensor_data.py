@@ -10,10 +10,9 @@ from typing import Final
 import numpy as np
 
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
 from estimator.posterior.model.densities import DENSITIES, Felt
 from estimator.posterior.model.unknowns import Columns
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 
 _ENDS: Final = (0, *accumulate(density.misfits for density in DENSITIES.values()))
 COLUMNS: Final = {name: slice(*ends) for name, ends in zip(DENSITIES, pairwise(_ENDS), strict=True)}
@@ -65,7 +64,7 @@ class SensorData:
         felt = {name: values[turns] for name, values in self.felt.items()}
         return SensorData(programs=self.programs[turns], felt=felt, cap=self.cap)
 
-    def misfits(self, readings: Readings, turns: Columns) -> Array:
+    def misfits(self, readings: PredictedReadings, turns: Columns) -> Array:
         """The misfits of n readings, each in one of the interactions.
 
         Args:

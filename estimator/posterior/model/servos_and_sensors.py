@@ -11,7 +11,7 @@ import numpy as np
 
 from estimator.body.arrays import TILT_GAIN, TOO_HIGH, Bodies
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
+from estimator.readings.observation import PredictedReadings
 
 
 def performed(programs: Array, bodies: Bodies) -> Array:
@@ -29,7 +29,7 @@ def performed(programs: Array, bodies: Bodies) -> Array:
     return turns
 
 
-def as_sensed(readings: Readings, bodies: Bodies) -> Readings:
+def as_sensed(readings: PredictedReadings, bodies: Bodies) -> PredictedReadings:
     """What the bodies' sensors make of poses: limp parts lie on the ground, and are felt there.
 
     Args:

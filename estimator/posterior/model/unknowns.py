@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from estimator.body.arrays import Bodies, Flags
 from estimator.body.morphology import Array, Morphology
-from estimator.physics.base import ArrayMarginPhysics, Readings
+from estimator.physics.base import ArrayPhysics
 from estimator.posterior.model.departures import Departure, Departures
 from estimator.posterior.model.servos_and_sensors import as_sensed, performed
 from estimator.problem.genes import Gene
 from estimator.problem.genome import Genome
+from estimator.readings.observation import PredictedReadings
 
 Columns = NDArray[np.intp]
 Attachments = tuple[int, ...]
@@ -186,7 +187,7 @@ class Predictor:
         spared: Simulations that early rejection has made unnecessary.
     """
 
-    def __init__(self, unknowns: Unknowns, physics: ArrayMarginPhysics) -> None:
+    def __init__(self, unknowns: Unknowns, physics: ArrayPhysics) -> None:
         self.unknowns = unknowns
         self.spared = 0
         self._simulations_elsewhere = 0
@@ -226,21 +227,23 @@ class Predictor:
         leans: Array | None = None,
         *,
         quickly: bool = False,
-    ) -> Readings:
+    ) -> PredictedReadings:
         """What some of the bodies feel, each in the program of its row.
 
         Args:
             bodies: From ``Unknowns.bodies``.
             rows: Which of them, shape (m,).
             programs: rad, shape (m, motors).
-            leans: How gravity is inclined on the way; see ``ArrayMarginPhysics``.
+            leans: How gravity is inclined on the way; see ``ArrayPhysics``.
             quickly: Likewise.
         """
         chosen = bodies[rows]
         if not chosen.departs:
-            return self._physics.read_bodies(chosen, programs, leans, quickly=quickly)
+            return self._physics.read_bodies(chosen, programs, leans, coarse_step=quickly)
         turns = performed(programs, chosen)
-        return as_sensed(self._physics.read_bodies(chosen, turns, leans, quickly=quickly), chosen)
+        return as_sensed(
+            self._physics.read_bodies(chosen, turns, leans, coarse_step=quickly), chosen
+        )
 
     def margins(
         self, bodies: Bodies, rows: Columns, programs: Array, most: float = math.inf
@@ -256,7 +259,7 @@ class Predictor:
         leans: Array | None = None,
         *,
         quickly: bool = False,
-    ) -> Readings:
+    ) -> PredictedReadings:
         """What each of n points feels in each of k programs: n · k rows, programs fastest.
 
         Args:

@@ -13,7 +13,7 @@ import numpy as np
 
 from estimator.body.morphology import Array
 from estimator.errors import SearchStateError
-from estimator.physics.base import ArrayMarginPhysics
+from estimator.physics.base import ArrayPhysics
 from estimator.posterior.chains.population import Population
 from estimator.posterior.discovery.discovery import Discovery, chains_like
 from estimator.posterior.model.likelihood import Likelihood, Noise
@@ -82,13 +82,13 @@ class Sampler:
     def __init__(
         self,
         unknowns: Unknowns,
-        make_physics: Callable[[], ArrayMarginPhysics],
+        make_physics: Callable[[], ArrayPhysics],
         noise: Noise,
         effort: Effort,
         seeds: Sequence[np.random.SeedSequence],
         *,
         workers: Executor,
-        physics: ArrayMarginPhysics | None = None,
+        physics: ArrayPhysics | None = None,
     ) -> None:
         self._noise = noise
         self._effort = effort

@@ -9,8 +9,7 @@ import numpy as np
 
 from estimator.body.morphology import Morphology
 from estimator.physics.backends import in_this_process
-from estimator.physics.base import Readings
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from estimator.storage.beliefs import Foretold
 from estimator.storage.store import RunStore
 
@@ -45,7 +44,9 @@ def foretold(observation: Observation, item: Foretold) -> Observation:
     )
 
 
-def observation_of(readings: Readings, row: int, angles: Sequence[float]) -> Observation | None:
+def observation_of(
+    readings: PredictedReadings, row: int, angles: Sequence[float]
+) -> Observation | None:
     """A body's readings as an interaction; ``None`` where the simulation cannot be believed."""
     if not readings.valid[row] or not np.isfinite(readings.tilt[row]).all():
         return None

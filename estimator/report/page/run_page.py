@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.bodies.body_picture import body_picture
 from estimator.report.bodies.shown_bodies import ShownBodies, shown_bodies

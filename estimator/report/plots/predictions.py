@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from estimator.body.morphology import Array
+from estimator.readings.modalities import MODALITIES
 from estimator.readings.observation import Observation
 from estimator.report.plots.canvas import new_figure
 from estimator.report.plots.generations import ABOVE
@@ -46,6 +47,5 @@ def plot_predictions(felt: Sequence[Observation], foretold: Sequence[Observation
 def _numbers(item: Observation | None) -> Array:
     if item is None:
         return np.full(3, np.nan)
-    reading = item.as_arrays()
-    numbers: Array = np.array([*np.degrees(reading.tilt), 1000 * reading.clearance])
-    return numbers
+    shown = (MODALITIES[name] for name in ("tilt", "clearance"))
+    return np.concatenate([one.error_factor * one.observed(item) for one in shown])

@@ -12,7 +12,7 @@ from rich.text import Text
 from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from estimator.report.result import ModelFound, Result, in_words
 from estimator.report.tables.plain import plain_table
 from estimator.report.tables.posterior import print_posterior

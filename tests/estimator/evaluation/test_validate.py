@@ -6,10 +6,9 @@ import pytest
 from estimator.errors import EstimatorError, InteractionError
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, Validation, compare, validate
 from estimator.identification.listener import Listener
+from estimator.identification.robot_link import Record, WireLink
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.readings.observation import Observation
-from estimator.robot_link.replay import Record
-from estimator.robot_link.wire import WireLink
 from estimator.storage.records import Prediction
 from estimator.storage.store import RunStore
 from protocol.errors import RobotError

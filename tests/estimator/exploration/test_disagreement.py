@@ -9,7 +9,7 @@ from estimator.exploration.disagreement import most_disputed_program
 from estimator.exploration.situation import Situation
 from estimator.identification.paper.objectives import LargestError
 from estimator.problem.genome import Genome
-from estimator.readings.modalities.registry import MODALITIES
+from estimator.readings.modalities import MODALITIES
 from tests.estimator.model_robot import make_capabilities, make_posterior, make_problem
 
 

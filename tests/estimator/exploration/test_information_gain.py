@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array
+from estimator.executors import Threads
 from estimator.exploration.information_gain import Forecast, InformationGain
-from estimator.parallel.executors import Threads
-from estimator.physics.base import Readings
 from estimator.posterior.model.densities import DENSITIES
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.noise_family import drawn
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.special import logsumexp
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 
 MODALITIES = ("touch", "tilt", "clearance")
 CAP = 0.2
@@ -73,7 +72,7 @@ def test_a_gain_is_what_readings_drawn_from_the_likelihood_tell(
     modalities: tuple[str, ...],
 ) -> None:
     noise = Noise(tilt=0.01, clearance=0.004, touch=0.1, outlier=0.4, nearby=0.8)
-    readings, rng = Readings.empty(4, 2), np.random.default_rng(3)
+    readings, rng = PredictedReadings.empty(4, 2), np.random.default_rng(3)
     readings.valid[:] = True
     readings.undecided[3] = True
     readings.touch[:] = [[False, True], [False, False], [True, True], [True, True]]
@@ -97,7 +96,7 @@ def test_a_gain_is_what_readings_drawn_from_the_likelihood_tell(
 
 
 def drawn_from(
-    readings: Readings, source: int, noise: Noise, scales: Array, rng: np.random.Generator
+    readings: PredictedReadings, source: int, noise: Noise, scales: Array, rng: np.random.Generator
 ) -> Observation | None:
     """What a robot with one of the bodies may feel; ``None``: what any other may, too."""
     wide, chance = np.exp(scales) * [noise.tilt, noise.clearance], rng.random()

@@ -3,8 +3,8 @@ import pytest
 from estimator.errors import InteractionError
 from estimator.identification.acting import carry_out
 from estimator.identification.listener import Listener
+from estimator.identification.robot_link import OnProgress
 from estimator.readings.observation import Observation, Program
-from estimator.robot_link.base import OnProgress
 from estimator.storage.records import InteractionRecord, Ticket
 from protocol.errors import RobotError, RobotRestartedError, RobotUnreachableError
 from tests.estimator.model_robot import make_capabilities

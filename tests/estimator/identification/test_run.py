@@ -13,11 +13,11 @@ import pytest
 from rich.console import Console
 
 from estimator.errors import EstimatorError, InteractionError, ProblemError, RunDirectoryError
+from estimator.executors import ThisProcess
 from estimator.identification.listener import Listener
 from estimator.identification.run import identify, resume
-from estimator.parallel.executors import ThisProcess
 from estimator.physics.backends import IN_THIS_PROCESS as HERE
-from estimator.physics.backends import REFERENCE, Computers, in_this_process, on_this_computer
+from estimator.physics.backends import REFERENCE, Executors, in_this_process, on_this_computer
 from estimator.physics.base import Physics, WorldSettings
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -132,11 +132,11 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
         opened.append(name)
         return in_this_process(name, settings)
 
-    computers = Computers(open_physics=opening, workers=ThisProcess())
+    executors = Executors(open_physics=opening, workers=ThisProcess())
     monkeypatch.setattr("estimator.identification.run.REFERENCE", "mujoco")
     order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
     order = changed(order, physics="statics")
-    result = identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
+    result = identify(tmp_path / "run", order, executors, Witness(), report=without_plots)
     assert opened == ["statics", "mujoco"]
     assert result.reference == "mujoco"
     assert result.finish is not None
@@ -144,7 +144,7 @@ def test_where_pybullet_is_not_installed_mujoco_has_the_last_word(
     assert "mujoco had the last word" in capsys.readouterr().out
     monkeypatch.undo()
     opened.clear()
-    resume(tmp_path / "run", computers, Witness(), report=without_plots)
+    resume(tmp_path / "run", executors, Witness(), report=without_plots)
     assert "pybullet" not in opened
 
 
@@ -158,9 +158,9 @@ def test_a_run_is_not_complete_before_the_reference_has_had_its_word(
 
     order = make_order(tmp_path, f"replay:{uninterrupted[1]}")
     order = changed(order, physics="statics")
-    computers = Computers(open_physics=interrupted, workers=ThisProcess())
+    executors = Executors(open_physics=interrupted, workers=ThisProcess())
     with pytest.raises(KeyboardInterrupt):
-        identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
+        identify(tmp_path / "run", order, executors, Witness(), report=without_plots)
     with RunStore.open(tmp_path / "run", to_write=False) as store:
         settings = store.settings
         assert len(store.generations()) == settings.interactions * (settings.generations + 1)
@@ -187,8 +187,8 @@ def test_the_number_of_processes_does_not_show(
 ) -> None:
     result, directory = uninterrupted
     order = make_order(tmp_path, f"replay:{directory}")
-    with on_this_computer(2) as computers:
-        again = identify(tmp_path / "run", order, computers, Witness(), report=without_plots)
+    with on_this_computer(2) as executors:
+        again = identify(tmp_path / "run", order, executors, Witness(), report=without_plots)
     assert outcome(again) == outcome(result)
 
 
@@ -304,7 +304,7 @@ def test_a_robot_that_is_not_planar_waits_for_a_person(tmp_path: Path) -> None:
 def test_nothing_is_left_behind_where_no_robot_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("estimator.robot_link.wire.PATIENCE", 0.5)
+    monkeypatch.setattr("estimator.identification.robot_link.PATIENCE", 0.5)
     with serving(ModelRobot()) as uri:
         pass
     order = make_order(tmp_path, uri)

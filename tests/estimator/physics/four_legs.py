@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part, part_frames
-from estimator.physics.base import Pair, Physics, Readings
+from estimator.physics.base import Pair, Physics
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.readings.observation import PredictedReadings
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
@@ -52,7 +53,7 @@ def legs(
     return Morphology(base=BODY, parts=parts, density=density)
 
 
-def read_one(physics: Physics, body: Morphology, *angles: float) -> Readings:
+def read_one(physics: Physics, body: Morphology, *angles: float) -> PredictedReadings:
     return physics.read([(body, np.array(angles))])
 
 

@@ -17,14 +17,14 @@ from estimator.identification.run import resume
 from estimator.physics.backends import (
     BACKENDS,
     IN_THIS_PROCESS,
-    abilities_of,
-    foresight_of,
+    PhysicsPool,
+    approximation_of,
     in_this_process,
     on_this_computer,
+    physics_class,
 )
-from estimator.physics.base import Abilities, WorldSettings, takes_arrays
+from estimator.physics.base import ArrayPhysics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
-from estimator.physics.pool import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.storage.store import RunStore
@@ -42,23 +42,19 @@ angle_deg_left,angle_deg_front,angle_deg_right,angle_deg_back,tilt_lr_deg,tilt_f
 
 
 def test_where_a_back_end_runs_follows_from_what_it_declares() -> None:
-    assert abilities_of("statics") == Abilities(
-        arrays=True, path_margins=True, undecided=True, threads=True
-    )
-    assert abilities_of("pybullet") == Abilities()
-    with on_this_computer(2) as computers:
-        with closing(computers.open_physics("statics", WORLD)) as exact:
+    assert issubclass(physics_class("statics"), ArrayPhysics)
+    assert not issubclass(physics_class("pybullet"), ArrayPhysics)
+    with on_this_computer(2) as executors:
+        with closing(executors.open_physics("statics", WORLD)) as exact:
             assert type(exact) is StaticsPhysics
-            assert takes_arrays(exact)
-        with closing(computers.open_physics("pybullet", WORLD)) as simulated:
+        with closing(executors.open_physics("pybullet", WORLD)) as simulated:
             assert type(simulated) is PhysicsPool
-            assert not takes_arrays(simulated)
     with closing(in_this_process("pybullet", WORLD)) as engine:
         assert type(engine) is PyBulletPhysics
     with closing(in_this_process("mujoco", WORLD)) as engine:
         assert type(engine) is MuJoCoPhysics
-    assert foresight_of("statics", WORLD) is None
-    assert isinstance(foresight_of("pybullet", WORLD), StaticsPhysics)
+    assert approximation_of("statics", WORLD) is None
+    assert isinstance(approximation_of("pybullet", WORLD), StaticsPhysics)
 
 
 def test_a_run_with_the_physics_of_another_package(
@@ -116,12 +112,16 @@ def test_a_run_with_the_physics_of_another_package(
             "",
             r"cannot be loaded from bodyschema_thumb:RuleOfThumb: AttributeError: .*'RuleOfThumb'",
         ),
-        (THUMB, "RuleOfThumb = object", r"'thumb' of bodyschema-thumb 0.3 lacks `abilities`"),
+        (
+            THUMB,
+            "RuleOfThumb = object",
+            r"'thumb' of bodyschema-thumb 0.3 must be a class that derives from estimator.Physics",
+        ),
         (
             THUMB,
             "from estimator.physics.base import *\n"
-            "class RuleOfThumb(BackEnd):\n    abilities = Abilities(arrays=True)",
-            r"declares `arrays` and has no method `read_bodies`",
+            "class RuleOfThumb(ArrayPhysics):\n    def path_margins_of_bodies(self): ...",
+            r"'thumb' of bodyschema-thumb 0.3 has no method read_bodies",
         ),
         (
             THUMB.replace("thumb =", "statics =") + THUMB.splitlines()[1],
@@ -130,7 +130,7 @@ def test_a_run_with_the_physics_of_another_package(
             r"bodyschema-thumb",
         ),
     ],
-    ids=["import", "attribute", "abilities", "method", "name taken"],
+    ids=["import", "attribute", "class", "method", "name taken"],
 )
 def test_a_package_that_cannot_be_used_is_named(
     tmp_path: Path,
@@ -141,10 +141,10 @@ def test_a_package_that_cannot_be_used_is_named(
 ) -> None:
     put_on_path(install(tmp_path, entry_points, code=code), monkeypatch)
     assert BACKENDS.names() == ("pybullet", "mujoco", "statics", "thumb")
-    assert abilities_of("pybullet") == Abilities()  # others are not concerned
+    physics_class("pybullet")  # others are not concerned
     name = "statics" if "statics =" in entry_points else "thumb"
     with pytest.raises(EstimatorError, match=sentence):
-        abilities_of(name)
+        physics_class(name)
 
 
 def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
@@ -153,8 +153,8 @@ def test_what_a_back_end_raises_at_its_start_comes_back_from_the_worker(
     code = PHYSICS.replace("super().__init__()", "raise RuntimeError('no licence')")
     put_on_path(install(tmp_path, THUMB, code=code), monkeypatch)
     with (
-        on_this_computer(2) as computers,
-        closing(computers.open_physics("thumb", WORLD)) as physics,
+        on_this_computer(2) as executors,
+        closing(executors.open_physics("thumb", WORLD)) as physics,
         pytest.raises(RuntimeError, match="no licence"),
     ):
         physics.read([(BALL, np.zeros(0))])

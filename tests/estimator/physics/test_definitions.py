@@ -12,8 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from estimator.body.morphology import Base, Morphology
-from estimator.physics.base import Readings, WorldSettings
+from estimator.physics.base import WorldSettings
 from estimator.physics.kernel import batch
+from estimator.physics.rest import fill_row
+from estimator.readings.observation import PredictedReadings
 from protocol.wire.readings import belly_ray, clearance_of, tilt_of, touch_is_doubtful, touches
 
 BASE = Base(size=(0.14, 0.14, 0.085), mass=0.6)
@@ -78,8 +80,8 @@ def test_an_engine_fills_a_row_with_the_definitions(
     up: tuple[float, float, float], height: float, cap: float
 ) -> None:
     body = Morphology(base=BASE, parts=(), density=1000.0)
-    readings = Readings.empty(1, 0)
-    readings.fill_row(0, body, WorldSettings(clearance_cap=cap), height=height, up=up, gaps=())
+    readings = PredictedReadings.empty(1, 0)
+    fill_row(readings, 0, body, WorldSettings(clearance_cap=cap), height=height, up=up, gaps=())
     clearance, saturated = clearance_of(belly_ray(height - up[2] * 0.085 / 2, up), cap)
     assert tuple(readings.tilt[0]) == tilt_of(up)
     assert (readings.clearance[0], readings.saturated[0]) == (clearance, saturated)

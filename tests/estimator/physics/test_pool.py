@@ -15,10 +15,11 @@ import pytest
 
 from estimator.body.morphology import Morphology
 from estimator.errors import PhysicsError
-from estimator.parallel.executors import WorkerProcesses
-from estimator.physics.base import Pair, Readings, WorldSettings
-from estimator.physics.pool import PhysicsPool
+from estimator.executors import WorkerProcesses
+from estimator.physics.backends import PhysicsPool
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.readings.observation import PredictedReadings
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 MAKE = partial(PyBulletPhysics, WorldSettings(steps=60))
@@ -30,8 +31,8 @@ def pairs(random_tree: MakeBody) -> list[Pair]:
     return [(random_tree(rng), np.radians(rng.uniform(-30, 30, 8))) for _ in range(21)]
 
 
-def assert_same(one: Readings, two: Readings) -> None:
-    for item in fields(Readings):
+def assert_same(one: PredictedReadings, two: PredictedReadings) -> None:
+    for item in fields(PredictedReadings):
         assert np.array_equal(getattr(one, item.name), getattr(two, item.name)), item.name
 
 
@@ -72,9 +73,9 @@ import os
 from functools import partial
 import numpy as np
 from estimator.body.morphology import Base, Morphology
-from estimator.parallel.executors import WorkerProcesses
+from estimator.executors import WorkerProcesses
 from estimator.physics.base import WorldSettings
-from estimator.physics.pool import PhysicsPool
+from estimator.physics.backends import PhysicsPool
 from estimator.physics.pybullet import PyBulletPhysics
 
 if __name__ == "__main__":

@@ -12,8 +12,9 @@ import pytest
 
 from estimator.body.morphology import BASE, Part
 from estimator.errors import PhysicsError
-from estimator.physics.base import Readings, WorldSettings
+from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
+from estimator.readings.observation import PredictedReadings
 from tests.estimator.physics.four_legs import (
     BELLY,
     MakeBody,
@@ -31,13 +32,13 @@ def test_kinematics_agree_link_by_link(physics: PyBulletPhysics, random_tree: Ma
         assert_links_where_kinematics_says(physics, body, rng.uniform(-np.pi, np.pi, 8))
 
 
-def sense(physics: PyBulletPhysics, height: float, turn: list[float]) -> Readings:
+def sense(physics: PyBulletPhysics, height: float, turn: list[float]) -> PredictedReadings:
     """Reads a body that hangs in the air, turned by a quaternion (x, y, z, w)."""
     body, angles = legs(0.1), [0.0] * 4
     number, engine = physics._build(body), physics._engine
     place = {"physicsClientId": physics._client}
     engine.resetBasePositionAndOrientation(number, [0.3, -0.2, height], turn, **place)
-    readings = Readings.empty(1, 4)
+    readings = PredictedReadings.empty(1, 4)
     physics._sense(number, body, angles, readings, 0)
     return readings
 
@@ -68,7 +69,7 @@ def test_a_body_that_flies_apart_is_invalid(physics: PyBulletPhysics) -> None:
     body, angles = legs(0.1), [0.0] * 4
     number, engine = physics._build(body), physics._engine
     engine.resetBaseVelocity(number, [math.nan] * 3, physicsClientId=physics._client)
-    readings = Readings.empty(1, 4)
+    readings = PredictedReadings.empty(1, 4)
     physics._sense(number, body, angles, readings, 0)
     assert not readings.valid[0]
     assert readings.joint_miss[0] == math.inf

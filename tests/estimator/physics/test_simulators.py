@@ -11,12 +11,13 @@ import pytest
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.body.mounts import BaseMount, Hinge, PartMount
 from estimator.errors import PhysicsError
-from estimator.physics.base import Pair, Physics, Readings, WorldSettings
+from estimator.physics.base import Pair, Physics, WorldSettings
 from estimator.physics.mujoco import MuJoCoPhysics
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
+from estimator.readings.observation import PredictedReadings
 from tests.estimator.physics.four_legs import (
     BELLY,
     BODY,
@@ -189,7 +190,7 @@ def test_a_reading_depends_on_its_own_pair_only(
     pairs = random_pairs(random_tree, 8, seed=4)
     together, backwards = physics.read(pairs), physics.read(pairs[::-1])
     with engine() as other:
-        alone = Readings.concatenate(other.read([pair]) for pair in pairs)
+        alone = PredictedReadings.concatenate(other.read([pair]) for pair in pairs)
     for name in ("tilt", "clearance", "speed", "joint_miss", "touch"):
         assert np.array_equal(getattr(together, name), getattr(backwards, name)[::-1])
         assert np.array_equal(getattr(together, name), getattr(alone, name))

@@ -14,9 +14,10 @@ import pytest
 from estimator.body.arrays import Bodies
 from estimator.body.morphology import BASE, Array, Base, Morphology, Part
 from estimator.errors import MorphologyError, PhysicsError
-from estimator.physics.base import Readings, WorldSettings
+from estimator.physics.base import WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import PACE, StaticsPhysics
+from estimator.readings.observation import PredictedReadings
 from tests.estimator.physics.four_legs import BELLY, BODY, MakeBody, legs, random_pairs
 
 SURE = math.radians(8)
@@ -28,12 +29,12 @@ def statics() -> Iterator[StaticsPhysics]:
         yield physics
 
 
-def read_one(physics: StaticsPhysics, body: Morphology, *degrees: float) -> Readings:
+def read_one(physics: StaticsPhysics, body: Morphology, *degrees: float) -> PredictedReadings:
     return physics.read([(body, np.radians(degrees))])
 
 
-def assert_same(one: Readings, two: Readings) -> None:
-    for item in fields(Readings):
+def assert_same(one: PredictedReadings, two: PredictedReadings) -> None:
+    for item in fields(PredictedReadings):
         assert np.array_equal(getattr(one, item.name), getattr(two, item.name)), item.name
 
 
@@ -242,7 +243,7 @@ def test_a_larger_robot_rests_like_a_small_one(
 @pytest.fixture(scope="module")
 def agreement(
     statics: StaticsPhysics, random_quadruped: MakeBody, random_tree: MakeBody
-) -> dict[str, tuple[Readings, Readings, Array]]:
+) -> dict[str, tuple[PredictedReadings, PredictedReadings, Array]]:
     """Readings of 30 bodies of a kind by both back-ends, and the path margins."""
     by_kind = {}
     with PyBulletPhysics(WorldSettings(steps=1200, step=1 / 240, full_steps=True)) as engine:
@@ -254,7 +255,7 @@ def agreement(
 
 @pytest.mark.parametrize(("kind", "share"), [("quadrupeds", 0.86), ("trees", 0.93)])
 def test_poses_are_those_of_a_simulation(
-    agreement: dict[str, tuple[Readings, Readings, Array]],
+    agreement: dict[str, tuple[PredictedReadings, PredictedReadings, Array]],
     kind: str,
     share: float,
 ) -> None:
@@ -294,7 +295,7 @@ def test_a_reading_depends_on_its_own_pair_only(
     pairs = random_pairs(random_tree, 30, seed=14)
     together, backwards = statics.read(pairs), statics.read(pairs[::-1])
     assert_same(together, backwards[np.arange(30)[::-1]])
-    assert_same(together, Readings.concatenate(statics.read([pair]) for pair in pairs))
+    assert_same(together, PredictedReadings.concatenate(statics.read([pair]) for pair in pairs))
 
 
 def test_one_program_serves_many_bodies(

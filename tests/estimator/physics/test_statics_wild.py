@@ -18,8 +18,9 @@ from estimator.body.morphology import (
     PartShape,
     part_frames,
 )
-from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.statics import StaticsPhysics
+from estimator.readings.observation import PredictedReadings
 
 STATICS = StaticsPhysics(WorldSettings(clearance_cap=1e9))
 BODY = Base(size=(0.14, 0.14, 0.085), mass=1.0)
@@ -94,7 +95,7 @@ def support(body: Morphology, program: Array, up: Array) -> tuple[float, float]:
     return float(below.max()), float(reaches.max(axis=0).min())
 
 
-def assert_rests(body: Morphology, program: Array, felt: Readings) -> None:
+def assert_rests(body: Morphology, program: Array, felt: PredictedReadings) -> None:
     """The centre of mass is over the contacts, and clearance and touch are those of the pose."""
     x, y = np.sin(felt.tilt[0, 1]), np.sin(felt.tilt[0, 0])
     z = math.sqrt(max(0.0, 1 - x * x - y * y))

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from estimator.errors import ProblemError
+from estimator.problem.operators import GaussianMutation, UniformCrossover
 from estimator.problem.problem import Problem
-from estimator.search.operators import GaussianMutation, UniformCrossover
 from protocol.wire.capabilities import Capabilities, Joint, Sensor
 from tests.estimator.model_robot import PROBLEM, make_capabilities
 

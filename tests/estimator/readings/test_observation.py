@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -63,11 +62,3 @@ def test_whether_a_limb_touched_is_unknown_where_no_sensor_said() -> None:
     assert touched((1,), [silent]) is None
     assert touched((1,), [silent, Observation(angles=(0.0,), touch=(True, False))]) is False
     assert touched((1,), [Observation(angles=(0.0,), touch=())]) is None
-
-
-def test_as_an_array_a_missing_reading_is_nan() -> None:
-    observation = Observation(angles=(0.1,), touch=(True, None), tilt=(None, 0.2), clearance=None)
-    readings = observation.as_arrays()
-    assert np.array_equal(readings.touch, [1.0, np.nan], equal_nan=True)
-    assert np.array_equal(readings.tilt, [np.nan, 0.2], equal_nan=True)
-    assert np.isnan(readings.clearance)

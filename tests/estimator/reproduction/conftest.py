@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 
 from estimator.report.evaluation_files import TRUTH
-from estimator.reproduction.paper_run import Budget, PlannedRun
-from estimator.reproduction.plan import topological_runs
-from estimator.study.robot_process import print_body
+from estimator.reproduction.paper_runs import Budget, PlannedRun, topological_runs
+from estimator.reproduction.robot_process import print_body
 
 TINY = Budget(physics="statics", interactions=2, population=4, generations=1)
 

@@ -21,15 +21,14 @@ from typer.testing import CliRunner
 from estimator.cli.command_line import app
 from estimator.errors import EstimatorError, RunDirectoryError
 from estimator.identification.listener import Listener
-from estimator.reproduction.paper_run import PlannedRun
-from estimator.reproduction.plan import FIGURES, planned_runs, typical_runs
+from estimator.reproduction.ledger import Ledger
+from estimator.reproduction.paper_runs import FIGURES, PlannedRun, planned_runs, typical_runs
 from estimator.reproduction.reproduce import (
     ReproductionResult,
     figures_of,
     reproduce,
 )
 from estimator.storage.database import DATABASE
-from estimator.study.ledger import Ledger
 from tests.estimator.reproduction.conftest import TINY
 
 BUDGET = ("--interactions", "2", "--population", "4", "--generations", "1", "--physics", "statics")

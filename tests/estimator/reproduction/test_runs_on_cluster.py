@@ -12,15 +12,14 @@ from pathlib import Path
 import psutil
 import pytest
 
+from estimator.cluster import Cluster
 from estimator.identification.listener import Listener
-from estimator.parallel.cluster import Cluster
 from estimator.report.evaluation_files import TRUTH
-from estimator.reproduction.paper_run import Budget, PlannedRun
-from estimator.reproduction.plan import typical_runs
-from estimator.study.harness import complete
-from estimator.study.robot_process import print_body
+from estimator.reproduction.harness import complete
+from estimator.reproduction.paper_runs import Budget, PlannedRun, typical_runs
+from estimator.reproduction.robot_process import print_body
 from tests.estimator.dask_cluster import Dask, Process, robots
-from tests.estimator.parallel.test_cluster import content, estimator
+from tests.estimator.test_cluster import content, estimator
 
 SMALL = Budget(interactions=1, population=4, generations=1)
 RUN = typical_runs(SMALL)[0]

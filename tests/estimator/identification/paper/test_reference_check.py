@@ -18,9 +18,10 @@ from estimator.identification.paper.reference_check import (
     leading,
     pairs_turned,
 )
-from estimator.physics.base import BackEnd, Pair, Readings
+from estimator.physics.base import Pair, Physics
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.genome import Genome
+from estimator.readings.observation import PredictedReadings
 from estimator.report.plots.run import with_last_word
 from estimator.report.result import Result
 from estimator.report.run_files import write_report
@@ -35,22 +36,19 @@ def genome() -> Genome:
     return Genome(problem, problem.base(make_capabilities()))
 
 
-class Sceptic(BackEnd):
+class Sceptic(Physics):
     """Believes no body whose first leg is longer than a limit, m."""
 
     def __init__(self, limit: float):
         super().__init__()
         self._limit = limit
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         self.simulations += len(pairs)
         self.steps += 300 * len(pairs)
-        readings = Readings.empty(len(pairs), 4)
+        readings = PredictedReadings.empty(len(pairs), 4)
         readings.valid[:] = [body.parts[0].length <= self._limit for body, _ in pairs]
         return readings
-
-    def close(self) -> None:
-        """Nothing to close."""
 
 
 def test_leaders_are_the_best_that_differ_and_can_be_believed(genome: Genome) -> None:

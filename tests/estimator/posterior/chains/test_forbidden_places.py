@@ -9,15 +9,15 @@ import pytest
 
 from estimator.identification.paper.fit import fit_genes
 from estimator.identification.paper.objectives import LargestError
+from estimator.identification.paper.search import DeterministicCrowding
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.chains.moves import propose
 from estimator.posterior.chains.population import Population
 from estimator.posterior.model.unknowns import Predictor, Unknowns
 from estimator.problem.genome import Genome
+from estimator.problem.operators import Operators
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation
-from estimator.search.deterministic_crowding import DeterministicCrowding
-from estimator.search.operators import Operators
 from tests.estimator.problem.test_tables import HEAD, PART, genome_of
 
 THREE = (

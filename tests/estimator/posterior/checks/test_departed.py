@@ -10,8 +10,8 @@ import pytest
 
 from estimator.body.arrays import ACCELEROMETER, TOO_HIGH
 from estimator.body.morphology import Array, Base
-from estimator.parallel.executors import ThisProcess
-from estimator.physics.base import Pair, Readings
+from estimator.executors import ThisProcess
+from estimator.physics.base import Pair
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import (
     clearly_better,
@@ -43,7 +43,7 @@ from estimator.posterior.model.unknowns import Predictor, Unknowns, departing_po
 from estimator.posterior.posterior import Mode, Posterior
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from tests.estimator.model_robot import PROBLEM
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, equally_likely, programs
 
@@ -139,7 +139,7 @@ class Engine(StaticsPhysics):
         super().__init__()
         self._departing = predictor.departing([departure])
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         moved = np.array([program for _, program in pairs])
         return self._departing.read_all(departing_points(POINT[None], 0), moved)
 
@@ -346,7 +346,7 @@ def test_lengths_of_a_whole_leg_that_make_up_for_a_departure_are_undone(
     assert doubt.departure.amount == pytest.approx(far.sized(1.4).amount, abs=0.05)
 
 
-def observed(readings: Readings, row: int, program: Array) -> Observation:
+def observed(readings: PredictedReadings, row: int, program: Array) -> Observation:
     return Observation(
         angles=tuple(program.tolist()),
         touch=tuple(bool(bit) for bit in readings.touch[row]),

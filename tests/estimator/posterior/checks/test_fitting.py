@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from estimator.parallel.executors import ThisProcess, WorkerProcesses
+from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.departed import doubts
 from estimator.posterior.model.unknowns import Predictor

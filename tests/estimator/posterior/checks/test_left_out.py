@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Part
-from estimator.physics.base import Pair, Readings
+from estimator.physics.base import Pair
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks import left_out
 from estimator.posterior.checks.left_out import with_left_out
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Posterior
+from estimator.readings.observation import PredictedReadings
 from tests.estimator.two_unknown_rows import NOISE, draw, equally_likely
 
 FELT_LIKE = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -23,7 +24,7 @@ PERFORMED = np.vstack([np.zeros((2, 4)), MOVED])  # lengths tell nothing while a
 class Elsewhere(StaticsPhysics):
     """A simulator in which any lengths end in one movement as those of one body do."""
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         lengths = (0.21, 0.21)
         return super().read(
             [

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from estimator.body.morphology import Array, Morphology
-from estimator.physics.base import Pair, Readings, WorldSettings
+from estimator.physics.base import Pair, WorldSettings
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.recheck import fine, recheck
@@ -15,7 +15,7 @@ from estimator.posterior.model.likelihood import Likelihood
 from estimator.posterior.model.sensor_data import SensorData
 from estimator.posterior.model.unknowns import Predictor
 from estimator.posterior.posterior import Mode, Posterior
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 from tests.estimator.two_unknown_rows import CAP, MODALITIES, NOISE, draw, programs
 
 RIGHT = np.array([0.1, 0.4, 0.5, 0.2, 0.6, 0.4, 0.5])
@@ -84,7 +84,7 @@ def undecided(predictor: Predictor, one: Array, other: Array) -> Posterior:
 class _Swapped(StaticsPhysics):
     """A simulator in which every body whose first leg sits on the left sits at the back instead."""
 
-    def read(self, pairs: Sequence[Pair]) -> Readings:
+    def read(self, pairs: Sequence[Pair]) -> PredictedReadings:
         return super().read([(_swapped(body), program) for body, program in pairs])
 
 

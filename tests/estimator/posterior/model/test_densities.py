@@ -3,12 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from estimator.physics.base import Readings
 from estimator.posterior.model.densities import DENSITIES, SCALED
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import MISFITS, SensorData
-from estimator.readings.modalities.registry import MODALITIES
-from estimator.readings.observation import Observation
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, PredictedReadings
 
 NOISE = Noise(tilt=0.01, clearance=0.004, touch=0.02, outlier=0.05)
 
@@ -28,7 +27,7 @@ def test_what_was_not_read_has_no_density(name: str) -> None:
 
 def test_an_interaction_in_which_nothing_was_read_says_nothing() -> None:
     nothing = Observation(angles=(0.0,), touch=(None, None))
-    readings = Readings.empty(1, 2)
+    readings = PredictedReadings.empty(1, 2)
     readings.valid[:] = True
     data = SensorData.of([nothing], tuple(MODALITIES), 0.2)
     misfits = data.misfits(readings, np.zeros(1, dtype=np.intp))[None]
@@ -37,7 +36,7 @@ def test_an_interaction_in_which_nothing_was_read_says_nothing() -> None:
 
 def test_the_mixture_is_the_sum_of_the_densities() -> None:
     seen = Observation(angles=(0.0,), touch=(True, False), tilt=(0.2, -0.1), clearance=0.1)
-    readings = Readings.empty(1, 2)
+    readings = PredictedReadings.empty(1, 2)
     readings.valid[:] = True
     readings.touch[0], readings.tilt[0], readings.clearance[0] = (True, True), (0.21, -0.1), 0.102
     turn = np.zeros(1, dtype=np.intp)

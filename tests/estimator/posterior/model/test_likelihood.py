@@ -5,17 +5,16 @@ import pytest
 from scipy.special import log_ndtr
 
 from estimator.body.morphology import Array
-from estimator.physics.base import Readings
 from estimator.posterior.model.likelihood import Likelihood, Noise
 from estimator.posterior.model.sensor_data import MISFITS, SILENT, SensorData
-from estimator.readings.observation import Observation
+from estimator.readings.observation import Observation, PredictedReadings
 
 CAP = 0.2
 NOISE = Noise(tilt=0.01, clearance=0.004)
 
 
-def one_reading(clearance: float = 0.1, *, saturated: bool = False) -> Readings:
-    readings = Readings.empty(1, 2)
+def one_reading(clearance: float = 0.1, *, saturated: bool = False) -> PredictedReadings:
+    readings = PredictedReadings.empty(1, 2)
     readings.valid[:] = True
     readings.touch[0] = True, False
     readings.tilt[0] = 0.2, -0.1
@@ -24,7 +23,9 @@ def one_reading(clearance: float = 0.1, *, saturated: bool = False) -> Readings:
     return readings
 
 
-def densities(observations: list[Observation], readings: Readings, width: float = 1.0) -> Array:
+def densities(
+    observations: list[Observation], readings: PredictedReadings, width: float = 1.0
+) -> Array:
     data = SensorData.of(observations, ("touch", "tilt", "clearance"), CAP)
     turns = np.arange(len(observations))
     misfits = data.misfits(readings[np.zeros(len(turns), dtype=np.intp)], turns)[None]

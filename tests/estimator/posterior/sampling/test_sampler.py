@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from estimator.errors import SearchStateError
-from estimator.parallel.executors import ThisProcess, WorkerProcesses
+from estimator.executors import ThisProcess, WorkerProcesses
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery
 from estimator.posterior.model.likelihood import Likelihood, Noise

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from estimator.parallel.executors import ThisProcess
+from estimator.executors import ThisProcess
 from estimator.physics.statics import StaticsPhysics
 from estimator.posterior.checks.verdict import Fit
 from estimator.posterior.discovery.discovery import Discovery

@@ -15,7 +15,7 @@ from estimator.readings.observation import Observation
 from estimator.report.bodies.jointed_body import MAIN_BODY, model_links, robot_links
 from estimator.report.bodies.predictions import observation_of
 from estimator.report.bodies.scene import Solid, at_rest, solids_of
-from estimator.study.robot_process import print_body
+from estimator.reproduction.robot_process import print_body
 
 MakeBody = Callable[[np.random.Generator], Morphology]
 HIPS = {"hip_left": 0, "hip_front": 1, "hip_right": 2, "hip_back": 3}

@@ -1,0 +1,397 @@
+"""Where readings come from, behind one interface: a robot daemon, a table, a recorded run.
+
+======================= ===================================================================
+``tcp://HOST:PORT``     a robot daemon, over the wire
+``file:READINGS.csv``   readings that a person wrote down, with ``robot.json`` beside them
+``replay:DIR``          the readings of a recorded run
+======================= ===================================================================
+
+``readings.csv`` is described in ``estimator.readings.readings_csv``. ``robot.json`` says what a
+robot would say about itself; every run writes one, and by hand three keys are enough::
+
+    {"base_size": [0.14, 0.14, 0.085], "base_mass": 0.6, "clearance_upper": 0.2}
+
+in m and kg; ``clearance_upper`` is the largest clearance that could have been measured. A sensor
+without a column was not read, so it counts as one that the robot lacks.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from estimator.errors import EstimatorError, ReadingsError, RunDirectoryError
+from estimator.readings.modalities import MODALITIES
+from estimator.readings.observation import Observation, Program, by_joint_name
+from estimator.readings.plausibility import AnswerChecks, implausible_body, impossible_reading
+from estimator.readings.readings_csv import ANGLE, Table, read
+from estimator.storage.records import Ticket
+from estimator.storage.store import RunStore
+from protocol.errors import LocalProtocolError, RobotError, RobotRestartedError
+from protocol.transport.client import RobotClient
+from protocol.wire import messages
+from protocol.wire.capabilities import Capabilities
+
+OnProgress = Callable[[str, float], None]
+"""Called with the phase of a motion and the share of it that is done, 0 to 1."""
+
+
+class RobotLink(Protocol):
+    """A connection to a robot, or a record of its readings.
+
+    Attributes:
+        capabilities: What the robot is.
+        client_id: The name under which requests reach it.
+        recorded: The motor programs of a record, the only ones it can perform; ``None``: a robot,
+            which performs any.
+    """
+
+    capabilities: Capabilities
+    client_id: str
+    recorded: tuple[Program, ...] | None
+
+    def ticket(self) -> Ticket | None:
+        """The name of the next request, to be committed before it is sent; ``None``: none needed.
+
+        Raises:
+            BodyschemaError: The robot cannot be had, for example because another holds it.
+        """
+
+    def perform(
+        self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
+    ) -> Observation:
+        """Performs a motor program, under a fresh ticket.
+
+        Args:
+            number: Number of the interaction, by which a record finds its row.
+            program: Targets, rad, one per joint in motor order.
+            ticket: From ``ticket``.
+            on_progress: Called with the progress of the motion.
+
+        Raises:
+            RobotError: The robot refused, broke off or reported what cannot be; a fresh ticket is
+                needed to try again.
+            RobotRestartedError: The daemon restarted, and the outcome of the motion is unknown.
+            RobotUnreachableError: Nothing answers any more.
+        """
+
+    def outcome(
+        self, program: Program, ticket: Ticket, on_progress: OnProgress
+    ) -> Observation | None:
+        """Asks for the result of a request of an earlier connection; waits if it is under way.
+
+        Returns:
+            The observation, or ``None`` when the request was certainly not carried out.
+
+        Raises:
+            RobotRestartedError: The daemon restarted since, so the outcome is unknown.
+            RobotError: The request ended with this error.
+        """
+
+    def close(self) -> None:
+        """Releases the robot and closes the connection."""
+
+
+class Record:
+    """Observations made earlier, as a robot link."""
+
+    client_id = "record"
+
+    def __init__(
+        self,
+        capabilities: Capabilities,
+        programs: tuple[Program, ...],
+        observations: tuple[Observation, ...],
+    ):
+        self.capabilities = capabilities
+        self.recorded: tuple[Program, ...] | None = programs
+        self._observations = observations
+
+    def ticket(self) -> Ticket | None:
+        """Returns ``None``: a record needs no ticket."""
+        return None
+
+    def perform(
+        self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
+    ) -> Observation:
+        """Returns the observation that was recorded under this number."""
+        return self._observations[number]
+
+    def outcome(
+        self, program: Program, ticket: Ticket, on_progress: OnProgress
+    ) -> Observation | None:
+        """Returns ``None``: no request to a record can be pending."""
+        return None
+
+    def close(self) -> None:
+        """Does nothing: a record holds no robot."""
+
+
+def open_replay(directory: Path) -> Record:
+    """The interactions of a recorded run.
+
+    Raises:
+        RunDirectoryError: There is no run, or nothing was observed in it.
+    """
+    with RunStore.open(directory, to_write=False) as store:
+        performed = [
+            (item.program, item.observation)
+            for item in store.interactions()
+            if item.observation is not None
+        ]
+        if not performed:
+            raise RunDirectoryError(f"{directory} holds no observation that could be replayed.")
+        programs, observations = zip(*performed, strict=True)
+        return Record(store.capabilities, programs, observations)
+
+
+ROBOT_FILE: Final = "robot.json"
+_SLEW: Final = math.radians(60.0)  # the paper's servos
+
+
+def open_by_hand(path: Path, driven: Callable[[Capabilities], Collection[int]]) -> Record:
+    """Readings by hand as a robot link.
+
+    Args:
+        path: The table.
+        driven: Says which motors' angles every row must say; the others stand at 0 without a
+            column.
+
+    Raises:
+        ReadingsError: A file cannot be read or is wrong; the message names it and the reason.
+    """
+    table = read(path)
+    robot = path.with_name(ROBOT_FILE)
+    capabilities = _capabilities(robot, path, table)
+    names = [joint.name for joint in capabilities.joints]
+    unknown = [name for name in table.joints if name not in names]
+    if unknown:
+        raise ReadingsError(
+            f"{path}: the robot has no joint {', '.join(unknown)}; {robot} names "
+            f"{', '.join(names)}."
+        )
+    missing = [names[motor] for motor in driven(capabilities) if motor < len(names)]
+    missing = [name for name in missing if name not in table.joints]
+    if missing:
+        raise ReadingsError(
+            f"{path}: the problem drives {', '.join(missing)}, so write the columns "
+            f"{', '.join(ANGLE + name for name in missing)}."
+        )
+    observations = tuple(_for_all_joints(row, table.joints, names) for row in table.observations)
+    for number, row in enumerate(observations, 1):
+        wrong = impossible_reading(row, capabilities)
+        if wrong is not None:
+            raise ReadingsError(f"{path}, row {number}: says {wrong}: correct that, or {robot}.")
+    return Record(capabilities, tuple(row.angles for row in observations), observations)
+
+
+def _capabilities(robot: Path, path: Path, table: Table) -> Capabilities:
+    advice = 'write at least {"base_size": [x, y, z], "base_mass": m} there, in m and kg'
+    try:
+        description = json.loads(robot.read_text("utf-8"))
+    except OSError as error:
+        raise ReadingsError(
+            f"{path} says nothing about the main body, and {robot} cannot be read "
+            f"({error.strerror}): {advice}."
+        ) from error
+    except (ValueError, RecursionError) as error:
+        raise ReadingsError(f"{robot} is no JSON file: {error}.") from error
+    if not isinstance(description, dict):
+        raise ReadingsError(f"{robot} must hold an object: {advice}.")
+    missing = [key for key in ("base_size", "base_mass") if key not in description]
+    if missing:
+        raise ReadingsError(f"{robot} lacks {', '.join(missing)}: {advice}.")
+    try:
+        said = Capabilities.from_map({**_assumed(description, table), **description})
+    except LocalProtocolError as error:
+        raise ReadingsError(f"{robot}: {error}.") from error
+    for sensor in said.sensors:
+        count, modality = table.counts[sensor.modality], MODALITIES[sensor.modality]
+        if modality.on_parts and count not in (0, sensor.count):
+            raise ReadingsError(
+                f"{path} has {count} {modality.name} columns, but the robot has {sensor.count} "
+                f"such sensors by {robot}: write a column for each, empty where nothing was read, "
+                "or none."
+            )
+    return replace(said, sensors=tuple(one for one in said.sensors if table.counts[one.modality]))
+
+
+def _assumed(description: dict[str, Any], table: Table) -> dict[str, Any]:
+    """Returns capabilities that the table implies, and defaults for those that do not matter."""
+    sensors = []
+    for name, modality in MODALITIES.items():
+        sensor = {"modality": name, "unit": modality.unit, "count": table.counts[name]}
+        if modality.upper is not None:
+            sensor["upper"] = description.get(f"{name}_upper", modality.upper)
+        sensors.append(sensor)
+    return {
+        "robot": "by hand",
+        "software": "none",
+        "config_hash": "none",
+        "joints": [
+            {"name": name, "lower": -math.pi, "upper": math.pi, "speed": _SLEW, "resolution": 0.0}
+            for name in table.joints
+        ],
+        "sensors": [{"noise": 0.0, "rate": 1.0, **item} for item in sensors if item["count"]],
+        "telemetry": "none",
+        "telemetry_rate": 1.0,
+    }
+
+
+def _for_all_joints(row: Observation, columns: tuple[str, ...], names: list[str]) -> Observation:
+    angles = dict(zip(columns, row.angles, strict=True))
+    return row.model_copy(update={"angles": tuple(angles.get(name, 0.0) for name in names)})
+
+
+PATIENCE: Final = 10.0
+"""Seconds without a word from the robot after which a run stops."""
+
+_NEVER_DONE: Final = ("not_controller", "expired")
+"""Errors that say that a request of an earlier connection did not move the robot."""
+
+
+class WireLink:
+    """A session with a robot daemon.
+
+    Args:
+        uri: ``tcp://host:port``.
+        client_id: The client id of requests, the same for the whole run.
+        first_id: The first request id of this connection; above all that were used before.
+        keys: The key directory, where the robot asks for keys.
+
+    Raises:
+        BodyschemaError: Nothing answers there, or not in a version of the protocol that we know.
+    """
+
+    def __init__(self, uri: str, *, client_id: str, first_id: int, keys: Path | None = None):
+        self._uri = uri
+        self._client = RobotClient(
+            uri,
+            client_id=client_id,
+            next_id=first_id,
+            timeout=PATIENCE,
+            software="estimator",
+            keys=keys,
+        )
+        self.client_id = client_id
+        self.capabilities: Capabilities = self._client.capabilities
+        self.recorded: tuple[Program, ...] | None = None
+        self._checks = AnswerChecks(self.capabilities)
+
+    def ticket(self) -> Ticket | None:
+        """Makes sure of control over the robot, then reserves an id.
+
+        If the daemon restarted between two requests nothing is lost, so a new session is opened
+        without an error.
+        """
+        try:
+            self._client.acquire()
+        except RobotRestartedError:
+            self._client.hello()
+            self._checks = AnswerChecks(self.capabilities)  # with the daemon its clock began anew
+            self._client.acquire()
+        return Ticket(request_id=self._client.reserve_id(), session=self._client.session)
+
+    def perform(
+        self, number: int, program: Program, ticket: Ticket | None, on_progress: OnProgress
+    ) -> Observation:
+        """Performs a motor program under the id that was reserved for it."""
+        assert ticket is not None
+        reply = self._client.perform(
+            by_joint_name(program, self.capabilities),
+            request_id=ticket.request_id,
+            on_progress=lambda progress: on_progress(progress.phase, progress.fraction),
+        )
+        return self._observation(program, reply)
+
+    def outcome(
+        self, program: Program, ticket: Ticket, on_progress: OnProgress
+    ) -> Observation | None:
+        """Asks again under the same id, which moves the robot at most once.
+
+        Control is not asked for first: a request that never arrived is then refused, unless this
+        run still has control, and then it is carried out as it was meant.
+        """
+        if ticket.session != self._client.session:
+            raise RobotRestartedError(f"The robot at {self._uri} restarted since it was asked.")
+        try:
+            return self.perform(0, program, ticket, on_progress)
+        except RobotError as error:
+            if error.code in _NEVER_DONE:
+                return None
+            raise
+
+    def close(self) -> None:
+        """Releases the robot; a motion that is still under way ends where it is."""
+        self._client.close()
+
+    def _observation(self, program: Program, reply: messages.ObservationReply) -> Observation:
+        names = [joint.name for joint in self.capabilities.joints]
+        if set(reply.angles) != set(names):
+            raise self._disbelief(
+                f"angles of {', '.join(reply.angles)}, but its joints are {', '.join(names)}"
+            )
+        unknown = [name for name in reply.saturated_joints if name not in names]
+        if unknown:
+            raise self._disbelief(
+                f"{', '.join(unknown)} at an end, but its joints are {', '.join(names)}"
+            )
+        observation = Observation.from_wire(reply, self.capabilities)
+        wrong = self._checks.wrong(program, observation)
+        if wrong is not None:
+            raise self._disbelief(wrong)
+        return observation
+
+    def _disbelief(self, what: str) -> RobotError:
+        """Returns the error of an answer that cannot be true, of which nothing is used."""
+        return RobotError(
+            "fault",
+            f"The robot at {self._uri} reported {what}.",
+            advice="Check its sensors, servos and their calibration, then try again.",
+            retryable=True,
+        )
+
+
+def open_robot(
+    uri: str,
+    *,
+    driven: Callable[[Capabilities], Collection[int]],
+    client_id: str,
+    first_id: int,
+    keys: Path | None = None,
+) -> RobotLink:
+    """Connects to a robot, or opens a record of one.
+
+    Args:
+        uri: See the module's table.
+        driven: Says which motors of a robot the problem drives.
+        client_id: The name under which requests reach the robot.
+        first_id: The first request id that this connection may use.
+        keys: The key directory, where the robot asks for keys.
+
+    Raises:
+        EstimatorError: The URI is of no known kind, the record cannot be read, or the robot says of
+            its body what no robot can be.
+        BodyschemaError: The robot cannot be reached.
+    """
+    scheme, _, rest = uri.partition(":")
+    link: RobotLink
+    if scheme == "file" and rest:
+        link = open_by_hand(Path(rest), driven)
+    elif scheme == "replay" and rest:
+        link = open_replay(Path(rest))
+    elif scheme in ("tcp", "ipc") and rest.startswith("//"):
+        link = WireLink(uri, client_id=client_id, first_id=first_id, keys=keys)
+    else:
+        raise EstimatorError(
+            f"{uri!r} names no robot: write tcp://HOST:PORT, file:READINGS.csv or replay:DIR."
+        )
+    wrong = implausible_body(link.capabilities)
+    if wrong is not None:
+        link.close()
+        raise EstimatorError(f"The robot at {uri} cannot be: {wrong}. Write metres and kilograms.")
+    return link

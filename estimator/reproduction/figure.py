@@ -1,0 +1,243 @@
+"""What all figures have in common: the finished runs that they read, and their files."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Array, Morphology
+from estimator.evaluation.attachments import Comparison, Truth
+from estimator.evaluation.score import Score
+from estimator.evaluation.validate import Validation
+from estimator.physics.base import WorldSettings
+from estimator.posterior.fitted import FittedPosterior
+from estimator.problem.genome import Genome
+from estimator.problem.problem import Problem
+from estimator.readings.observation import Observation
+from estimator.report.evaluation_files import TRUTH
+from estimator.report.result import Result
+from estimator.reproduction.paper_runs import PlannedRun, Summary
+from estimator.storage.records import Generation, InteractionRecord, Prediction
+from estimator.storage.store import RunStore
+from protocol.system.files import replace_file, replace_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = tuple[object, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnFigure:
+    """A figure as the report shows it.
+
+    Attributes:
+        name: Stem of its files, such as ``fig2``.
+        caption: What is to be seen.
+        sentences: What came out, in words.
+        complete: Whether there is a picture; if not, the sentences say why.
+    """
+
+    name: str
+    caption: str
+    sentences: tuple[str, ...]
+    complete: bool = True
+
+
+def write_figure(
+    root: Path,
+    name: str,
+    picture: Figure,
+    *,
+    header: tuple[str, ...],
+    rows: Sequence[Row],
+    numbers: dict[str, Any],
+) -> None:
+    """The three files of a figure."""
+    write_csv(root / f"{name}.csv", header, rows)
+    write_json(root / f"{name}.json", numbers)
+    write_png(root / f"{name}.png", picture)
+
+
+HISTORY: tuple[str, ...] = ("panel", "generation", "iteration", "quantity", "of", "value")
+"""Columns of a table of errors and lengths over generations."""
+
+
+def history_rows(run: FinishedRun, panels: tuple[str, str]) -> Iterator[Row]:
+    """Every model's error, and the best model's leg lengths, of every generation.
+
+    Args:
+        run: The run.
+        panels: Names of the panel of errors and of that of lengths.
+    """
+    for item in run.generations:
+        for model, error in enumerate(item.errors, start=1):
+            known = f"{error:.6g}" if math.isfinite(error) else None
+            yield panels[0], item.number, item.iteration + 1, "subjective_error", model, known
+    for item in run.generations:
+        lengths = run.best_lengths(item).tolist()
+        for joint, length in zip(run.score.joints, lengths, strict=True):
+            value = f"{length:.6g}"
+            yield panels[1], item.number, item.iteration + 1, "leg_length_m", joint, value
+
+
+def _finite(error: float) -> float | None:
+    """An error for JSON; ``None`` for a model that could not be simulated."""
+    return error if math.isfinite(error) else None
+
+
+def history_numbers(run: FinishedRun) -> dict[str, Any]:
+    """A run at the end of each iteration."""
+    ends = run.iteration_ends
+    return {
+        "seed": run.planned.seed,
+        "modalities": list(run.planned.variant.modalities),
+        "joints": list(run.score.joints),
+        "true_lengths_m": list(run.score.true_lengths_m),
+        "last_generations": [item.number for item in ends],
+        "best_errors": [_finite(min(item.errors)) for item in ends],
+        "best_lengths_m": [run.best_lengths(item).tolist() for item in ends],
+    }
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DPI: Final = 150
+
+
+def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """A table; ``None`` becomes an empty cell."""
+
+    def write(fresh: Path) -> None:
+        with fresh.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            writer.writerows(rows)
+
+    replace_file(path, write)
+
+
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """Numbers for programs."""
+    replace_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def write_png(path: Path, figure: Figure) -> None:
+    """A picture; the version of Matplotlib does not enter it."""
+    replace_file(path, lambda fresh: figure.savefig(fresh, dpi=_DPI, metadata={"Software": None}))
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinishedRun:
+    """A run with its score.
+
+    Attributes:
+        planned: What was planned.
+        problem: Its problem, written out for the robot.
+        genome: Decodes its models.
+        world: The world of its models.
+        truth: The robot's body, which the search never saw.
+        generations: The population after each generation. The best model of the last one is the
+            run's, in whose choice the reference back-end has the last word.
+        interactions: What was performed and observed.
+        predictions: Fresh motor programs, predicted and then performed; empty where none were.
+        result: The run in numbers.
+        score: Its final best model against the truth.
+        validation: Its prediction errors; ``None`` where nothing was predicted.
+    """
+
+    planned: PlannedRun
+    problem: Problem
+    genome: Genome
+    world: WorldSettings
+    truth: Truth
+    generations: tuple[Generation, ...]
+    interactions: tuple[InteractionRecord, ...]
+    predictions: tuple[Prediction, ...]
+    result: Result
+    score: Score
+    validation: Validation | None
+
+    @classmethod
+    def read(cls, run: PlannedRun, root: Path) -> FinishedRun:
+        """Reads a run that is finished."""
+        written = Summary.read(run, root)
+        assert written.result is not None
+        assert written.score is not None
+        with RunStore.open(run.directory(root), to_write=False) as store:
+            validations = store.validations.all()
+            return cls(
+                planned=run,
+                problem=store.problem,
+                genome=store.genome,
+                world=store.world,
+                truth=Truth.read(root / TRUTH, store.problem, store.capabilities),
+                generations=_generations(store),
+                interactions=tuple(store.interactions()),
+                predictions=tuple(validations[-1]) if validations else (),
+                result=written.result,
+                score=written.score,
+                validation=written.validation,
+            )
+
+    @property
+    def iteration_ends(self) -> tuple[Generation, ...]:
+        """The last generation of each iteration."""
+        return tuple({item.iteration: item for item in self.generations}.values())
+
+    @property
+    def true_lengths(self) -> Array:
+        """Length of each leg of the robot, m, shape (legs,)."""
+        return np.array(self.score.true_lengths_m)
+
+    @property
+    def true_mounts(self) -> tuple[str, ...]:
+        """Where each leg of the robot sits."""
+        return tuple(leg.limb.mount for leg in self.truth.legs.values())
+
+    def best(self, generation: Generation) -> Morphology:
+        """The best model of a generation."""
+        return self.genome.decode(np.array(generation.best))
+
+    def best_lengths(self, generation: Generation) -> Array:
+        """Leg lengths of the best model of a generation, m, shape (legs,)."""
+        lengths: Array = leg_lengths([self.best(generation)])[0]
+        return lengths
+
+    def configurations_right(self, generation: Generation) -> tuple[bool, ...]:
+        """Which configurations the best model of a generation has right, in the genome's order."""
+        comparison = Comparison(self.problem, self.genome, self.best(generation), self.truth)
+        return tuple(item.right for item in comparison.configurations())
+
+    @property
+    def successful(self) -> bool:
+        """Whether the final best model has every configuration right."""
+        return self.score.configurations_right == self.score.configurations_total
+
+
+def _generations(store: RunStore) -> tuple[Generation, ...]:
+    *earlier, last = store.generations()
+    fitted = FittedPosterior.of(store)
+    assert fitted is not None
+    assert fitted.best is not None
+    return *earlier, replace(last, best=tuple(fitted.best.tolist()))
+
+
+def observed(item: InteractionRecord) -> Observation:
+    """What a performed interaction returned."""
+    assert item.observation is not None
+    return item.observation
+
+
+def read_finished(root: Path, runs: Iterable[PlannedRun]) -> Iterator[FinishedRun]:
+    """Reads those runs of a reproduction that are finished, one at a time, in the order given."""
+    return (FinishedRun.read(run, root) for run in runs if run.is_finished(root))

@@ -1,0 +1,262 @@
+"""Figure 3: how good the best models are, by what they were fitted to, after each iteration."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from estimator.body.limbs import leg_lengths
+from estimator.body.morphology import Array
+from estimator.problem.genome import Genome
+from estimator.randomness import Stream, generator
+from estimator.report.plots.canvas import new_figure
+from estimator.reproduction.figure import DrawnFigure, FinishedRun, Row, read_finished, write_figure
+from estimator.reproduction.paper_claims import Samples, mean_and_deviation
+from estimator.reproduction.paper_runs import VARIANTS, Budget, parametric_runs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+NAME: Final = "fig3"
+CAPTION: Final = (
+    "Model quality by available sensor data, at the end of each iteration: of each run the best "
+    "model by subjective error, beside the robot. a: mean of |leg length - true leg length|. "
+    "b: longest minus shortest leg. Bars: mean over the runs; whiskers: one standard deviation. "
+    "Dashed lines: models drawn at random. Columns within a group, from left to right: "
+    + "; ".join(f"{variant.number} {', '.join(variant.modalities)}" for variant in VARIANTS)
+    + "."
+)
+HEADER: Final = (
+    *("variant", "modalities", "iteration", "seed"),
+    *("mean_leg_error_m", "longest_minus_shortest_m", "variance_m2"),
+)
+RANDOM_MODELS: Final = 5000
+_SEED: Final = 0  # of those
+_COLOURS: Final = ("#1b4f72", "#2e86c1", "#85929e", "#1e8449", "#bfc9ca", "#82c99d", "#566573")
+"""Blue and green with tilt, grey without."""
+
+_MEASURES: Final = (
+    ("a", "mean_leg_error_m", "mean |leg - true leg| (mm)", 1e3),
+    ("b", "longest_minus_shortest_m", "longest - shortest leg (mm)", 1e3),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quality:
+    """How good leg lengths are, by the measures of Figure 3; one value per model.
+
+    Attributes:
+        mean_error: Mean of |leg - true leg|, m (Figure 3a).
+        spread: Longest minus shortest leg, m (Figure 3b, by its caption).
+        variance: Variance over the legs, m² (Figure 3b, by the text).
+    """
+
+    mean_error: Array
+    spread: Array
+    variance: Array
+
+
+def quality(lengths: Array, true_lengths: Array) -> Quality:
+    """The measures of some models.
+
+    Args:
+        lengths: m, shape (models, legs).
+        true_lengths: m, shape (legs,).
+    """
+    return Quality(
+        mean_error=np.mean(np.abs(lengths - true_lengths), axis=1),
+        spread=np.ptp(lengths, axis=1),
+        variance=np.var(lengths, axis=1),
+    )
+
+
+def random_models(genome: Genome, true_lengths: Array) -> Quality:
+    """The measures of models whose genes were drawn at random, as the first population's are."""
+    genes = generator(_SEED, Stream.RANDOM_MODELS).random((RANDOM_MODELS, genome.size))
+    return quality(leg_lengths(genome.decode_all(genes)), true_lengths)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Cell:
+    """One run at the end of one iteration."""
+
+    variant: int
+    iteration: int
+    seed: int
+    mean_leg_error_m: float
+    longest_minus_shortest_m: float
+    variance_m2: float
+
+
+@dataclass(frozen=True)
+class Figure3:
+    """The figure, and the samples that the claims are about."""
+
+    drawn: DrawnFigure
+    samples: Samples
+
+
+def make(root: Path, budget: Budget, runs: int | None) -> Figure3:
+    """Draws the figure and writes its files."""
+    cells: list[_Cell] = []
+    chance: Quality | None = None
+    for variant in VARIANTS:
+        for run in read_finished(root, parametric_runs(variant, runs, budget)):
+            cells += _cells(run)
+            if chance is None:
+                chance = random_models(run.genome, run.true_lengths)
+    if chance is None:
+        missing = DrawnFigure(
+            name=NAME, caption=CAPTION, sentences=("All runs are missing.",), complete=False
+        )
+        return Figure3(missing, {})
+    iterations = max(cell.iteration for cell in cells)
+    by_chance = {
+        "mean_leg_error_m": chance.mean_error,
+        "longest_minus_shortest_m": chance.spread,
+        "variance_m2": chance.variance,
+    }
+    picture = new_figure(11, 8)
+    for axes, (panel, measure, words, scale) in zip(picture.subplots(2, 1), _MEASURES, strict=True):
+        _draw(axes, cells, iterations, measure, scale)
+        level = float(np.mean(by_chance[measure])) * scale
+        axes.axhline(level, color="0.25", linestyle="--", linewidth=1, label="random models")
+        axes.set_ylabel(words)
+        axes.set_title(panel, loc="left")
+        axes.set_ylim(bottom=0)
+    picture.legend(
+        *picture.axes[0].get_legend_handles_labels(),
+        loc="outside lower center",
+        ncols=4,
+        frameon=False,
+    )
+    numbers = {
+        "caption": CAPTION,
+        "iterations": iterations,
+        "columns": [list(variant.modalities) for variant in VARIANTS],
+        "bars": _bars(cells, iterations),
+        "random_models": {
+            name: {"mean": float(np.mean(values)), "standard_deviation": float(np.std(values))}
+            for name, values in by_chance.items()
+        },
+    }
+    write_figure(
+        root,
+        NAME,
+        picture,
+        header=HEADER,
+        rows=[_row(cell) for cell in cells],
+        numbers=numbers,
+    )
+    drawn = DrawnFigure(
+        name=NAME, caption=CAPTION, sentences=_sentences(cells, iterations, by_chance)
+    )
+    return Figure3(drawn, _samples(cells, iterations))
+
+
+def _cells(run: FinishedRun) -> list[_Cell]:
+    ends = run.iteration_ends
+    lengths = np.array([run.best_lengths(item) for item in ends])
+    measured = quality(lengths, run.true_lengths)
+    return [
+        _Cell(
+            variant=run.planned.variant.number,
+            iteration=item.iteration + 1,
+            seed=run.planned.seed,
+            mean_leg_error_m=float(measured.mean_error[index]),
+            longest_minus_shortest_m=float(measured.spread[index]),
+            variance_m2=float(measured.variance[index]),
+        )
+        for index, item in enumerate(ends)
+    ]
+
+
+def _values(cells: Sequence[_Cell], variant: int, iteration: int, measure: str) -> list[float]:
+    return [
+        getattr(cell, measure)
+        for cell in cells
+        if (cell.variant, cell.iteration) == (variant, iteration)
+    ]
+
+
+def _draw(axes: Axes, cells: Sequence[_Cell], iterations: int, measure: str, scale: float) -> None:
+    width = 0.8 / len(VARIANTS)
+    for column, (variant, colour) in enumerate(zip(VARIANTS, _COLOURS, strict=True)):
+        heights, whiskers = [], []
+        for iteration in range(1, iterations + 1):
+            values = _values(cells, variant.number, iteration, measure)
+            mean, deviation = mean_and_deviation(values)
+            heights.append((mean or 0.0) * scale)
+            whiskers.append((deviation or 0.0) * scale)
+        places = np.arange(1, iterations + 1) + (column - (len(VARIANTS) - 1) / 2) * width
+        axes.bar(
+            places,
+            heights,
+            width * 0.9,
+            yerr=whiskers,
+            color=colour,
+            error_kw={"elinewidth": 0.8, "capsize": 1.5},
+            label=f"{variant.number} {', '.join(variant.modalities)}",
+        )
+    axes.set_xticks(range(1, iterations + 1))
+    axes.set_xlabel("iteration")
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _bars(cells: Sequence[_Cell], iterations: int) -> list[dict[str, Any]]:
+    bars: list[dict[str, Any]] = []
+    for iteration in range(1, iterations + 1):
+        for variant in VARIANTS:
+            bar: dict[str, Any] = {"iteration": iteration, "variant": variant.number}
+            for measure in HEADER[-3:]:
+                values = _values(cells, variant.number, iteration, measure)
+                mean, deviation = mean_and_deviation(values)
+                bar["runs"] = len(values)
+                bar[measure] = {"mean": mean, "standard_deviation": deviation}
+            bars.append(bar)
+    return bars
+
+
+def _row(cell: _Cell) -> Row:
+    name = VARIANTS[cell.variant - 1].name
+    return (
+        *(cell.variant, name, cell.iteration, cell.seed),
+        *(cell.mean_leg_error_m, cell.longest_minus_shortest_m, cell.variance_m2),
+    )
+
+
+def _samples(cells: Sequence[_Cell], iterations: int) -> Samples:
+    """Model quality at the end of the last iteration."""
+    samples: dict[Any, dict[int, float]] = {}
+    for variant in VARIANTS:
+        for panel, measure, _, _ in _MEASURES:
+            samples[f"3{panel}", variant.number] = {
+                cell.seed: getattr(cell, measure)
+                for cell in cells
+                if (cell.variant, cell.iteration) == (variant.number, iterations)
+            }
+    return samples
+
+
+def _sentences(
+    cells: Sequence[_Cell], iterations: int, chance: dict[str, Array]
+) -> tuple[str, ...]:
+    sentences = []
+    for panel, measure, _, scale in _MEASURES:
+        parts = []
+        for variant in VARIANTS:
+            mean, deviation = mean_and_deviation(
+                _values(cells, variant.number, iterations, measure)
+            )
+            if mean is not None:
+                whisker = "" if deviation is None else f" ± {deviation * scale:.0f}"
+                parts.append(f"{variant.number}: {mean * scale:.0f}{whisker}")
+        sentences.append(
+            f"{panel}, after iteration {iterations} (mm): {'; '.join(parts)}; random models "
+            f"{float(np.mean(chance[measure])) * scale:.0f}."
+        )
+    return tuple(sentences)

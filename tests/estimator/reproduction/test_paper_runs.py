@@ -1,0 +1,201 @@
+"""One run on robots of its own, broken off wherever it can be."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from estimator.errors import RunDirectoryError
+from estimator.identification.listener import Listener
+from estimator.readings.observation import Observation
+from estimator.report.evaluation_files import SCORE, TRUTH, VALIDATION
+from estimator.report.result import Result
+from estimator.report.run_files import RESULT
+from estimator.reproduction.figure import FinishedRun
+from estimator.reproduction.paper_runs import (
+    FIGURES,
+    SEEDS,
+    VARIANTS,
+    Budget,
+    PlannedRun,
+    planned_runs,
+    topological_runs,
+)
+from estimator.reproduction.robot_process import RobotProcess, catch_up
+from estimator.storage.database import DATABASE, holds_run
+from estimator.storage.records import Generation
+from estimator.storage.store import RunStore
+from tests.estimator.reproduction.conftest import TINY
+
+
+class Breaking(Listener):
+    """Ctrl-C after some pieces of work; never, unless told."""
+
+    def __init__(self, after: int = -1) -> None:
+        self.work = 0.0
+        self._left = after
+
+    def worked(self, work: float, what: str) -> None:
+        self.work += work
+        self._left -= 1
+        if not self._left:
+            raise KeyboardInterrupt
+
+
+def history(run: PlannedRun, root: Path) -> tuple[list[Generation], list[Observation | None]]:
+    """What must not depend on interruptions; wall time does."""
+    with RunStore.open(run.directory(root), to_write=False) as store:
+        generations = [
+            Generation(
+                number=item.number,
+                iteration=item.iteration,
+                errors=item.errors,
+                best=item.best,
+                counters=item.counters.model_copy(update={"wall_seconds": 0.0}),
+            )
+            for item in store.generations()
+        ]
+        felt = [item.observation for item in store.interactions()]
+        felt += [item.observation for validation in store.validations.all() for item in validation]
+    return generations, felt
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_predictions() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("estimator.reproduction.paper_runs.PREDICTIONS", 2)
+        yield
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, body: str) -> Path:
+    """Where a run is that nothing broke off."""
+    (run,) = topological_runs(1, TINY)
+    place = tmp_path_factory.mktemp("whole")
+    (place / TRUTH).write_text(body)
+    run.do(place, Listener())
+    return place
+
+
+def test_a_run_broken_off_everywhere_ends_as_one_that_never_was(
+    topological: PlannedRun, root: Path, whole: Path
+) -> None:
+    assert topological.work_done(whole) == topological.work
+    breaks, done = 0, 0.0
+    while not topological.is_finished(root):
+        try:
+            topological.do(root, Breaking(after=breaks + 1))
+        except KeyboardInterrupt:
+            breaks += 1
+            assert topological.work_done(root) > done
+            done = topological.work_done(root)
+    assert breaks == 4  # of 4 generations, then 2 predictions, twice, and 2 performances
+    assert history(topological, root) == history(topological, whole)
+    for name in (SCORE, VALIDATION):
+        ours, theirs = (topological.directory(place) / name for place in (root, whole))
+        assert ours.read_text() == theirs.read_text()
+    results = [
+        Result.model_validate_json((topological.directory(place) / RESULT).read_text())
+        for place in (root, whole)
+    ]
+    assert results[0].best_models == results[1].best_models
+    finished = FinishedRun.read(topological, root)
+    assert len(finished.predictions) == 2
+    assert len(finished.configurations_right(finished.generations[-1])) == 12
+
+
+def test_what_is_damaged_or_of_another_version_is_written_again(
+    topological: PlannedRun, tmp_path: Path, whole: Path
+) -> None:
+    root = tmp_path / "copy"
+    shutil.copytree(whole, root)
+    assert topological.is_finished(root)
+    before = history(topological, root)
+    damages = {SCORE: b'{"of": "another version"}', RESULT: b"{}", VALIDATION: b"\xff damaged"}
+    for name, text in damages.items():
+        file = topological.directory(root) / name
+        sound = file.read_bytes()
+        for content in (text, sound):
+            file.write_bytes(content)
+            assert topological.is_finished(root) == (content == sound), name
+    for name, text in damages.items():
+        (topological.directory(root) / name).write_bytes(text)
+    topological.do(root, Breaking())
+    assert topological.is_finished(root)
+    assert history(topological, root) == before
+
+
+def test_a_robot_that_feels_otherwise_is_noticed(topological: PlannedRun, root: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        topological.do(root, Breaking(after=1))
+    with (
+        RunStore.open(topological.directory(root), to_write=False) as store,
+        RobotProcess(topological.seed + 1) as robot,
+        pytest.raises(RunDirectoryError, match="does not feel again"),
+    ):
+        catch_up(store, robot.uri)
+
+
+def test_how_far_a_run_is(topological: PlannedRun, root: Path) -> None:
+    assert not holds_run(topological.directory(root))
+    assert topological.work_done(root) == 0
+    breaking = Breaking(after=1)
+    with pytest.raises(KeyboardInterrupt):
+        topological.do(root, breaking)
+    assert holds_run(topological.directory(root))
+    assert topological.work_done(root) == breaking.work == 4
+
+
+def test_a_database_that_was_never_filled_is_no_beginning(
+    topological: PlannedRun, root: Path
+) -> None:
+    directory = topological.directory(root)
+    directory.mkdir(parents=True)
+    sqlite3.connect(directory / DATABASE).close()
+    (directory / DATABASE).touch()
+    assert not holds_run(topological.directory(root))
+    with pytest.raises(KeyboardInterrupt):
+        topological.do(root, Breaking(after=1))
+    assert holds_run(topological.directory(root))
+
+
+def test_seeds_are_those_that_nothing_was_tuned_on() -> None:
+    assert tuple(range(1000, 1030)) == SEEDS
+
+
+def test_variants_come_in_the_captions_order() -> None:
+    assert [variant.name for variant in VARIANTS] == [
+        *("touch+tilt+clearance", "tilt+clearance", "touch+clearance", "touch+tilt"),
+        *("touch", "tilt", "clearance"),
+    ]
+    assert [variant.number for variant in VARIANTS] == list(range(1, 8))
+
+
+def test_the_whole_paper_is_230_runs_each_once() -> None:
+    runs = planned_runs(FIGURES, None, Budget())
+    assert len(runs) == len(set(runs)) == 7 * 30 + 10 + 10
+    assert [run.problem for run in runs[:10]] == ["topological"] * 10  # the longest first
+    assert [run.problem for run in runs[10:20]] == ["topological-20"] * 10
+    assert len({run.name for run in runs}) == 230
+
+
+def test_figures_share_their_runs() -> None:
+    one = planned_runs(["fig3"], 3, Budget())
+    assert set(planned_runs(["fig2"], 3, Budget())) < set(one)
+    assert len(one) == 7 * 3
+    assert planned_runs(["fig4", "fig5", "fig6"], 4, Budget()) == topological_runs(4, Budget())
+
+
+def test_budgets_are_the_papers_unless_told_otherwise() -> None:
+    (parametric,) = planned_runs(["fig2"], None, Budget())[:1]
+    (topological,) = topological_runs(1, Budget())
+    assert parametric.work == 100 * (4 + 10 * (1 + 2 + 3 + 4))
+    assert topological.work == 300 * (9 + 40 * 45 + 20)
+    order = topological.order("tcp://127.0.0.1:1")
+    assert (order.interactions, order.population, order.generations) == (None, None, None)
+    assert Budget().is_the_papers
+    assert not Budget(interactions=2).is_the_papers
