@@ -230,7 +230,7 @@ class Morphology:
 
     @cached_property
     def mass(self) -> float:
-        """Of the whole body, kg."""
+        """Mass of the whole body, kg."""
         return self.base.mass + float(self.masses.sum())
 
     @cached_property

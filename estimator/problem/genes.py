@@ -83,7 +83,7 @@ class GeneColumns:
 
     @classmethod
     def of(cls, problem: Problem, genes: Sequence[Gene]) -> GeneColumns:
-        """Those of a problem's genomes."""
+        """The columns of a problem's genomes."""
         rules, attached = problem.parts, problem.tables.attached
         places = {(gene.trait, gene.part): column for column, gene in enumerate(genes)}
 

@@ -128,7 +128,7 @@ class PaperMethod:
         return sum(self._size(one) for one in range(first, self._first(number + 1)))
 
     def done(self, number: int) -> float:
-        """The same of the generations that are on disk."""
+        """The work of the generations that are on disk."""
         last = min(self._first(number + 1), self._generations_done)
         return sum(self._size(one) for one in range(self._first(number), last))
 

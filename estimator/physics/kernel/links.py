@@ -297,7 +297,9 @@ def _turn(x: float, y: float, z: float, planar: bool) -> tuple[int, float]:
     """About which axis of its frame a hinge turns, and the sign of the turn there.
 
     Args:
-        x: Of its axis; likewise y and z.
+        x: Of its axis, a unit vector.
+        y: Of its axis.
+        z: Of its axis.
         planar: Whether its mount lies, and points, in the plane of its carrier.
     """
     if planar:

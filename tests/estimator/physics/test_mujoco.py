@@ -102,5 +102,5 @@ def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch: pytest.Monk
         raise ModuleNotFoundError(f"No module named {name!r}")
 
     monkeypatch.setattr("importlib.import_module", absent)
-    with pytest.raises(PhysicsError, match=r"MuJoCo cannot.*pip install .*\[estimator\]"):
+    with pytest.raises(PhysicsError, match=r"MuJoCo cannot be imported.*pip install .*estimator\]"):
         MuJoCoPhysics()
