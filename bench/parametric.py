@@ -14,7 +14,7 @@ from typing import Final
 from bench.study_command import add_options, complete_by_command
 from estimator.evaluation.validate import BEST, POPULATION, RANDOM, PredictionErrors, Validation
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.reproduction.paper_run import Budget, PlannedRun, Summary
 from estimator.reproduction.plan import ALL_MODALITIES, PREDICTIONS, SEEDS
 from estimator.study.harness import made_by

@@ -39,8 +39,8 @@ Room               What is in it
 ``cli``            the command line; beside it ``api``: the same from a program
 ``reproduction``   the paper's figures
 ``study``          many runs, done side by side and resumed by the same command
-``live``           a page in the browser that follows a run
-``report``         a run in numbers, tables and plots
+``report``         a run in numbers, tables, plots and pages, also while it goes on; a body as
+                   URDF, MJCF or JSON
 ``evaluation``     how good a run is: beside the true body (objective error), and on fresh motor
                    programs (prediction error)
 ``identification`` a run: act, sense, model. Two methods: ``posterior_method`` and, with its
@@ -50,7 +50,6 @@ Room               What is in it
                    that is
 ``robot_link``     where readings come from: a robot, a table by hand, a recorded run
 ``storage``        a run on disk: settings, interactions, generations, beliefs
-``export``         a body as URDF, MJCF or JSON
 ``problem``        what is known and what is to be found; genes to bodies
 ``physics``        what a body feels at rest: back-ends by name, in processes or on a cluster
 ``search``         what optimises a population, ask and tell

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from bench.engines.figures import CLOSE, COVERED, Compared, differences, risk_coverage
 from bench.engines.runs import RUNS
 from estimator.body.morphology import Array
-from estimator.report.plots.leg_styles import COLOURS
+from estimator.report.canvas import COLOURS
 
 _DPI: Final = 110
 _LEAST: Final = 1e-4  # degrees; smaller differences are drawn here

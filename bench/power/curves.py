@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bench.power.tables import Runs, by_interaction, share_right
-from estimator.report.plots.canvas import new_figure
-from estimator.report.plots.leg_styles import COLOURS
+from estimator.report.canvas import COLOURS, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,11 +8,9 @@ from typing import Annotated, Final
 import typer
 
 from estimator.cli.console import errors_as_sentences, out, unless_unwritable
+from estimator.report.canvas import as_png
 from estimator.report.comparison import ComparedRun, comparison_picture, joints_of
-from estimator.report.plots.canvas import as_png
-from estimator.report.tables.plain import plain_table
-from estimator.report.tables.posterior import percent
-from estimator.report.tables.terminal import number
+from estimator.report.tables import number, percent, plain_table
 from protocol.system.replace_file import replace_bytes
 
 _NONE: Final = "–"

@@ -10,8 +10,8 @@ import typer
 from estimator.cli.console import errors_as_sentences
 from estimator.cli.options import Directory
 from estimator.errors import EstimatorError
-from estimator.export.formats import FORMATS, Format, in_words_of
 from estimator.posterior.fitted import FittedPosterior
+from estimator.report.export.formats import FORMATS, Format, in_words_of
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 

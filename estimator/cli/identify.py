@@ -25,7 +25,7 @@ from estimator.identification.run import identify
 from estimator.physics.backends import BACKENDS
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.run_files import write_report
-from estimator.report.tables.terminal import print_result
+from estimator.report.tables import print_result
 from estimator.search.searches import SEARCHES
 
 

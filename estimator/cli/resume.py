@@ -27,7 +27,7 @@ from estimator.cli.options import (
 )
 from estimator.identification.run import resume
 from estimator.report.run_files import write_report
-from estimator.report.tables.terminal import print_result
+from estimator.report.tables import print_result
 
 
 def command(

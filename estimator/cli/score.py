@@ -13,11 +13,10 @@ from estimator.cli.options import CORES, Directory, Jobs
 from estimator.evaluation.score import Score, score
 from estimator.physics.backends import in_this_process
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.evaluation_files import write_score
-from estimator.report.plots.canvas import as_png
-from estimator.report.plots.run import LENGTHS, run_plots
+from estimator.report.canvas import as_png
+from estimator.report.evaluations import print_score, write_score
+from estimator.report.plots import LENGTHS, run_plots
 from estimator.report.run_files import LENGTHS_WITH_TRUTH, PAGE, write_report
-from estimator.report.tables.terminal import print_score
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_bytes
 

@@ -16,7 +16,7 @@ from estimator.cli.options import Directory
 from estimator.report.formats import FORMATS
 from estimator.report.run_files import write_files
 from estimator.report.summarise import summarise
-from estimator.report.tables.terminal import print_result
+from estimator.report.tables import print_result
 from estimator.storage.store import RunStore
 from protocol.text.printable import printable
 

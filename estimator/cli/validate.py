@@ -12,8 +12,7 @@ from estimator.cli.options import CORES, Dask, Directory, Jobs, Keys, Robot, com
 from estimator.cli.screen import Screen
 from estimator.evaluation.validate import validate
 from estimator.identification.run import reconnect
-from estimator.report.evaluation_files import VALIDATION
-from estimator.report.tables.terminal import print_validation
+from estimator.report.evaluations import VALIDATION, print_validation
 from estimator.storage.store import RunStore
 from protocol.system.replace_file import replace_text
 

@@ -18,7 +18,7 @@ def command(directory: Directory, bind: LiveBind = LIVE_BIND) -> None:
     with errors_as_sentences(None):
         host, port = parse_bind(bind)
         check_viser()
-        watch = importlib.import_module("estimator.live.watching").watch
+        watch = importlib.import_module("estimator.report.live.live_page").watch
         try:
             watch(directory, host, port, _print_line)
         except KeyboardInterrupt:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+import json
+import re
+from typing import Any, Final
 
 from pydantic import BaseModel, ConfigDict
 
-from estimator.report.posterior.summary import Interval, PosteriorSummary
+from estimator.report.posterior_summary import Interval, PosteriorSummary
 
 
 class _Record(BaseModel):
@@ -197,3 +199,27 @@ class Result(_Record):
             Interval(low=low, median=leg.length_m, high=high)
             for leg, (low, high) in zip(self.legs, ends, strict=True)
         )
+
+
+_DIALECT: Final = "https://json-schema.org/draft/2020-12/schema"
+_ATTRIBUTE: Final = re.compile(r"^ {4}(\w+): ((?:.+\n?)(?: {8}.+\n?)*)", re.MULTILINE)
+
+
+def result_schema() -> dict[str, Any]:
+    """What ``result.json`` holds, with the docstrings of its records as descriptions."""
+    schema = Result.model_json_schema(mode="serialization")
+    for record in (schema, *schema["$defs"].values()):
+        _describe(record)
+    return {"$schema": _DIALECT, **schema, "title": "result.json"}
+
+
+def _describe(record: dict[str, Any]) -> None:
+    """Gives what a docstring says of attributes to the fields themselves."""
+    summary, _, attributes = record["description"].partition("\n\nAttributes:\n")
+    record["description"] = summary
+    for name, text in _ATTRIBUTE.findall(attributes):
+        record["properties"][name]["description"] = " ".join(text.split())
+
+
+if __name__ == "__main__":
+    print(json.dumps(result_schema(), indent=2))

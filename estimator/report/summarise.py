@@ -14,8 +14,7 @@ from estimator.identification.paper.reference_check import pairs_turned
 from estimator.posterior.fitted import FittedPosterior
 from estimator.problem.problem import Problem
 from estimator.readings.observation import Observation, touched
-from estimator.report.posterior.summary import posterior_summary
-from estimator.report.posterior.verdict import verdict_on_best_model
+from estimator.report.posterior_summary import posterior_summary
 from estimator.report.result import (
     FinishFound,
     FitFound,
@@ -24,6 +23,7 @@ from estimator.report.result import (
     PartFound,
     Result,
 )
+from estimator.report.verdict import verdict_on_best_model
 from estimator.storage.records import Counters, Finish
 from estimator.storage.store import RunStore
 from estimator.versions import versions

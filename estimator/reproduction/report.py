@@ -14,7 +14,7 @@ from estimator.errors import RunDirectoryError
 from estimator.physics.backends import REFERENCE
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.report.page.templates import picture, render
-from estimator.report.tables.terminal import number
+from estimator.report.tables import number
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.figures.figure import DrawnFigure
 from estimator.reproduction.output_files import write_csv

@@ -10,7 +10,7 @@ from estimator.errors import EstimatorError
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
 from estimator.physics.backends import abilities_of
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.report.run_files import PAGE
 from estimator.reproduction.claims.claims_table import ClaimsTable
 from estimator.reproduction.claims.paper_claims import Samples

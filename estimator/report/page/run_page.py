@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import shlex
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from markupsafe import Markup
 
 from estimator.evaluation.score import Score
 from estimator.evaluation.validate import Validation
+from estimator.identification.order import METHODS
 from estimator.readings.modalities.registry import MODALITIES
 from estimator.readings.observation import Observation
-from estimator.report.bodies.body_picture import body_picture
-from estimator.report.bodies.shown_bodies import ShownBodies, shown_bodies
-from estimator.report.evaluation_files import read_true_body, read_validation, score_of
-from estimator.report.page.commands import commands
+from estimator.report.camera import body_picture
+from estimator.report.canvas import as_png, as_svg, leg_colour
+from estimator.report.evaluations import read_true_body, read_validation, score_of
 from estimator.report.page.templates import render
-from estimator.report.plots.canvas import as_png, as_svg
-from estimator.report.plots.leg_styles import leg_colour
-from estimator.report.plots.predictions import plot_predictions
-from estimator.report.plots.run import RunPlot, run_plots
+from estimator.report.plots import RunPlot, plot_predictions, run_plots
 from estimator.report.result import Result
-from estimator.report.tables.posterior import (
+from estimator.report.shown_bodies import ShownBodies, shown_bodies
+from estimator.report.tables import (
+    WHAT_TO_CHECK,
     built_otherwise,
     nuisance_in_words,
     percent,
@@ -31,7 +32,7 @@ from estimator.report.tables.posterior import (
     sureness,
     sureness_after,
 )
-from estimator.report.tables.verdict import WHAT_TO_CHECK
+from estimator.storage.records import RunSettings
 from estimator.storage.store import RunStore
 
 if TYPE_CHECKING:
@@ -261,3 +262,37 @@ def _data(store: RunStore, shown: ShownBodies, seen: Sequence[Observation]) -> d
 def _degrees(item: Observation, driven: Sequence[int]) -> str:
     angles = (round(math.degrees(item.angles[motor])) for motor in driven)
     return ", ".join(f"{angle:+d}°".replace("-", "−") for angle in angles)
+
+
+def commands(settings: RunSettings, directory: Path, recorded: int) -> tuple[str, str]:
+    """Command lines that make a run again: with its robot, and from its recorded readings.
+
+    Args:
+        settings: What the run was asked to do.
+        directory: Where it is.
+        recorded: How many interactions it has had so far.
+    """
+    again = settings.model_copy(update={"interactions": recorded})
+    return (
+        shlex.join(["estimator", "identify", "--robot", settings.robot, *_options(settings)]),
+        shlex.join(["estimator", "identify", "--robot", f"replay:{directory}", *_options(again)]),
+    )
+
+
+def _options(settings: RunSettings) -> Iterator[str]:
+    defaults = METHODS[settings.method]
+    yield from ("--problem", settings.problem, "--method", settings.method)
+    yield from ("--interactions", str(settings.interactions), "--seed", str(settings.seed))
+    yield from ("--modalities", ",".join(settings.modalities))
+    if settings.physics != defaults.physics:
+        yield from ("--physics", settings.physics)
+    if settings.explore != defaults.explore:
+        yield from ("--explore", settings.explore)
+    if settings.sure is not None:
+        yield from ("--sure", str(settings.sure))
+    if settings.method == "paper":
+        yield from ("--search", settings.search, "--objective", settings.objective)
+        yield from ("--population", str(settings.population))
+        yield from ("--generations", str(settings.generations))
+        if settings.full_steps:
+            yield "--full-steps"

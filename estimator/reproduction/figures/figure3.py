@@ -12,7 +12,7 @@ import numpy as np
 from estimator.body.limbs import leg_lengths
 from estimator.body.morphology import Array
 from estimator.problem.genome import Genome
-from estimator.report.plots.canvas import new_figure
+from estimator.report.canvas import new_figure
 from estimator.reproduction.claims.paper_claims import Samples
 from estimator.reproduction.claims.statistics import mean_and_deviation
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.report.plots.canvas import new_figure
+from estimator.report.canvas import new_figure
 from estimator.reproduction.claims.statistics import Share, share
 from estimator.reproduction.figures.figure import DrawnFigure, Row, write_figure
 from estimator.reproduction.finished_run import FinishedRun, read_finished

@@ -21,11 +21,11 @@ from websockets.typing import Origin, Subprotocol
 
 from estimator.cli import live_view
 from estimator.cli.command_line import app
-from estimator.live.front import LARGEST
+from estimator.report.live.front import LARGEST
 from protocol.system.missing_library import install_command
 from tests.estimator.evaluation.test_score import make_run
-from tests.estimator.live.test_front import send_until_closed
 from tests.estimator.model_robot import ModelRobot, make_order, serving
+from tests.estimator.report.live.test_front import send_until_closed
 
 
 @contextmanager

@@ -32,7 +32,7 @@ from estimator.__main__ import main
 from estimator.body.arrays import Bodies
 from estimator.physics.pybullet import PyBulletPhysics
 from estimator.physics.statics import StaticsPhysics
-from estimator.report.plots.canvas import as_png, as_svg, new_axes
+from estimator.report.canvas import as_png, as_svg, new_axes
 from tests.estimator.little_effort import little_effort
 StaticsPhysics().read_bodies(Bodies.of([]), numpy.zeros(0))
 PyBulletPhysics().close()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.reproduction.paper_run import Budget, PlannedRun
 from estimator.reproduction.plan import topological_runs
 from estimator.study.robot_process import print_body

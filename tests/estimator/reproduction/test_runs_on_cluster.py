@@ -14,7 +14,7 @@ import pytest
 
 from estimator.identification.listener import Listener
 from estimator.parallel.cluster import Cluster
-from estimator.report.evaluation_files import TRUTH
+from estimator.report.evaluations import TRUTH
 from estimator.reproduction.paper_run import Budget, PlannedRun
 from estimator.reproduction.plan import typical_runs
 from estimator.study.harness import complete

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from estimator.body.morphology import tips
 from estimator.cli.command_line import app
-from estimator.report.evaluation_files import SCORE, TRUTH
+from estimator.report.evaluations import SCORE, TRUTH
 from estimator.report.page.run_page import PageSources
 from estimator.report.summarise import summarise
 from estimator.storage.store import RunStore
