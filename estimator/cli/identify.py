@@ -16,7 +16,7 @@ from estimator.cli.console import (
     out,
     print_run_directory,
 )
-from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
+from estimator.cli.live import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import CORES, Dask, Jobs, Keys, Live, LiveBind, Robot, Strict, computers
 from estimator.exploration.rules import RULES
 from estimator.identification.order import METHODS, MethodName, Order

@@ -13,7 +13,7 @@ from estimator.cli.console import (
     out,
     print_run_directory,
 )
-from estimator.cli.live_view import LIVE_BIND, LiveScreen, LiveView
+from estimator.cli.live import LIVE_BIND, LiveScreen, LiveView
 from estimator.cli.options import (
     CORES,
     Dask,

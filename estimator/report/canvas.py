@@ -82,7 +82,7 @@ COLOURS: Final = (
     *("#0072b2", "#d55e00", "#009e73", "#cc79a7"),
     *("#e69f00", "#56b4e9", "#5e3c99", "#8c510a"),
 )
-"""Told apart by the colour-blind."""
+"""Distinct to the colour-blind."""
 
 _GOLDEN: Final = 0.381966  # of a circle: however many hues are taken in such steps, none recurs
 _LIGHTNESS: Final = (0.33, 0.52, 0.70)

@@ -16,7 +16,7 @@ from estimator.report.camera import reach, take_picture
 from estimator.report.canvas import OTHER_MARKERS, leg_colour, leg_label, new_figure
 from estimator.report.evaluations import score_of
 from estimator.report.plots import legend_of_names
-from estimator.report.posterior_summary import Interval
+from estimator.report.posterior_report import Interval
 from estimator.report.result import Result
 from estimator.report.scene import at_rest, model_links, solids_of
 from estimator.report.summarise import summarise

@@ -21,8 +21,8 @@ from estimator.report.canvas import (
     new_axes,
     new_figure,
 )
-from estimator.report.posterior_summary import length_intervals
-from estimator.storage.beliefs import Belief
+from estimator.report.posterior_report import length_intervals
+from estimator.storage.posteriors import PosteriorSummary
 from estimator.storage.records import Generation
 from estimator.storage.store import RunStore
 
@@ -177,32 +177,39 @@ def plot_interval_lengths(
     return figure
 
 
-def plot_belief(beliefs: Sequence[Belief], expected: Sequence[float | None]) -> Figure:
+def plot_probability(
+    summaries: Sequence[PosteriorSummary], expected: Sequence[float | None]
+) -> Figure:
     """Probability of the attachments after each interaction, and the information that each gave.
 
     Args:
-        beliefs: After each interaction.
+        summaries: After each interaction.
         expected: Information that each was expected to give, bits, where it was known.
     """
     figure, axes = new_axes()
     label(axes, "stated probability of the attachments")
     axes.set_xlabel("interaction")
-    numbers = np.arange(1, len(beliefs) + 1)
+    numbers = np.arange(1, len(summaries) + 1)
     axes.plot(
         numbers,
-        [np.nan if one.probability is None else one.probability for one in beliefs],
+        [np.nan if one.probability is None else one.probability for one in summaries],
         "o-",
         color=leg_colour(0),
-        label="sure",
+        label="probability",
     )
     axes.set_ylim(0, 1.02)
     axes.set_xticks(numbers)
     bits = axes.twinx()
     bits.set_ylabel("information (bits)")
     bits.spines["top"].set_visible(False)
-    told = [np.nan if one is None else one for one in expected]
-    gained = [np.nan if belief.gained is None else belief.gained for belief in beliefs]
-    bits.bar(numbers - 0.15, told, width=0.28, color=leg_colour(5), alpha=0.5, label="expected")
+    expectation = [np.nan if one is None else one for one in expected]
+    gained = [
+        np.nan if one.information_gain_bits is None else one.information_gain_bits
+        for one in summaries
+    ]
+    bits.bar(
+        numbers - 0.15, expectation, width=0.28, color=leg_colour(5), alpha=0.5, label="expected"
+    )
     bits.bar(numbers + 0.15, gained, width=0.28, color=leg_colour(2), alpha=0.5, label="gained")
     handles, labels = axes.get_legend_handles_labels()
     more, names = bits.get_legend_handles_labels()
@@ -216,17 +223,20 @@ if TYPE_CHECKING:
 _PANELS: Final = ("tilt left/right (°)", "tilt forward/back (°)", "clearance (mm)")
 
 
-def plot_predictions(felt: Sequence[Observation], foretold: Sequence[Observation | None]) -> Figure:
+def plot_predictions(
+    measured: Sequence[Observation], predicted: Sequence[Observation | None]
+) -> Figure:
     """Tilt and clearance in each interaction; what is missing is left out.
 
     Args:
-        felt: By the robot.
-        foretold: By the best body; ``None`` where its simulation cannot be believed.
+        measured: By the robot.
+        predicted: By the best body; ``None`` where its simulation is invalid.
     """
     figure = new_figure(9.0, 3.2)
-    numbers = np.arange(1, len(foretold) + 1)
+    numbers = np.arange(1, len(predicted) + 1)
     one, other = (
-        np.array([_numbers(item) for item in items]) for items in (felt[: len(foretold)], foretold)
+        np.array([_numbers(item) for item in items])
+        for items in (measured[: len(predicted)], predicted)
     )
     panels = figure.subplots(1, len(_PANELS))
     for column, (axes, quantity) in enumerate(zip(panels, _PANELS, strict=True)):
@@ -234,8 +244,10 @@ def plot_predictions(felt: Sequence[Observation], foretold: Sequence[Observation
         axes.set_ylabel(quantity)
         axes.set_xticks(numbers)
         axes.spines[["top", "right"]].set_visible(False)
-        axes.plot(numbers, one[:, column], "o", color="0.25", markerfacecolor="none", label="felt")
-        axes.plot(numbers, other[:, column], "x", color=COLOURS[0], label="foretold")
+        axes.plot(
+            numbers, one[:, column], "o", color="0.25", markerfacecolor="none", label="measured"
+        )
+        axes.plot(numbers, other[:, column], "x", color=COLOURS[0], label="predicted")
     panels[-1].legend(ncols=2, **ABOVE)
     return figure
 
@@ -282,14 +294,14 @@ def run_plots(
     true = "; dots at the right: the true lengths" if true_lengths else ""
     history = FittedPosterior.history(store)
     if history:
-        beliefs = [one.belief for one in history if one.belief is not None]
-        expected = [item.bits for item in store.interactions()][: len(beliefs)]
+        summaries = [one.summary for one in history if one.summary is not None]
+        expected = [item.bits for item in store.interactions()][: len(summaries)]
         return (
             RunPlot(
-                name="belief",
+                name="probability",
                 caption="Stated probability of the attachments after each interaction, and the "
                 "information that it was expected to give and gave.",
-                figure=plot_belief(beliefs, expected),
+                figure=plot_probability(summaries, expected),
             ),
             RunPlot(
                 name=LENGTHS,

@@ -67,7 +67,7 @@ def write_files(store: RunStore, result: Result, *, plots: bool = True, page: bo
     robot = json.dumps(store.capabilities.to_map(), indent=2)
     replace_text(store.directory / ROBOT, robot + "\n")
     fitted = FittedPosterior.of(store)
-    if fitted is not None and fitted.belief is not None:
+    if fitted is not None and fitted.summary is not None:
         replace_file(store.directory / POSTERIOR, lambda path: write_samples(path, fitted))
     if plots:
         drawn = run_plots(store, [leg.joint for leg in result.legs])

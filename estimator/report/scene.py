@@ -274,31 +274,36 @@ def _solids(shape: Shape, turn: Array, place: Array, limb: int) -> Iterator[Soli
         )
 
 
-def at_rest(solids: Sequence[Solid], felt: Observation | None) -> list[Solid]:
+def at_rest(solids: Sequence[Solid], readings: Observation | None) -> list[Solid]:
     """The solids of a body, moved from its own frame to where its readings say it rests.
 
     Args:
         solids: In the body's own frame.
-        felt: The readings. A tilt that was not read counts as level; ``None``: nothing was.
+        readings: A tilt that was not read counts as level; ``None``: nothing was.
     """
-    turn = turn_at_rest(solids, felt or Observation(angles=()))
+    turn = turn_at_rest(solids, readings or Observation(angles=()))
     lift = np.array([0.0, 0.0, -_lowest(solids, turn[2])])
     return [replace(item, turn=turn @ item.turn, place=turn @ item.place + lift) for item in solids]
 
 
-def turn_at_rest(solids: Sequence[Solid], felt: Observation) -> Array:
-    """Rotation from a body's own frame to the world's; arguments as above."""
-    up = _up(felt, upright=True)
-    if felt.clearance_saturated and _belly_ray(solids, up) < (felt.clearance or 0.0):
-        up = _up(felt, upright=False)
+def turn_at_rest(solids: Sequence[Solid], readings: Observation) -> Array:
+    """Rotation from a body's own frame to the world's, shape (3, 3).
+
+    Args:
+        solids: In the body's own frame.
+        readings: Where the body rests.
+    """
+    up = _up(readings, upright=True)
+    if readings.clearance_saturated and _belly_ray(solids, up) < (readings.clearance or 0.0):
+        up = _up(readings, upright=False)
     ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
     ahead = ahead / np.linalg.norm(ahead)
     return np.array([ahead, np.cross(up, ahead), up])
 
 
-def _up(felt: Observation, *, upright: bool) -> Array:
+def _up(readings: Observation, *, upright: bool) -> Array:
     """World up in the body's frame; the tilt leaves open whether the body lies on its back."""
-    left, ahead = felt.tilt
+    left, ahead = readings.tilt
     x, y, z = up_of((left or 0.0, ahead or 0.0))
     up = np.array([x, y, z if upright else -z])
     unit: Array = up / np.linalg.norm(up)

@@ -26,7 +26,7 @@ from estimator.report.scene import (
     turn_at_rest,
 )
 from estimator.report.tables import percent
-from estimator.storage.beliefs import Foretold
+from estimator.storage.posteriors import PredictedInteraction
 from estimator.storage.store import RunStore
 
 
@@ -38,8 +38,8 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
         bodies: The bodies.
 
     Returns:
-        For each body one prediction per interaction; ``None`` where its simulation cannot be
-        believed.
+        For each body one prediction per interaction; ``None`` where its simulation is
+        invalid.
     """
     seen = store.observations()
     if not bodies or not seen:
@@ -53,15 +53,15 @@ def predict(store: RunStore, bodies: Sequence[Morphology]) -> list[list[Observat
     return [rows[start : start + len(seen)] for start in range(0, len(rows), len(seen))]
 
 
-def foretold(observation: Observation, item: Foretold) -> Observation:
-    """An interaction as a posterior's best body foretells it."""
+def _predicted(observation: Observation, item: PredictedInteraction) -> Observation:
+    """An interaction as a posterior's best body predicts it."""
     return Observation(
         angles=observation.angles, touch=item.touch, tilt=item.tilt, clearance=item.clearance
     )
 
 
 def observation_of(readings: Readings, row: int, angles: Sequence[float]) -> Observation | None:
-    """A body's readings as an interaction; ``None`` where the simulation cannot be believed."""
+    """A body's readings as an interaction; ``None`` where the simulation is invalid."""
     if not readings.valid[row] or not np.isfinite(readings.tilt[row]).all():
         return None
     left, ahead = readings.tilt[row].tolist()
@@ -106,12 +106,12 @@ class ShownBody:
 
 @dataclass(frozen=True, kw_only=True)
 class ShownBodies:
-    """The bodies of a run, and what the best one foretells of each interaction.
+    """The bodies of a run, and what the best one predicts of each interaction.
 
     Attributes:
         bodies: The best first; empty before anything was learnt.
         predicted: By the best body, one per interaction that it was fitted to; ``None`` where its
-            simulation cannot be believed.
+            simulation is invalid.
     """
 
     bodies: tuple[ShownBody, ...] = ()
@@ -123,7 +123,7 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
 
     Args:
         store: The run.
-        result: The same in numbers.
+        result: The run in numbers.
         true_body: The robot's, where it is known.
     """
     if not result.best_models:
@@ -131,18 +131,18 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
     fitted, seen = FittedPosterior.of(store), store.observations()
     assert fitted is not None
     assert fitted.best is not None
-    belief = fitted.belief
+    summary = fitted.summary
     names = [rule.name for rule in store.problem.parts]
-    if belief is not None and result.posterior is not None:
+    if summary is not None and result.posterior is not None:
         rivals = result.posterior.rivals
-        genes = [belief.best, *(mode.genes for mode in belief.modes[1 : 1 + len(rivals)])]
+        genes = [summary.best, *(mode.genes for mode in summary.modes[1 : 1 + len(rivals)])]
         texts = [
             ("Best body", _sureness(result.posterior.probability)),
             *(
                 (
                     f"Rival {number}",
                     f"{percent(rival.probability)}; "
-                    + ("cannot be told apart; " if rival.alike else "")
+                    + ("indistinguishable; " if rival.indistinguishable else "")
                     + "; ".join(rival.differs),
                 )
                 for number, rival in enumerate(rivals, 1)
@@ -158,12 +158,12 @@ def shown_bodies(store: RunStore, result: Result, true_body: Urdf | None) -> Sho
         samples = []
     bodies = fitted.genome.decode_all(np.array(genes))
     predicted = predict(store, bodies)
-    if belief is not None:
-        told = belief.foretold
-        predicted[0][: len(told)] = [
-            foretold(observation, item) for observation, item in zip(seen, told, strict=False)
+    if summary is not None:
+        predicted[0][: len(summary.predicted)] = [
+            _predicted(observation, item)
+            for observation, item in zip(seen, summary.predicted, strict=False)
         ]
-    certainties = [part.agreement or 0.0 for part in result.best_models[0].parts] if belief else []
+    certainties = [part.agreement or 0.0 for part in result.best_models[0].parts] if summary else []
     shown = []
     for row, (body, (title, note)) in enumerate(zip(bodies, texts, strict=True)):
         links = model_links(body, names, () if row else certainties)
@@ -202,7 +202,7 @@ def _truth(store: RunStore, true_body: Urdf, seen: Sequence[Observation]) -> Sho
 def _stands(
     links: Sequence[Link],
     seen: Sequence[Observation],
-    told: Sequence[Observation | None],
+    readings: Sequence[Observation | None],
 ) -> tuple[tuple[tuple[float, ...] | None, ...], tuple[Solid, ...]]:
     """How a body stands in each interaction, and what it looks like in the last one.
 
@@ -210,10 +210,10 @@ def _stands(
     """
     stands: list[tuple[float, ...] | None] = []
     standing: list[Solid] = []
-    for item, felt in zip(seen, told, strict=False):
+    for item, rest in zip(seen, readings, strict=False):
         solids = solids_of(links, item.angles)
-        standing = at_rest(solids, felt)
-        turn = None if felt is None or None in felt.tilt else turn_at_rest(solids, felt)
+        standing = at_rest(solids, rest)
+        turn = None if rest is None or None in rest.tilt else turn_at_rest(solids, rest)
         stands.append(None if turn is None else tuple(np.round(turn, _DIGITS).ravel().tolist()))
     return tuple(stands), tuple(standing)
 

@@ -10,14 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from estimator.readings.modalities.registry import MODALITIES
-from estimator.report.posterior_summary import (
-    FoundAlong,
+from estimator.report.posterior_report import (
     Interval,
-    PosteriorSummary,
+    NuisanceEstimate,
+    PosteriorReport,
     Step,
     SumOfLengths,
 )
-from estimator.report.result import FitFound, ModelFound, Result
+from estimator.report.result import FitReport, ModelResult, Result
 
 
 def plain_table(*columns: str, justify: JustifyMethod = "right") -> Table:
@@ -35,7 +35,7 @@ WHAT_TO_CHECK: Final = (
 )
 
 
-def print_verdict(console: Console, judged: PosteriorSummary | FitFound) -> None:
+def print_verdict(console: Console, judged: PosteriorReport | FitReport) -> None:
     """Whether any body explains the readings and, where none does, what to check."""
     if judged.explained:
         console.print(Text(judged.verdict))
@@ -44,11 +44,11 @@ def print_verdict(console: Console, judged: PosteriorSummary | FitFound) -> None
         console.print(WHAT_TO_CHECK)
 
 
-_NAMED: Final = 3  # of what is untested
-_UNKNOWN: Final = "cannot be known: hardly narrower than supposed"
+_NAMED: Final = 3  # untested deviations
+_UNKNOWN: Final = "not identified: hardly narrower than the prior"
 
 
-def print_posterior(console: Console, result: Result, posterior: PosteriorSummary) -> None:
+def print_posterior(console: Console, result: Result, posterior: PosteriorReport) -> None:
     """The verdict, the body with its probabilities, rivals, how it was found, what it cost."""
     print_verdict(console, posterior)
     state = "complete" if result.complete else "not finished"
@@ -70,17 +70,17 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
     _print_nuisances(console, posterior)
     _print_rivals(console, result, posterior)
     _print_steps(console, posterior)
-    _print_deviations(console, posterior)
+    _print_residuals(console, posterior)
     factors = "; ".join(
         f"{name} {factor.median:.1f} times what is expected ({_between(factor, 1, 1)})"
         for name, factor in posterior.noise.items()
     )
     console.print(f"Noise: {factors}.")
-    if posterior.effective is not None:
+    if posterior.ess is not None:
         console.print(
-            f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples, "
-            f"and by its readings they are worth {posterior.effective:.1f}; sets of attachments "
-            "are weighed by these."
+            f"{result.reference} simulated {posterior.simulated} of {posterior.samples} samples; "
+            f"their effective sample size is {posterior.ess:.1f}, and sets of attachments are "
+            "weighed by them."
         )
     console.print(
         f"{result.interactions} interactions, {result.simulations_requested:,} simulations "
@@ -90,17 +90,17 @@ def print_posterior(console: Console, result: Result, posterior: PosteriorSummar
         console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
 
 
-def _print_attachments(console: Console, posterior: PosteriorSummary) -> None:
+def _print_attachments(console: Console, posterior: PosteriorReport) -> None:
     if not posterior.attachments:
         return
-    console.print(sureness(posterior))
+    console.print(probability_sentence(posterior))
     table = plain_table("what", "best body", "share of samples", justify="left")
     for item in posterior.attachments:
         table.add_row(item.what, item.value, percent(item.probability))
     console.print(table)
 
 
-def _print_nuisances(console: Console, posterior: PosteriorSummary) -> None:
+def _print_nuisances(console: Console, posterior: PosteriorReport) -> None:
     if not posterior.nuisances:
         return
     table = plain_table("found along", "median", "90 % interval", "", justify="left")
@@ -109,24 +109,27 @@ def _print_nuisances(console: Console, posterior: PosteriorSummary) -> None:
     console.print(table)
 
 
-def nuisance_in_words(item: FoundAlong) -> tuple[str, str, str]:
+def nuisance_in_words(item: NuisanceEstimate) -> tuple[str, str, str]:
     """Median and interval of a nuisance parameter, and whether it cannot be known."""
     median = f"{item.interval.median:.1f} {item.unit}"
     interval = f"{_between(item.interval, 1)} {item.unit}"
     return median, interval, "" if item.learnt else _UNKNOWN
 
 
-def _print_rivals(console: Console, result: Result, posterior: PosteriorSummary) -> None:
+def _print_rivals(console: Console, result: Result, posterior: PosteriorReport) -> None:
     for rival in posterior.rivals:
-        what = "No movement can tell apart" if rival.alike else "Rival"
+        what = "Indistinguishable" if rival.indistinguishable else "Rival"
         console.print(Text(f"{what} ({percent(rival.probability)}): {'; '.join(rival.differs)}."))
     if posterior.equivalent:
-        console.print(Text(f"What no movement could tell: {'; '.join(posterior.equivalent)}."))
-    if posterior.untested:
-        named, more = posterior.untested[:_NAMED], len(posterior.untested) - _NAMED
+        console.print(Text(f"Not identifiable by any movement: {'; '.join(posterior.equivalent)}."))
+    if posterior.untested_deviations:
+        named, more = (
+            posterior.untested_deviations[:_NAMED],
+            len(posterior.untested_deviations) - _NAMED,
+        )
         others = f"; and {more} more" if more > 0 else ""
-        console.print(Text(f"{built_otherwise(posterior)}: {'; '.join(named)}{others}."))
-    movement = posterior.decides
+        console.print(Text(f"{deviations_introduced(posterior)}: {'; '.join(named)}{others}."))
+    movement = posterior.next_movement
     if movement is not None:
         names = [joint["name"] for joint in result.robot["joints"]]
         angles = ", ".join(
@@ -134,57 +137,58 @@ def _print_rivals(console: Console, result: Result, posterior: PosteriorSummary)
             for name, angle in zip(names, movement.program, strict=True)
             if angle
         )
-        told = f"expected {movement.bits:.1f} bits" if movement.bits else "expected to tell little"
-        console.print(Text(f"What would tell most: {angles}; {movement.reason}; {told}."))
+        gain = f"expected {movement.bits:.1f} bits" if movement.bits else "expected to tell little"
+        console.print(Text(f"Most informative next movement: {angles}; {movement.reason}; {gain}."))
 
 
-def _print_steps(console: Console, posterior: PosteriorSummary) -> None:
+def _print_steps(console: Console, posterior: PosteriorReport) -> None:
     table = plain_table(
-        "interaction", "expected (bits)", "gained (bits)", "sure", "why", justify="left"
+        "interaction", "expected (bits)", "gained (bits)", "probability", "why", justify="left"
     )
-    for number, step in enumerate(posterior.steps, 1):
+    for place, step in enumerate(posterior.steps, 1):
         bits = (
-            "–" if one is None else f"{one:.1f}" for one in (step.expected_bits, step.gained_bits)
+            "–" if one is None else f"{one:.1f}"
+            for one in (step.expected_gain_bits, step.information_gain_bits)
         )
-        table.add_row(str(number), *bits, sureness_after(step), Text(step.reason))
+        table.add_row(str(place), *bits, probability_after(step), Text(step.reason))
     console.print(table)
 
 
-def _print_deviations(console: Console, posterior: PosteriorSummary) -> None:
-    console.print("Felt minus foretold by the best body, in standard deviations of the noise:")
+def _print_residuals(console: Console, posterior: PosteriorReport) -> None:
+    console.print("Measured minus predicted by the best body, in standard deviations of the noise:")
     table = plain_table("interaction", *MODALITIES, "outlier")
-    for number, told in enumerate(posterior.foretold, 1):
-        off = (f"{told.deviations.get(name, 0.0):+.1f}" for name in MODALITIES)
-        table.add_row(str(number), *off, percent(told.outlier))
+    for number, prediction in enumerate(posterior.predicted, 1):
+        off = (f"{prediction.residuals.get(name, 0.0):+.1f}" for name in MODALITIES)
+        table.add_row(str(number), *off, percent(prediction.outlier_probability))
     console.print(table)
 
 
-def sureness_after(step: Step) -> str:
-    """How sure the attachments were after a movement, in a cell of a table."""
-    sure = "not known" if step.probability is None else percent(step.probability)
-    return sure if step.explained else f"{sure}, not explained"
+def probability_after(step: Step) -> str:
+    """Stated probability of the attachments after a movement, in a cell of a table."""
+    stated = "not known" if step.probability is None else percent(step.probability)
+    return stated if step.explained else f"{stated}, not explained"
 
 
-def sureness(posterior: PosteriorSummary) -> str:
+def probability_sentence(posterior: PosteriorReport) -> str:
     """A sentence: how probable the best body's attachments are, and on what condition."""
-    sure = (
+    stated = (
         f"is not known: {posterior.not_known}"
         if posterior.probability is None
         else f"is {percent(posterior.probability)}"
     )
     premise = ""
-    if posterior.departed:
+    if posterior.misspecification_probability:
         premise = (
-            "; the probability that the robot is built otherwise than the problem says, "
-            f"{percent(posterior.departed)}"
+            "; the probability that the problem does not describe the robot, "
+            f"{percent(posterior.misspecification_probability)}"
         )
-    elif posterior.untested:
+    elif posterior.untested_deviations:
         premise = ", if the robot is built as the problem says"
-    return f"The probability of these attachments together {sure}{premise}."
+    return f"The probability of these attachments together {stated}{premise}."
 
 
-def built_otherwise(posterior: PosteriorSummary) -> str:
-    """What ``PosteriorSummary.untested`` is, as the beginning of a sentence."""
+def deviations_introduced(posterior: PosteriorReport) -> str:
+    """What ``PosteriorReport.untested_deviations`` is, as the beginning of a sentence."""
     if posterior.explained:
         return "What these movements have not tested"
     return "What would explain the readings about as well, or better, the best first"
@@ -257,8 +261,8 @@ def print_result(console: Console, result: Result) -> None:
             )
         console.print(table)
         console.print(
-            "Models that have converged are alike, right or wrong: how sure a length is, only "
-            "--method posterior says."
+            "A population that has converged agrees, right or wrong: how uncertain a length is, "
+            "only --method posterior says."
         )
     if result.best_models and any(not name.startswith("length") for name in result.searched):
         _print_parts(console, result.best_models[0])
@@ -266,7 +270,7 @@ def print_result(console: Console, result: Result) -> None:
         console.print(Text.assemble(("Warning:", "yellow"), f" {warning}"))
 
 
-def _print_parts(console: Console, model: ModelFound) -> None:
+def _print_parts(console: Console, model: ModelResult) -> None:
     """How the best model's parts hang together."""
     table = plain_table("part", "sits on", "mount", "positive angle", "length (mm)")
     for part in model.parts:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from estimator.storage.beliefs import (
-    AGREED,
-    FARTHEST,
-    OTHERWISE,
-    Belief,
+from estimator.storage.posteriors import (
+    LARGEST_OUTLIER,
+    MISSPECIFIED,
+    SUFFICIENT_COVERAGE,
+    FitVerdict,
     NotKnown,
-    are_outliers,
+    PosteriorSummary,
 )
 from estimator.storage.records import BestFit
 
@@ -36,46 +36,46 @@ def verdict_on_best_model(fit: BestFit, contradictions: Sequence[str] = ()) -> s
     )
 
 
-def verdict_on_fit(belief: Belief, contradictions: Sequence[str] = ()) -> str:
+def verdict_on_posterior(summary: PosteriorSummary, contradictions: Sequence[str] = ()) -> str:
     """Whether some body of the problem explains the readings, as sentences.
 
     Args:
-        belief: What is believed.
+        summary: What is stated of the posterior.
         contradictions: Between the problem and what the robot states.
     """
     if contradictions:
-        return f"{_not_the_robots(contradictions)} {verdict_on_fit(belief)}"
-    if belief.explained:
-        rest = _but_outliers(belief)
-        if belief.not_known is NotKnown.POOR_FIT:
+        return f"{_not_the_robots(contradictions)} {verdict_on_posterior(summary)}"
+    if summary.explained:
+        rest = _but_outliers(summary)
+        if summary.not_known is NotKnown.POOR_FIT:
             rest += (
                 ", but poorly: a better one may have been missed, the problem may be another "
                 "robot's, or the sensors noisier than announced"
             )
         return f"Some body that this problem allows explains every interaction{rest}."
-    reasons = _reasons(belief, len(belief.foretold))
-    if belief.overturned is not None:
+    reasons = _reasons(summary, len(summary.predicted))
+    if summary.overturned is not None:
         first = (
             "interaction 1"
-            if not belief.overturned
-            else f"interactions 1 to {belief.overturned + 1}"
+            if not summary.overturned
+            else f"interactions 1 to {summary.overturned + 1}"
         )
         reasons.append(
             f"explains both {first}, after which another was sure, and those since, so the robot "
             "may have changed on the way"
         )
-    if belief.departure:
+    if summary.deviation:
         reasons.append(
-            f"explains the readings as well as one with {belief.departure}, so neither attachments "
-            "nor lengths can be trusted"
+            f"explains the readings as well as one with {summary.deviation}, so neither "
+            "attachments nor lengths can be trusted"
         )
-    elif belief.departed >= OTHERWISE:
+    elif summary.misspecification_probability >= MISSPECIFIED:
         reasons.append(
             "is as probable as that the robot is built otherwise, or has changed on the way "
-            f"({100 * belief.departed:.0f} %)"
+            f"({100 * summary.misspecification_probability:.0f} %)"
         )
     listed = ", or ".join(reasons)
-    if belief.met_in_common < AGREED:
+    if summary.coverage < SUFFICIENT_COVERAGE:
         return (
             f"NO BODY THAT WAS FOUND {listed}. But the searches found different ones, so that a "
             "better one may have been missed: more movements help, and a problem that leaves less "
@@ -88,28 +88,28 @@ def _not_the_robots(contradictions: Sequence[str]) -> str:
     return f"THIS PROBLEM IS NOT THE ROBOT'S: {'; '.join(contradictions)}."
 
 
-def _but_outliers(fit: Belief | BestFit) -> str:
+def _but_outliers(fit: FitVerdict) -> str:
     if not fit.unexplained:
         return ""
     number = fit.unexplained[0].interaction + 1
     return f" but interaction {number}, an outlier or a fault that came or went"
 
 
-def _reasons(fit: Belief | BestFit, interactions: int) -> list[str]:
+def _reasons(fit: FitVerdict, interactions: int) -> list[str]:
     """What a body leaves unexplained of so many interactions."""
     reasons = []
     numbers = [str(item.interaction + 1) for item in fit.unexplained]
-    if not are_outliers(fit.unexplained, interactions):
+    if not fit.has_only_outliers(interactions):
         sensors = sorted({name for item in fit.unexplained for name in item.sensors})
         listed = f"interactions {', '.join(numbers[:-1])} and {numbers[-1]}"
         where = f" ({', '.join(sensors)})" if sensors else ""
         if len(numbers) == 1:
             listed = f"interaction {numbers[0]}" + (", the only one" if interactions == 1 else "")
-            (far,) = fit.unexplained
-            if far.deviation > FARTHEST:
+            (only,) = fit.unexplained
+            if only.residual > LARGEST_OUTLIER:
                 where += (
                     ", in which something happened that this model does not contain: readings lie "
-                    f"{far.deviation:.0f} standard deviations off"
+                    f"{only.residual:.0f} standard deviations off"
                 )
         reasons.append(f"explains {listed}{where}")
     if fit.noisy:
@@ -119,6 +119,6 @@ def _reasons(fit: Belief | BestFit, interactions: int) -> list[str]:
     if fit.contradicting:
         several = len(fit.contradicting) > 1
         those = " and ".join(str(sensor + 1) for sensor in fit.contradicting)
-        felt = f"sensors {those} feel" if several else f"sensor {those} feels"
-        reasons.append(f"explains what touch {felt}")
+        measured = f"sensors {those} measure" if several else f"sensor {those} measures"
+        reasons.append(f"explains what touch {measured}")
     return reasons

@@ -33,8 +33,8 @@ _TABLES: Final = (
         number INTEGER PRIMARY KEY, program TEXT NOT NULL, reason TEXT NOT NULL, bits REAL,
         request_id INTEGER, session TEXT, observation TEXT
     ) STRICT""",
-    """CREATE TABLE beliefs (
-        number INTEGER PRIMARY KEY, belief TEXT NOT NULL, counters TEXT NOT NULL
+    """CREATE TABLE posteriors (
+        number INTEGER PRIMARY KEY, posterior TEXT NOT NULL, counters TEXT NOT NULL
     ) STRICT""",
     """CREATE TABLE generations (
         number INTEGER PRIMARY KEY, iteration INTEGER NOT NULL,

@@ -16,7 +16,7 @@ _SIZE: Final = 0.005
 """By how much a main body may differ from what its robot says, m; both were measured by people."""
 
 _MASS: Final = 0.1
-"""The same for its mass, relative."""
+"""By how much its mass may differ, relative."""
 
 
 def check_robot(path: Path, robot: Capabilities) -> None:

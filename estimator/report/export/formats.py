@@ -179,7 +179,7 @@ def as_json(body: Description) -> str:
     return json.dumps(asdict(body), indent=2) + "\n"
 
 
-class Format(StrEnum):
+class BodyFormat(StrEnum):
     """What a body can be written as."""
 
     URDF = "urdf"
@@ -187,8 +187,8 @@ class Format(StrEnum):
     JSON = "json"
 
 
-FORMATS: Final[Mapping[Format, Callable[[Description], str]]] = MappingProxyType(
-    {Format.URDF: urdf, Format.MJCF: mjcf, Format.JSON: as_json}
+BODY_FORMATS: Final[Mapping[BodyFormat, Callable[[Description], str]]] = MappingProxyType(
+    {BodyFormat.URDF: urdf, BodyFormat.MJCF: mjcf, BodyFormat.JSON: as_json}
 )
 
 

@@ -62,15 +62,15 @@ class LivePage:
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._text = self._server.gui.add_html("")
-        self._all = self._server.gui.add_checkbox("all that is believed", initial_value=True)
+        self._all = self._server.gui.add_checkbox("all bodies of the posterior", initial_value=True)
         self._flickers = self._server.gui.add_checkbox("one after the other", initial_value=True)
         self._server.scene.add_grid(
             "/ground", width=2.0, height=2.0, cell_size=0.1, section_size=1.0
         )
-        self._ghosts = _Bodies(self._server, "/believed", opacity=_GHOSTS)
+        self._ghosts = _Bodies(self._server, "/posterior", opacity=_GHOSTS)
         self._body = _Bodies(self._server, "/body", opacity=None)
         self._ahead = self._server.scene.add_label("/front", "front")
-        self._turns = cycle([list[Solid]()])
+        self._bodies_in_turn = cycle([list[Solid]()])
         self._best: Sequence[Solid] = []
         self._shown: Sequence[Solid] = []
         self._steady = False
@@ -93,7 +93,7 @@ class LivePage:
         first = not self._best
         bodies = [posed(view.base, body, view.pose) for body in view.bodies]
         self._best = posed(view.base, view.best, view.pose)
-        self._turns = cycle(bodies or [self._best])
+        self._bodies_in_turn = cycle(bodies or [self._best])
         self._steady = view.state is not RunState.GOES_ON
         if first:
             self._point_camera(view)
@@ -107,9 +107,9 @@ class LivePage:
         self._text.content = sentence_alone(sentence)
 
     def flicker(self) -> None:
-        """Shows another of the bodies that are believed in; when the run rests, the best."""
+        """Shows another body of the posterior; when the run rests, the best one."""
         steady = self._steady or not self._flickers.value
-        body = self._best if steady else next(self._turns)
+        body = self._best if steady else next(self._bodies_in_turn)
         self._ghosts.visible = self._all.value
         if body is self._shown:
             return
@@ -197,7 +197,7 @@ def watch(directory: Path, host: str, port: int, say: Callable[[str], None]) -> 
         directory: The run directory.
         host: Interface that the page is served on.
         port: Its port; 0: any.
-        say: Told where the page is, and what becomes of the run.
+        say: Called with where the page is, and with what becomes of the run.
 
     Raises:
         EstimatorError: There is no run, it is damaged from the beginning, or the address cannot be
@@ -254,12 +254,12 @@ class Instances:
 
 
 def posed(base: Base, body: Morphology | None, pose: Observation | None) -> list[Solid]:
-    """A body as the robot last lay; flat on its belly where nothing was felt yet.
+    """A body as the robot last lay; flat on its belly before the first interaction.
 
     Args:
         base: The main body.
         body: With its legs; ``None``: nothing is known of them.
-        pose: What the robot felt. A tilt that was not read counts as level.
+        pose: What the robot measured. A tilt that was not read counts as level.
     """
     whole = body or Morphology(base=base, parts=(), density=1.0)
     angles = np.zeros(whole.motors) if pose is None else np.array(pose.angles)

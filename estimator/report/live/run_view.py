@@ -54,8 +54,8 @@ class RunView:
         result: In numbers.
         base: The main body, which is known.
         best: The best body; ``None`` before the first interaction.
-        bodies: Bodies that stand for what is believed, each as often as it is probable.
-        pose: What the robot felt last.
+        bodies: Bodies that stand for the posterior, each as often as it is probable.
+        pose: What the robot measured last.
         interactions: What it did, and why.
         wanted: How many interactions there are to be.
         progress: How far it has come.
@@ -100,9 +100,9 @@ class RunView:
 
 
 def _shown(fitted: FittedPosterior) -> tuple[Morphology, ...]:
-    """Bodies that stand for all that is believed, in no order."""
-    counts_alike = fitted.belief is None  # a population, of which each is shown once
-    bodies = fitted.bodies(min(SHOWN, len(fitted)) if counts_alike else SHOWN)
+    """Bodies that stand for the posterior, or the population, in no order."""
+    is_population = fitted.summary is None  # of which each is shown once
+    bodies = fitted.bodies(min(SHOWN, len(fitted)) if is_population else SHOWN)
     return tuple(bodies[row] for row in np.random.default_rng(0).permutation(len(bodies)))
 
 
@@ -112,7 +112,7 @@ def _progress(store: RunStore, chosen: int, performed: int, finished: bool) -> P
     if finished:
         return Progress(share=1.0, sentence=f"{performed} interactions, all of them learnt from")
     if settings.method == "posterior":
-        learnt = len(store.beliefs())
+        learnt = len(store.posteriors())
         share = learnt / wanted
     else:
         last = store.latest_generation()

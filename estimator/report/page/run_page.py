@@ -25,12 +25,12 @@ from estimator.report.result import Result
 from estimator.report.shown_bodies import ShownBodies, shown_bodies
 from estimator.report.tables import (
     WHAT_TO_CHECK,
-    built_otherwise,
+    deviations_introduced,
     nuisance_in_words,
     percent,
+    probability_after,
+    probability_sentence,
     sum_of_lengths,
-    sureness,
-    sureness_after,
 )
 from estimator.storage.records import RunSettings
 from estimator.storage.store import RunStore
@@ -104,8 +104,8 @@ def run_page(store: RunStore, sources: PageSources) -> str:
     if shown.predicted:
         drawings["predictions"] = _drawing(
             plot_predictions(seen, shown.predicted),
-            "Tilt and clearance in each interaction, as felt and as foretold; the table above has "
-            "the numbers.",
+            "Tilt and clearance in each interaction, as measured and as predicted; the table above "
+            "has the numbers.",
         )
     return render(
         "run.html",
@@ -121,16 +121,16 @@ def run_page(store: RunStore, sources: PageSources) -> str:
         samples=len(shown.bodies[0].samples) if shown.bodies else 0,
         flat=sources.picture,
         flat_caption=_PICTURE.format("; ".join(f"{b.title}, {b.note}" for b in shown.bodies)),
-        sureness="" if posterior is None else sureness(posterior),
+        probability_sentence="" if posterior is None else probability_sentence(posterior),
         sums=[] if posterior is None else [sum_of_lengths(result, one) for one in posterior.sums],
         nuisance_in_words=nuisance_in_words,
         searched_attachments=any(not name.startswith("length") for name in result.searched),
         percent=percent,
-        sureness_after=sureness_after,
-        built_otherwise=built_otherwise,
+        probability_after=probability_after,
+        deviations_introduced=deviations_introduced,
         legs=list(zip(result.legs, result.leg_intervals, strict=True)),
         modalities=tuple(MODALITIES),
-        felt=_felt(result, seen, shown.predicted, driven),
+        readings=_readings(result, seen, shown.predicted, driven),
         plots=drawings,
         commands=commands(store.settings, store.directory, len(seen)),
         problem_text=store.settings.problem_text,
@@ -164,8 +164,8 @@ def _facts(result: Result) -> list[tuple[str, str]]:
     posterior = result.posterior
     facts = []
     if posterior is not None and posterior.attachments:
-        sure = "not known" if posterior.probability is None else percent(posterior.probability)
-        facts.append(("attachments sure to", sure))
+        stated = "not known" if posterior.probability is None else percent(posterior.probability)
+        facts.append(("attachments probable to", stated))
     if posterior is not None and posterior.lengths_m:
         widest = max(500 * (length.high - length.low) for length in posterior.lengths_m)
         facts.append(("lengths known to", f"± {widest:.1f} mm"))
@@ -177,32 +177,35 @@ def _facts(result: Result) -> list[tuple[str, str]]:
     return facts
 
 
-def _felt(
+def _readings(
     result: Result,
     seen: Sequence[Observation],
     predicted: Sequence[Observation | None],
     driven: Sequence[int],
 ) -> list[dict[str, Any]]:
-    foretold = () if result.posterior is None else result.posterior.foretold
-    unexplained = () if result.judged is None else result.judged.unexplained
+    predictions = () if result.posterior is None else result.posterior.predicted
+    judged = result.judged
+    unexplained = set() if judged is None else {one.interaction for one in judged.unexplained}
     rows = []
     for index, item in enumerate(seen):
-        told = predicted[index] if index < len(predicted) else None
-        belief = foretold[index] if index < len(foretold) else None
+        readings = predicted[index] if index < len(predicted) else None
+        prediction = predictions[index] if index < len(predictions) else None
         rows.append(
             {
                 "number": index + 1,
                 "angles": _degrees(item, driven),
                 "cells": [
                     {
-                        "felt": modality.say(item),
-                        "foretold": "not foretold" if told is None else modality.say(told),
-                        "deviation": belief and belief.deviations.get(name),
+                        "measured": modality.say(item),
+                        "predicted": "no prediction"
+                        if readings is None
+                        else modality.say(readings),
+                        "residual": prediction and prediction.residuals.get(name),
                     }
                     for name, modality in MODALITIES.items()
                 ],
-                "outlier": belief and belief.outlier,
-                "unexplained": index + 1 in unexplained,
+                "outlier": prediction and prediction.outlier_probability,
+                "unexplained": index in unexplained,
             }
         )
     return rows

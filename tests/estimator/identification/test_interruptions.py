@@ -122,7 +122,7 @@ def content(directory: Path) -> dict[str, Any]:
     with RunStore.open(directory, to_write=False) as store:
         found["errors"] = [item.errors for item in store.generations()]
         found["best"] = [item.best for item in store.generations()]
-        found["believed"] = [belief for belief, _ in store.beliefs()]
+        found["believed"] = [belief for belief, _ in store.posteriors()]
         observations = [item.observation for item in store.interactions()]
     assert None not in observations
     found["felt"] = [

@@ -15,15 +15,14 @@ from estimator.evaluation.attachments import Configuration
 from estimator.evaluation.score import Score
 from estimator.report.evaluations import print_score
 from estimator.report.page.run_page import PageSources, run_page
-from estimator.report.posterior_summary import sums_of_lengths
+from estimator.report.posterior_report import sums_of_lengths
 from estimator.report.summarise import summarise
 from estimator.report.tables import print_result
-from estimator.report.verdict import verdict_on_fit
-from estimator.storage.beliefs import (
-    BelievedMode,
-    Foretold,
+from estimator.report.verdict import verdict_on_posterior
+from estimator.storage.posteriors import (
     NextMovement,
-    NotKnown,
+    PredictedInteraction,
+    StoredMode,
     UnexplainedInteraction,
 )
 from tests.estimator import posterior_run
@@ -34,10 +33,14 @@ from tests.estimator.posterior_run import make_posterior_run
 UP = 2.5 / 6
 
 
-def rival(hinge: float, *, alike: bool) -> BelievedMode:
+def rival(hinge: float, *, indistinguishable: bool) -> StoredMode:
     genes = (0.5, 0.5, 0.5, hinge, 0.5)
-    return BelievedMode(
-        probability=0.125, effective=50.0, genes=genes, like_the_first=alike, met=(True, True)
+    return StoredMode(
+        probability=0.125,
+        ess=50.0,
+        genes=genes,
+        indistinguishable=indistinguishable,
+        found=(True, True),
     )
 
 
@@ -45,36 +48,38 @@ def test_rivals_come_with_the_movement_that_would_decide(tmp_path: Path) -> None
     movement = NextMovement(
         program=(0.0, 0.0, 0.1, -0.5), reason="tells apart: hinge of back (up or down)", bits=0.8
     )
-    rivals = [rival(3.5 / 6, alike=False), rival(4.5 / 6, alike=True)]
+    rivals = [rival(3.5 / 6, indistinguishable=False), rival(4.5 / 6, indistinguishable=True)]
     lengths = [TRUE_LENGTHS] * 3
-    with make_posterior_run(tmp_path, lengths, hinge=UP, rivals=rivals, decides=movement) as run:
+    with make_posterior_run(
+        tmp_path, lengths, hinge=UP, rivals=rivals, next_movement=movement
+    ) as run:
         result = summarise(run)
     text = io.StringIO()
     print_result(Console(file=text, width=200), result)
     said = text.getvalue()
     assert "Rival (12.5 %): hinge of back: down." in said
-    assert "No movement can tell apart (12.5 %): hinge of back: roll_left." in said
+    assert "Indistinguishable (12.5 %): hinge of back: roll_left." in said
     assert (
-        "What would tell most: right 6°, back -29°; tells apart: hinge of back (up or down); "
-        "expected 0.8 bits." in said
+        "Most informative next movement: right 6°, back -29°; tells apart: "
+        "hinge of back (up or down); expected 0.8 bits." in said
     )
     assert result.posterior is not None
-    assert result.posterior.decides == movement
+    assert result.posterior.next_movement == movement
     assert all(leg.population_m is None for leg in result.legs)
 
 
-def test_what_was_felt_is_held_against_what_was_foretold(tmp_path: Path) -> None:
+def test_residuals_are_in_a_table(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
         result = summarise(run)
     assert result.posterior is not None
-    told = Foretold(
+    told = PredictedInteraction(
         touch=(True,) * 4,
         tilt=(0.1, 0.0),
         clearance=0.02,
-        deviations={"touch": 0.0, "tilt": -1.26, "clearance": 12.0},
-        outlier=0.97,
+        residuals={"touch": 0.0, "tilt": -1.26, "clearance": 12.0},
+        outlier_probability=0.97,
     )
-    posterior = result.posterior.model_copy(update={"foretold": (told,)})
+    posterior = result.posterior.model_copy(update={"predicted": (told,)})
     text = io.StringIO()
     print_result(Console(file=text, width=200), result.model_copy(update={"posterior": posterior}))
     _, _, table = text.getvalue().partition("in standard deviations of the noise:\n")
@@ -97,14 +102,14 @@ def test_what_the_movements_have_not_tested_is_said_in_terminal_and_page(tmp_pat
 
 
 def test_that_the_robot_may_be_built_otherwise_is_taken_off_and_said(tmp_path: Path) -> None:
-    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP, departed=0.04) as run:
+    with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP, misspecified=0.04) as run:
         result = summarise(run)
         page = run_page(run, PageSources.of(run, result))
     text = io.StringIO()
     print_result(Console(file=text, width=200), result)
     said = (
-        "attachments together is 72.0 %; the probability that the robot is built otherwise than "
-        "the problem says, 4.0 %."
+        "attachments together is 72.0 %; the probability that the problem does not describe the "
+        "robot, 4.0 %."
     )
     assert said in text.getvalue()
     assert said in page
@@ -125,7 +130,7 @@ def test_what_was_found_along_is_in_terminal_and_page(tmp_path: Path) -> None:
         assert "-1.3 to -1.3 deg" in said
         assert "What these movements have not tested: parts 1.4 times as thick." in said
     assert result.posterior is not None
-    doubted = result.posterior.model_copy(update={"explained": False})
+    doubted = result.posterior.model_copy(update={"deviation": "thick parts"})
     print_result(Console(file=text, width=200), result.model_copy(update={"posterior": doubted}))
     assert "the readings about as well, or better, the best first: parts 1.4" in text.getvalue()
 
@@ -191,11 +196,11 @@ def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
 
 def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.beliefs()[-1]
+        (belief, _) = run.posteriors()[-1]
     assert belief.explained
-    doubted = belief.model_copy(update={"departure": "parts 0.5 times as thick"})
+    doubted = belief.model_copy(update={"deviation": "parts 0.5 times as thick"})
     assert not doubted.explained
-    assert verdict_on_fit(doubted) == (
+    assert verdict_on_posterior(doubted) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one with parts 0.5 "
         "times as thick, so neither attachments nor lengths can be trusted."
     )
@@ -203,10 +208,10 @@ def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Pa
 
 def test_what_fits_poorly_is_told_so(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.beliefs()[-1]
-    poor = belief.model_copy(update={"within_problem": None})
+        (belief, _) = run.posteriors()[-1]
+    poor = belief.model_copy(update={"probability_within_problem": None})
     assert poor.explained
-    assert verdict_on_fit(poor) == (
+    assert verdict_on_posterior(poor) == (
         "Some body that this problem allows explains every interaction, but poorly: a better one "
         "may have been missed, the problem may be another robot's, or the sensors noisier than "
         "announced."
@@ -215,10 +220,10 @@ def test_what_fits_poorly_is_told_so(tmp_path: Path) -> None:
 
 def test_what_changed_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.beliefs()[-1]
+        (belief, _) = run.posteriors()[-1]
     changed = belief.model_copy(update={"overturned": 3})
     assert not changed.explained
-    assert verdict_on_fit(changed) == (
+    assert verdict_on_posterior(changed) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains both interactions 1 to 4, after which another "
         "was sure, and those since, so the robot may have changed on the way."
     )
@@ -226,39 +231,43 @@ def test_what_changed_is_no_explanation(tmp_path: Path) -> None:
 
 def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.beliefs()[-1]
+        (belief, _) = run.posteriors()[-1]
     odd = UnexplainedInteraction(interaction=2, sensors=("tilt",))
-    told = Foretold(touch=(), tilt=(0.0, 0.0), clearance=0.1, deviations={}, outlier=0.0)
+    told = PredictedInteraction(
+        touch=(), tilt=(0.0, 0.0), clearance=0.1, residuals={}, outlier_probability=0.0
+    )
     one, two = (
-        belief.model_copy(update={"unexplained": (odd,) * count, "foretold": (told,) * 3})
+        belief.model_copy(update={"unexplained": (odd,) * count, "predicted": (told,) * 3})
         for count in (1, 2)
     )
     assert one.explained
-    assert verdict_on_fit(one) == (
+    assert verdict_on_posterior(one) == (
         "Some body that this problem allows explains every interaction but interaction 3, an "
         "outlier or a fault that came or went."
     )
-    far = one.model_copy(update={"unexplained": (odd.model_copy(update={"deviation": 68.0}),)})
+    far = one.model_copy(update={"unexplained": (odd.model_copy(update={"residual": 68.0}),)})
     assert not far.explained
-    assert verdict_on_fit(far) == (
+    assert verdict_on_posterior(far) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains interaction 3 (tilt), in which something "
         "happened that this model does not contain: readings lie 68 standard deviations off."
     )
     assert not two.explained
-    only = one.model_copy(update={"foretold": one.foretold[:1]})
+    only = one.model_copy(update={"predicted": one.predicted[:1]})
     assert not only.explained
-    assert verdict_on_fit(only) == (
+    assert verdict_on_posterior(only) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains interaction 3, the only one (tilt)."
     )
 
 
 def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.beliefs()[-1]
-    perhaps, probably = (belief.model_copy(update={"departed": one}) for one in (0.8, 0.97))
+        (belief, _) = run.posteriors()[-1]
+    perhaps, probably = (
+        belief.model_copy(update={"misspecification_probability": one}) for one in (0.8, 0.97)
+    )
     assert perhaps.explained
     assert not probably.explained
-    assert verdict_on_fit(probably) == (
+    assert verdict_on_posterior(probably) == (
         "NO BODY THAT THIS PROBLEM ALLOWS is as probable as that the robot is built otherwise, or "
         "has changed on the way (97 %)."
     )
@@ -266,10 +275,10 @@ def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: 
 
 def test_where_searches_disagree_the_problem_is_not_blamed(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
-        (belief, _) = run.beliefs()[-1]
+        (belief, _) = run.posteriors()[-1]
     noisy = belief.model_copy(update={"noisy": ("tilt",)})
-    assert verdict_on_fit(noisy).startswith("NO BODY THAT THIS PROBLEM ALLOWS explains tilt")
-    assert verdict_on_fit(noisy.model_copy(update={"met_in_common": 0.3})) == (
+    assert verdict_on_posterior(noisy).startswith("NO BODY THAT THIS PROBLEM ALLOWS explains tilt")
+    assert verdict_on_posterior(noisy.model_copy(update={"coverage": 0.3})) == (
         "NO BODY THAT WAS FOUND explains tilt without more than twice the noise that is expected. "
         "But the searches found different ones, so that a better one may have been missed: more "
         "movements help, and a problem that leaves less open."
@@ -286,8 +295,7 @@ def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> N
         posterior = result.posterior.model_copy(
             update={
                 "steps": (unknown, doubted, step),
-                "probability": None,
-                "not_known": NotKnown.DIFFERENT_BODIES,
+                "coverage": 0.4,
             }
         )
         result = result.model_copy(update={"posterior": posterior})
@@ -297,7 +305,7 @@ def test_after_a_movement_nothing_may_be_known_or_explained(tmp_path: Path) -> N
     for said in (text.getvalue(), page):
         assert said.count("not explained") == 1
         assert "99.0 %, not explained" in said
-        assert "together is not known: the searches have met different bodies." in said
+        assert "together is not known: the searches have found different bodies." in said
     assert page.count("<td>not known</td>") == 1
 
 

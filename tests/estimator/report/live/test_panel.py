@@ -38,7 +38,8 @@ def test_it_says_how_to_go_on_and_when_all_is_done(view: RunView) -> None:
 
 def test_a_verdict_against_the_problem_stands_out(view: RunView) -> None:
     assert view.result.posterior is not None
-    refused = view.result.posterior.model_copy(update={"explained": False, "verdict": "NO BODY."})
+    unlike = {"deviation": "thick parts", "verdict": "NO BODY."}
+    refused = view.result.posterior.model_copy(update=unlike)
     result = view.result.model_copy(update={"posterior": refused})
     assert ">NO BODY.</b>" in panel(replace(view, result=result), Path("runs"))
 
@@ -54,8 +55,8 @@ def test_after_a_movement_nothing_may_be_known_or_explained(view: RunView) -> No
         update={"posterior": posterior.model_copy(update={"steps": steps})}
     )
     text = panel(replace(view, result=result), Path("runs"))
-    assert text.count("% sure, but not explained") == 1
-    assert text.count("bits gained, not known how sure<") == 1
+    assert text.count("% probable, but not explained") == 1
+    assert text.count("bits gained, probability not known<") == 1
 
 
 def test_names_of_robots_are_no_html(view: RunView) -> None:

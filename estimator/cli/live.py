@@ -5,6 +5,7 @@ So it cannot hold the run up, and whatever becomes of it, the run goes on.
 
 from __future__ import annotations
 
+import importlib
 import os
 import signal
 import subprocess
@@ -16,9 +17,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
+import typer
 from rich.console import Console
 
-from estimator.cli.screen import Screen
+from estimator.cli.console import Screen, errors_as_sentences, out
+from estimator.cli.options import Directory, LiveBind
 from estimator.errors import EstimatorError
 from estimator.parallel.executors import die_with
 from protocol.system.closable import Closable
@@ -83,7 +86,7 @@ class LiveView(Closable):
         """Starts the page of a run that there is by now.
 
         Args:
-            say: Told what the page's process says.
+            say: Called with each line that the page's process prints.
         """
         if self._command is None:
             return
@@ -133,3 +136,21 @@ def _repeat(process: subprocess.Popen[str], say: Callable[[str], None]) -> None:
 def _give_way(parent: int) -> None:
     die_with(parent, signal.SIGTERM)
     os.nice(_NICE)
+
+
+def watch(directory: Directory, bind: LiveBind = LIVE_BIND) -> None:
+    """Show a run on a page in the browser, also while another process works on it."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    with errors_as_sentences(None):
+        host, port = parse_bind(bind)
+        check_viser()
+        page = importlib.import_module("estimator.report.live.live_page")
+        try:
+            page.watch(directory, host, port, _print_line)
+        except KeyboardInterrupt:
+            raise typer.Exit from None
+
+
+def _print_line(sentence: str) -> None:
+    out.print(sentence, highlight=False, soft_wrap=True)
+    out.file.flush()

@@ -19,7 +19,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from estimator.cli import live_view
+from estimator.cli import live
 from estimator.cli.command_line import app
 from estimator.report.live.front import LARGEST
 from protocol.system.missing_library import install_command
@@ -150,7 +150,7 @@ def test_an_address_of_another_computer_is_refused(tmp_path: Path) -> None:
 def test_without_viser_a_sentence_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    monkeypatch.setattr(live_view, "find_spec", lambda name: None)
+    monkeypatch.setattr(live, "find_spec", lambda name: None)
     asked = {
         "watch": (str(tmp_path),),
         "identify": ("--robot", "tcp://127.0.0.1:1", "--problem", "parametric", "--live"),

@@ -1,4 +1,4 @@
-"""What a posterior says, in numbers: the part of ``result.json`` that is its own."""
+"""What a posterior says, in the problem's names: ``posterior`` in ``result.json``."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from itertools import combinations
 from typing import Final
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, computed_field
 
 from estimator.body.morphology import Array
 from estimator.posterior.fitted import Attachment, FittedPosterior
 from estimator.posterior.model.densities import SCALED
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem
-from estimator.report.verdict import verdict_on_fit
-from estimator.storage.beliefs import RIVAL, Belief, Foretold, NextMovement, NotKnown
+from estimator.report.verdict import verdict_on_posterior
+from estimator.storage.posteriors import RIVAL, PosteriorSummary, StoredPosterior
 from estimator.storage.store import RunStore
 
 _RIVALS: Final = 5
 _INTERVAL: Final = (0.05, 0.5, 0.95)
-_LEARNT: Final = 0.7  # of the prior's interval
+_LEARNT: Final = 0.7  # width of the posterior's interval by that of the prior's
 _TOGETHER: Final = 0.5  # of either length's interval
 _VAGUE: Final = 0.02  # m; narrower intervals of single lengths need no sums
-_SQUARE: Final = 0.05  # of the longer side; else a leg that sits elsewhere is felt
+_SQUARE: Final = 0.05  # of the longer side; else sensors tell where a leg sits
 
 
 class _Record(BaseModel):
-    model_config = ConfigDict(frozen=True)
+    model_config = ConfigDict(frozen=True, json_schema_serialization_defaults_required=True)
 
 
 class Rival(_Record):
@@ -37,12 +37,12 @@ class Rival(_Record):
     Attributes:
         probability: Share of the posterior.
         differs: What it has otherwise than the best body, such as ``mount of leg 1: left``.
-        alike: Whether no sensor can tell it from the best body.
+        indistinguishable: Whether no sensor can tell it from the best body.
     """
 
     probability: float
     differs: tuple[str, ...]
-    alike: bool
+    indistinguishable: bool
 
 
 class Interval(_Record):
@@ -71,7 +71,7 @@ class SumOfLengths(_Record):
     length_m: Interval
 
 
-class FoundAlong(_Record):
+class NuisanceEstimate(_Record):
     """A nuisance parameter.
 
     Attributes:
@@ -89,124 +89,101 @@ class FoundAlong(_Record):
 
 
 class Step(_Record):
-    """How belief grew with one interaction.
+    """How the posterior changed with one interaction.
 
     Attributes:
         reason: Why its motor program was chosen.
-        expected_bits: Information that it was expected to give.
-        gained_bits: Information that it gave.
+        expected_gain_bits: Information that it was expected to give.
+        information_gain_bits: Information that it gave.
         probability: Stated of the attachments afterwards; ``None``: it is not known.
         explained: Whether some body of the problem explained the readings so far.
     """
 
     reason: str
-    expected_bits: float | None
-    gained_bits: float | None
+    expected_gain_bits: float | None
+    information_gain_bits: float | None
     probability: float | None
     explained: bool
 
 
-class PosteriorSummary(_Record):
+class PosteriorReport(PosteriorSummary):
     """The posterior after a run's interactions so far.
 
     Attributes:
-        explained: Whether some body of the problem explains the readings.
-        verdict: The same as a sentence.
-        unexplained: Numbers of the interactions that the best body leaves unexplained, from 1.
-        probability: Stated probability of the attachments; ``None``: it is not known.
-        not_known: Why the probability is not known; ``None``: it is.
-        departed: Probability that the robot is built otherwise than the problem says: a part of
-            what is missing from ``probability``. 0 where that was not looked at.
+        contradictions: Between the problem and what the robot states of itself.
+        verdict: Whether some body of the problem explains the readings, as sentences.
         attachments: What the problem leaves open, as the best body has it.
         lengths_m: Of each leg, m, in motor order.
-        sums: Of two legs, where the readings tell these but not the single lengths.
+        sums: Of two legs, where the readings determine these but not the single lengths.
         nuisances: What else was only roughly known.
-        rivals: Other sets of attachments, the most probable first. Those that no sensor can tell
-            from the best body's are what no movement can decide.
-        equivalent: What else would feel exactly so: faults that no movement tells from the best
-            body.
-        untested: How else than the problem says the robot may be built: such bodies, with other
-            lengths, explain the readings as well as the best one.
-        decides: The movement that would tell most, where others are left at the end of a run.
+        rivals: Other sets of attachments, the most probable first.
+        equivalent: Faults that no movement can tell from the best body.
         noise: Factor on the noise that is expected of tilt and clearance: what the robot announces,
             together with what models leave, 0.2° and 0.8 mm.
         steps: One per interaction.
-        foretold: Each interaction as the best body foretells it.
         samples: How many stand for the posterior.
-        simulated: How many of them the reference back-end simulated.
-        effective: Effective sample size of those.
     """
 
-    explained: bool
+    contradictions: tuple[str, ...]
     verdict: str
-    unexplained: tuple[int, ...] = ()
-    probability: float | None
-    not_known: NotKnown | None = None
-    departed: float = 0.0
     attachments: tuple[Attachment, ...]
     lengths_m: tuple[Interval, ...]
-    sums: tuple[SumOfLengths, ...] = ()
-    nuisances: tuple[FoundAlong, ...] = ()
+    sums: tuple[SumOfLengths, ...]
+    nuisances: tuple[NuisanceEstimate, ...]
     rivals: tuple[Rival, ...]
-    equivalent: tuple[str, ...] = ()
-    untested: tuple[str, ...] = ()
-    decides: NextMovement | None = None
+    equivalent: tuple[str, ...]
     noise: dict[str, Interval]
     steps: tuple[Step, ...]
-    foretold: tuple[Foretold, ...]
     samples: int
-    simulated: int
-    effective: float | None
+
+    # mypy knows no decorators on properties; pydantic's manual says to ignore that.
+    @computed_field  # type: ignore[prop-decorator]
+    @property
+    def explained(self) -> bool:
+        """Whether some body of the problem, which is the robot's, explains the readings."""
+        return super().explained and not self.contradictions
 
 
-def posterior_summary(store: RunStore) -> PosteriorSummary | None:
-    """Sums up what a run believes; ``None`` where its method has no posterior, or none yet."""
+def posterior_report(store: RunStore) -> PosteriorReport | None:
+    """What a run's posterior says; ``None`` where its method has none, or none yet."""
     history = FittedPosterior.history(store)
     if not history:
         return None
     fitted = history[-1]
-    belief, problem, genome = fitted.belief, fitted.problem, fitted.genome
-    assert belief is not None
-    beliefs = [one.belief for one in history if one.belief is not None]
-    contradictions = problem.contradictions(fitted.capabilities)
+    stored, problem, genome = fitted.summary, fitted.problem, fitted.genome
+    assert stored is not None
+    summaries = [one.summary for one in history if one.summary is not None]
+    contradictions = tuple(problem.contradictions(fitted.capabilities))
     genes, weights, lengths = fitted.samples, fitted.weights, fitted.leg_lengths
     scales = np.exp(fitted.scales)
-    return PosteriorSummary(
-        explained=belief.explained and not contradictions,
-        verdict=verdict_on_fit(belief, contradictions),
-        unexplained=tuple(item.interaction + 1 for item in belief.unexplained),
-        probability=belief.probability,
-        not_known=belief.not_known,
-        departed=belief.departed,
+    return PosteriorReport(
+        **{name: getattr(stored, name) for name in PosteriorSummary.model_fields},
+        contradictions=contradictions,
+        verdict=verdict_on_posterior(stored, contradictions),
         attachments=fitted.attachments,
         lengths_m=length_intervals(lengths, weights),
         sums=sums_of_lengths(lengths, weights),
         nuisances=_nuisances(genome, genes, weights),
-        rivals=_rivals(genome, belief),
-        equivalent=_equivalent(genome, belief, problem, fitted.modalities),
-        untested=belief.untested,
-        decides=belief.decides,
+        rivals=_rivals(genome, stored),
+        equivalent=_equivalent(genome, stored, problem, fitted.modalities),
         noise={name: _interval(scales[:, column], weights) for column, name in enumerate(SCALED)},
         steps=tuple(
             Step(
                 reason=interaction.reason,
-                expected_bits=interaction.bits,
-                gained_bits=one.gained,
+                expected_gain_bits=interaction.bits,
+                information_gain_bits=one.information_gain_bits,
                 probability=one.probability,
                 explained=one.explained and not contradictions,
             )
-            for interaction, one in zip(store.interactions(), beliefs, strict=False)
+            for interaction, one in zip(store.interactions(), summaries, strict=False)
         ),
-        foretold=belief.foretold,
         samples=len(genes),
-        simulated=belief.simulated,
-        effective=belief.effective,
     )
 
 
-def _rivals(genome: Genome, belief: Belief) -> tuple[Rival, ...]:
-    rivals, best = [], np.array([belief.best])
-    for mode in belief.modes[1 : 1 + _RIVALS]:
+def _rivals(genome: Genome, stored: StoredPosterior) -> tuple[Rival, ...]:
+    rivals, best = [], np.array([stored.best])
+    for mode in stored.modes[1 : 1 + _RIVALS]:
         if mode.probability < RIVAL:
             break
         differs = []
@@ -216,38 +193,44 @@ def _rivals(genome: Genome, belief: Belief) -> tuple[Rival, ...]:
                 if (value,) != genome.words(column, best):
                     differs.append(f"{gene.name}: {value}")
         rivals.append(
-            Rival(probability=mode.probability, differs=tuple(differs), alike=mode.like_the_first)
+            Rival(
+                probability=mode.probability,
+                differs=tuple(differs),
+                indistinguishable=mode.indistinguishable,
+            )
         )
     return tuple(rivals)
 
 
 def _equivalent(
-    genome: Genome, belief: Belief, problem: Problem, modalities: Sequence[str]
+    genome: Genome, stored: StoredPosterior, problem: Problem, modalities: Sequence[str]
 ) -> tuple[str, ...]:
     """Faults that feel like a body, as far as the problem leaves the body open."""
-    best = genome.decode(np.array(belief.best))
+    best = genome.decode(np.array(stored.best))
     mounts, hinges = (
         [gene.part for gene in genome.genes if gene.trait == trait and gene.choices > 1]
         for trait in ("mount", "hinge")
     )
-    told = []
+    faults = []
     if mounts and "tilt" in modalities:
-        told.append("a tilt whose sign is reversed feels like the mirror image of the body")
+        faults.append("a tilt whose sign is reversed feels like the mirror image of the body")
         length, width, _ = best.base.size
         if math.isclose(length, width, rel_tol=_SQUARE):
-            told.append(
+            faults.append(
                 "an accelerometer turned by 90°, or whose axes are exchanged, feels like the body "
                 "turned so, or its mirror image"
             )
     if len(mounts) > 1:
-        told.append("servos that have exchanged plugs, and gauges with them, feel like other legs")
+        faults.append(
+            "servos that have exchanged plugs, and gauges with them, feel like other legs"
+        )
     carriers = {part.parent for part in best.parts}
-    told += [
+    faults += [
         f"a servo of {problem.parts[part].name} that never moves feels like a roll"
         for part in hinges
         if best.hinge(part).name.startswith("roll") and part not in carriers
     ]
-    return tuple(told)
+    return tuple(faults)
 
 
 def length_intervals(lengths: Array, weights: Array) -> tuple[Interval, ...]:
@@ -263,7 +246,9 @@ def length_intervals(lengths: Array, weights: Array) -> tuple[Interval, ...]:
 def sums_of_lengths(lengths: Array, weights: Array) -> tuple[SumOfLengths, ...]:
     """The pairs of legs whose sum is known much better than either length.
 
-    Arguments are those of ``length_intervals``.
+    Args:
+        lengths: Of the legs of each sample, m, shape (n, legs).
+        weights: Of the samples, shape (n,).
     """
     widths = [_width(_interval(column, weights)) for column in lengths.T]
     sums = []
@@ -279,17 +264,19 @@ def _width(interval: Interval) -> float:
     return interval.high - interval.low
 
 
-def _nuisances(genome: Genome, genes: Array, weights: Array) -> tuple[FoundAlong, ...]:
-    told = []
+def _nuisances(genome: Genome, genes: Array, weights: Array) -> tuple[NuisanceEstimate, ...]:
+    estimates = []
     for column, gene in enumerate(genome.genes):
         if gene.trait == "nuisance":
             interval = _interval(genome.quantities(column, genes[:, column]), weights)
             low, high = genome.quantities(column, np.array([_INTERVAL[0], _INTERVAL[-1]]))
             learnt = interval.high - interval.low < _LEARNT * (high - low)
-            told.append(
-                FoundAlong(name=gene.name, unit=gene.unit, interval=interval, learnt=bool(learnt))
+            estimates.append(
+                NuisanceEstimate(
+                    name=gene.name, unit=gene.unit, interval=interval, learnt=bool(learnt)
+                )
             )
-    return tuple(told)
+    return tuple(estimates)
 
 
 def _interval(values: Array, weights: Array) -> Interval:
