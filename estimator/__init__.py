@@ -49,7 +49,7 @@ Room               What is in it
 ``posterior``      every body that explains the readings, as samples with weights, and how sure
                    that is
 ``robot_link``     where readings come from: a robot, a table by hand, a recorded run
-``storage``        a run on disk: settings, interactions, generations, beliefs
+``storage``        a run on disk: settings, interactions, generations, posteriors
 ``problem``        what is known and what is to be found; genes to bodies
 ``physics``        what a body feels at rest: back-ends by name, in processes or on a cluster
 ``search``         what optimises a population, ask and tell

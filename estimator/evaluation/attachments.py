@@ -20,8 +20,7 @@ from pydantic import BaseModel, ConfigDict
 
 from estimator.body.limbs import Limb, limbs
 from estimator.body.morphology import BASE, Morphology, Part
-from estimator.evaluation.truth.body import TrueLimb, true_limbs
-from estimator.evaluation.truth.robot import check_robot
+from estimator.evaluation.truth.body import TrueLimb, check_robot, true_limbs
 from estimator.physics.equivalence import images
 from estimator.problem.genome import Genome
 from estimator.problem.problem import Problem

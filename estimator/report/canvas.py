@@ -62,7 +62,7 @@ def as_svg(figure: Figure) -> str:
 
 
 def _laid_out(figure: Figure) -> Any:
-    """A figure's canvas, all in its place: found once, for one format as for another."""
+    """A figure's canvas after its layout, which is computed once for all formats."""
     backend = importlib.import_module("matplotlib.backends.backend_agg")
     canvas = backend.FigureCanvasAgg(figure)
     engine = figure.get_layout_engine()

@@ -114,7 +114,7 @@ def print_score(console: Console, score: Score) -> None:
 
 
 def _errors_of_truth(errors: Sequence[float | None], margins: Sequence[float]) -> str:
-    """How badly the truth fits: where worse than the best model, nothing could have found it."""
+    """How badly the true body fits: where worse than the best model, no search finds it."""
     known = [math.inf if error is None else error for error in errors]
     worst = max(range(len(known)), key=known.__getitem__)
     others = known[:worst] + known[worst + 1 :]
@@ -133,7 +133,7 @@ def _errors_of_truth(errors: Sequence[float | None], margins: Sequence[float]) -
 
 
 def _print_configurations(console: Console, score: Score) -> None:
-    """What of the attachments is right; each part's, where the problem left any to be found."""
+    """How many attachments are right and, where the problem left any open, those of each part."""
     known = "" if score.configurations_informative else " (given by the problem, not searched)"
     console.print(
         f"Configurations right: {score.configurations_right} of {score.configurations_total}"

@@ -272,7 +272,7 @@ class RunPlot:
 
     Attributes:
         name: Stem of its file.
-        caption: What is to be seen, for those who see it and for those who do not.
+        caption: What it shows, also for readers who cannot see it.
         figure: The plot.
     """
 

@@ -129,7 +129,7 @@ class Result(_Record):
         complete: Whether the run has come to its end, what a simulator says of it included.
         method: ``paper`` or ``posterior``.
         problem: Name of the problem.
-        searched: What was to be found, gene by gene.
+        searched: Names of the genes: what the problem leaves open.
         physics: Back-end that predicted the readings of models.
         reference: Back-end that had the last word, where that is another.
         search: What optimised the population of the method ``paper``; like the objective, what

@@ -49,7 +49,7 @@ _UNKNOWN: Final = "not identified: hardly narrower than the prior"
 
 
 def print_posterior(console: Console, result: Result, posterior: PosteriorReport) -> None:
-    """The verdict, the body with its probabilities, rivals, how it was found, what it cost."""
+    """The verdict, the body with its probabilities, rivals, each movement, what it cost."""
     print_verdict(console, posterior)
     state = "complete" if result.complete else "not finished"
     console.print(
@@ -103,7 +103,7 @@ def _print_attachments(console: Console, posterior: PosteriorReport) -> None:
 def _print_nuisances(console: Console, posterior: PosteriorReport) -> None:
     if not posterior.nuisances:
         return
-    table = plain_table("found along", "median", "90 % interval", "", justify="left")
+    table = plain_table("nuisance", "median", "90 % interval", "", justify="left")
     for item in posterior.nuisances:
         table.add_row(item.name, *nuisance_in_words(item))
     console.print(table)

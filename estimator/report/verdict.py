@@ -118,7 +118,7 @@ def _reasons(fit: FitVerdict, interactions: int) -> list[str]:
         )
     if fit.contradicting:
         several = len(fit.contradicting) > 1
-        those = " and ".join(str(sensor + 1) for sensor in fit.contradicting)
-        measured = f"sensors {those} measure" if several else f"sensor {those} measures"
+        numbered = " and ".join(str(sensor + 1) for sensor in fit.contradicting)
+        measured = f"sensors {numbered} measure" if several else f"sensor {numbered} measures"
         reasons.append(f"explains what touch {measured}")
     return reasons

@@ -37,11 +37,11 @@ from estimator.storage.database import (
     connect,
     holds_run,
     is_empty,
+    lock,
     make_tables,
     reading,
     transaction,
 )
-from estimator.storage.locking import lock
 from estimator.storage.posteriors import ROUNDING, StoredPosterior
 from estimator.storage.records import (
     Checkpoint,

@@ -203,7 +203,7 @@ class _BoxTicked(
 
 
 def _box_ticked(message: Data) -> bytes | None:
-    """What of a message goes on to viser, written anew; ``None``: nothing."""
+    """The message of a ticked box, encoded anew for viser; ``None``: any other message."""
     if isinstance(message, str):
         return None
     try:

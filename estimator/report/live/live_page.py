@@ -62,12 +62,12 @@ class LivePage:
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._server.gui.main_panel.dock_right()
         self._text = self._server.gui.add_html("")
-        self._all = self._server.gui.add_checkbox("all bodies of the posterior", initial_value=True)
+        self._all = self._server.gui.add_checkbox("all bodies", initial_value=True)
         self._flickers = self._server.gui.add_checkbox("one after the other", initial_value=True)
         self._server.scene.add_grid(
             "/ground", width=2.0, height=2.0, cell_size=0.1, section_size=1.0
         )
-        self._ghosts = _Bodies(self._server, "/posterior", opacity=_GHOSTS)
+        self._ghosts = _Bodies(self._server, "/bodies", opacity=_GHOSTS)
         self._body = _Bodies(self._server, "/body", opacity=None)
         self._ahead = self._server.scene.add_label("/front", "front")
         self._bodies_in_turn = cycle([list[Solid]()])

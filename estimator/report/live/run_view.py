@@ -16,8 +16,7 @@ from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
 from estimator.report.result import Result
 from estimator.report.summarise import summarise
-from estimator.storage.database import file_status
-from estimator.storage.locking import is_locked
+from estimator.storage.database import file_status, is_locked
 from estimator.storage.records import InteractionRecord
 from estimator.storage.store import LOCK, RunStore
 

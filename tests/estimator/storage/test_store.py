@@ -18,8 +18,7 @@ import pytest
 from estimator.errors import ProblemError, RunDirectoryError
 from estimator.posterior.fitted import FittedPosterior
 from estimator.readings.observation import Observation
-from estimator.storage.database import DATABASE
-from estimator.storage.locking import is_locked
+from estimator.storage.database import DATABASE, is_locked
 from estimator.storage.records import (
     Counters,
     Finish,

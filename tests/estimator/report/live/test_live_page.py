@@ -75,8 +75,8 @@ def test_it_shows_body_and_numbers_and_asks_nobody_else(
         seen = [colours(page) for _ in range(3)][-1]  # the picture catches up with the text
         assert min(seen["orange"], seen["green"]) > 25, seen  # the legs that face the camera
         assert min(seen["blue"], seen["pink"]) > 0, seen
-        page.get_by_text("all that is believed").click()
-        page.get_by_role("checkbox", name="all that is believed", checked=False).wait_for()
+        page.get_by_text("all bodies").click()
+        page.get_by_role("checkbox", name="all bodies", checked=False).wait_for()
         live.say("run.sqlite is not a run.")
         page.get_by_text("run.sqlite is not a run.").wait_for()
         assert not live._all.value
