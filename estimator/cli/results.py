@@ -144,7 +144,7 @@ def _summary(run: ComparedRun) -> dict[str, str]:
         "seed": str(result.seed),
         "interactions": str(result.interactions),
         "readings explained": _NONE if explained is None else "yes" if explained else "NO",
-        "attachments probable to": _NONE if probability is None else percent(probability),
+        "probability of attachments": _NONE if probability is None else percent(probability),
         "subjective error": number(result.sensor_error, 3),
         "mean leg error (mm)": _NONE if score is None else number(1000 * score.mean_leg_error_m, 1),
         "configurations right": _NONE

@@ -165,7 +165,7 @@ def _facts(result: Result) -> list[tuple[str, str]]:
     facts = []
     if posterior is not None and posterior.attachments:
         stated = "not known" if posterior.probability is None else percent(posterior.probability)
-        facts.append(("attachments probable to", stated))
+        facts.append(("probability of the attachments", stated))
     if posterior is not None and posterior.lengths_m:
         widest = max(500 * (length.high - length.low) for length in posterior.lengths_m)
         facts.append(("lengths known to", f"± {widest:.1f} mm"))

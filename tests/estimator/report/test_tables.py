@@ -196,9 +196,9 @@ def test_where_all_is_known_nothing_else_feels_so(tmp_path: Path) -> None:
 
 def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.posteriors()[-1]
-    assert belief.explained
-    doubted = belief.model_copy(update={"deviation": "parts 0.5 times as thick"})
+        (stored, _) = run.posteriors()[-1]
+    assert stored.explained
+    doubted = stored.model_copy(update={"deviation": "parts 0.5 times as thick"})
     assert not doubted.explained
     assert verdict_on_posterior(doubted) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains the readings as well as one with parts 0.5 "
@@ -208,8 +208,8 @@ def test_a_departure_that_explains_clearly_better_is_no_explanation(tmp_path: Pa
 
 def test_what_fits_poorly_is_told_so(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.posteriors()[-1]
-    poor = belief.model_copy(update={"probability_within_problem": None})
+        (stored, _) = run.posteriors()[-1]
+    poor = stored.model_copy(update={"probability_within_problem": None})
     assert poor.explained
     assert verdict_on_posterior(poor) == (
         "Some body that this problem allows explains every interaction, but poorly: a better one "
@@ -220,8 +220,8 @@ def test_what_fits_poorly_is_told_so(tmp_path: Path) -> None:
 
 def test_what_changed_is_no_explanation(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.posteriors()[-1]
-    changed = belief.model_copy(update={"overturned": 3})
+        (stored, _) = run.posteriors()[-1]
+    changed = stored.model_copy(update={"overturned": 3})
     assert not changed.explained
     assert verdict_on_posterior(changed) == (
         "NO BODY THAT THIS PROBLEM ALLOWS explains both interactions 1 to 4, after which another "
@@ -231,13 +231,13 @@ def test_what_changed_is_no_explanation(tmp_path: Path) -> None:
 
 def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.posteriors()[-1]
+        (stored, _) = run.posteriors()[-1]
     odd = UnexplainedInteraction(interaction=2, sensors=("tilt",))
     told = PredictedInteraction(
         touch=(), tilt=(0.0, 0.0), clearance=0.1, residuals={}, outlier_probability=0.0
     )
     one, two = (
-        belief.model_copy(update={"unexplained": (odd,) * count, "predicted": (told,) * 3})
+        stored.model_copy(update={"unexplained": (odd,) * count, "predicted": (told,) * 3})
         for count in (1, 2)
     )
     assert one.explained
@@ -261,9 +261,9 @@ def test_one_unexplained_interaction_is_told(tmp_path: Path) -> None:
 
 def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3) as run:
-        (belief, _) = run.posteriors()[-1]
+        (stored, _) = run.posteriors()[-1]
     perhaps, probably = (
-        belief.model_copy(update={"misspecification_probability": one}) for one in (0.8, 0.97)
+        stored.model_copy(update={"misspecification_probability": one}) for one in (0.8, 0.97)
     )
     assert perhaps.explained
     assert not probably.explained
@@ -275,8 +275,8 @@ def test_a_robot_that_is_most_likely_built_otherwise_is_not_explained(tmp_path: 
 
 def test_where_searches_disagree_the_problem_is_not_blamed(tmp_path: Path) -> None:
     with make_posterior_run(tmp_path, [TRUE_LENGTHS] * 3, hinge=UP) as run:
-        (belief, _) = run.posteriors()[-1]
-    noisy = belief.model_copy(update={"noisy": ("tilt",)})
+        (stored, _) = run.posteriors()[-1]
+    noisy = stored.model_copy(update={"noisy": ("tilt",)})
     assert verdict_on_posterior(noisy).startswith("NO BODY THAT THIS PROBLEM ALLOWS explains tilt")
     assert verdict_on_posterior(noisy.model_copy(update={"coverage": 0.3})) == (
         "NO BODY THAT WAS FOUND explains tilt without more than twice the noise that is expected. "

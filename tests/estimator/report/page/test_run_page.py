@@ -40,7 +40,7 @@ def report(directory: Path, *options: str | Path) -> Path:
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A finished run that believes in several bodies."""
+    """A finished run with rivals."""
     directory = made_run(tmp_path_factory.mktemp("page") / "run", "topological-24", "posterior")
     report(directory)
     return directory
